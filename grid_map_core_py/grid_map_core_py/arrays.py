@@ -1,0 +1,85 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Array aliases of this package, and the conversions of what users pass into them."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import GeometryError
+
+Layer: TypeAlias = npt.NDArray[np.float32]
+"""(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+"""Booleans, one per cell or per point."""
+
+Positions: TypeAlias = npt.NDArray[np.float64]
+"""(2,) or (N, 2) float64: x, y in metres, map frame."""
+
+Cells: TypeAlias = npt.NDArray[np.int64]
+"""(2,) or (N, 2) integers: row, column."""
+
+Size: TypeAlias = tuple[int, int]
+"""Rows and columns."""
+
+
+def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
+    """Return `values` as a float64 array whose last axis is x, y."""
+    positions = _as_array(values, np.float64, name)
+    if positions.ndim == 0 or positions.shape[-1] != 2:
+        raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
+    return positions
+
+
+def as_pair(values: npt.ArrayLike, name: str) -> Positions:
+    """Return `values` as a (2,) float64 array of finite numbers of its own."""
+    pair = _as_array(values, np.float64, name)
+    if pair.shape != (2,) or not np.isfinite(pair).all():
+        raise GeometryError(f"{name}: expected two finite numbers, got {values!r}")
+    return pair.copy()
+
+
+def as_size(values: npt.ArrayLike, name: str) -> Size:
+    """Return `values` as a pair of Python integers."""
+    size = _as_integers(values, name)
+    if size.shape != (2,):
+        raise GeometryError(f"{name}: expected two integers, got {values!r}")
+    return int(size[0]), int(size[1])
+
+
+def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
+    """Return `values` as an integer array whose last axis is row, column."""
+    cells = _as_integers(values, name)
+    if cells.ndim == 0 or cells.shape[-1] != 2:
+        raise GeometryError(
+            f"{name}: expected row, column of shape (2,) or (N, 2), got {cells.shape}"
+        )
+    return cells
+
+
+def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
+    """Return a scalar or a (rows, cols) array as a layer of its own, never an alias of `value`."""
+    data = _as_array(value, np.float32, f"layer {name!r}")
+    if data.ndim and data.shape != size:
+        raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}")
+    layer: Layer = np.empty(size, dtype=np.float32, order="F")
+    layer[...] = data
+    return layer
+
+
+def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
+    integers = np.asarray(values)
+    if integers.size and integers.dtype.kind not in "iu":
+        raise GeometryError(f"{name}: expected integers, got {values!r}")
+    return integers.astype(np.int64, copy=False)
+
+
+def _as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
+    try:
+        # Values beyond float32 become infinities, as a cast in C++ makes them.
+        with np.errstate(over="ignore"):
+            return np.asarray(values, dtype=dtype)
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"{name}: expected numbers, got {values!r}") from error

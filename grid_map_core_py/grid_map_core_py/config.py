@@ -1,0 +1,93 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Dataclasses from parameters that somebody wrote in YAML.
+
+Filters and visualizations are dataclasses whose fields are their parameters. `build` checks names
+and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
+"""
+
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, fields
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from .errors import ConfigError
+
+T = TypeVar("T")
+
+
+def build(cls: type[T], parameters: Mapping[str, object]) -> T:
+    """Return the dataclass `cls` with the parameters as its fields.
+
+    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` of those, or optional.
+
+    Raises:
+        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused it.
+    """
+    known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
+    for name in parameters:
+        if name not in known:
+            raise ConfigError(f"unknown parameter {name!r}; known: {', '.join(known) or '(none)'}")
+    for name, declared in known.items():
+        if name not in parameters and _is_required(declared):
+            raise ConfigError(f"missing parameter {name!r}")
+    hints = typing.get_type_hints(cls)
+    return cls(**{name: _cast(name, value, hints[name]) for name, value in parameters.items()})
+
+
+def _is_required(declared: "Field[Any]") -> bool:
+    return declared.default is MISSING and declared.default_factory is MISSING
+
+
+def _cast(name: str, value: object, hint: Any) -> object:
+    cast = _try_cast(value, hint)
+    if cast is MISSING:
+        raise ConfigError(
+            f"parameter {name!r}: expected {_describe(hint)}, "
+            f"found {value!r} ({type(value).__name__})"
+        )
+    return cast
+
+
+def _try_cast(value: object, hint: Any) -> object:
+    """Return the value as the hinted type, or MISSING where it is none."""
+    origin = get_origin(hint)
+    if origin is Literal:
+        return value if value in get_args(hint) else MISSING
+    if origin in (types.UnionType, typing.Union):
+        casts = (_try_cast(value, option) for option in get_args(hint))
+        return next((cast for cast in casts if cast is not MISSING), MISSING)
+    if origin is tuple:
+        return _try_cast_all(value, get_args(hint)[0])
+    return _try_cast_scalar(value, hint)
+
+
+def _try_cast_all(value: object, hint: Any) -> object:
+    if not isinstance(value, list | tuple):
+        return MISSING
+    cast = tuple(_try_cast(item, hint) for item in value)
+    return MISSING if MISSING in cast else cast
+
+
+def _try_cast_scalar(value: object, hint: Any) -> object:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if hint is float and is_number:
+        return float(typing.cast(float, value))
+    if hint is int and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if hint is int and not is_number:
+        return MISSING
+    return value if isinstance(value, hint) else MISSING
+
+
+def _describe(hint: Any) -> str:
+    origin = get_origin(hint)
+    if origin is Literal:
+        return "one of " + ", ".join(map(repr, get_args(hint)))
+    if origin in (types.UnionType, typing.Union):
+        return " or ".join(_describe(option) for option in get_args(hint))
+    if origin is tuple:
+        return f"a list, each item {_describe(get_args(hint)[0])}"
+    names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
+    return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)

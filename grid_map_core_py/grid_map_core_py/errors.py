@@ -1,0 +1,41 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every error of this package.
+
+GridMapError
+├── LayerNotFoundError (KeyError)
+├── OutOfMapError (IndexError)
+├── GeometryError (ValueError)
+└── ConfigError (ValueError)
+"""
+
+from collections.abc import Iterable
+
+
+class GridMapError(Exception):
+    """Base of all errors of the grid_map packages: catch this one to catch them all."""
+
+
+class LayerNotFoundError(GridMapError, KeyError):
+    """A layer was asked for that the map does not have."""
+
+    def __init__(self, layer: object, available: Iterable[str]) -> None:
+        self.layer = layer
+        self.available = tuple(available)
+        super().__init__(layer, self.available)
+
+    def __str__(self) -> str:
+        # KeyError would print the repr of its argument.
+        return f"no layer {self.layer!r}; available: {', '.join(self.available) or '(none)'}"
+
+
+class OutOfMapError(GridMapError, IndexError):
+    """A position or an index lies outside the map."""
+
+
+class GeometryError(GridMapError, ValueError):
+    """A size, length, resolution, position or array shape makes no sense."""
+
+
+class ConfigError(GridMapError, ValueError):
+    """A parameter is unknown, missing, of the wrong type or of a value that makes no sense."""

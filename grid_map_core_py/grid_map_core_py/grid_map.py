@@ -1,0 +1,480 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The map: named layers over one grid."""
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from . import ring_buffer
+from .arrays import Cells, Layer, Mask, Positions, Size, as_cells, as_layer, as_positions, as_size
+from .errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
+from .geometry import GridGeometry
+from .ring_buffer import BufferRegion
+
+
+class GridMap:
+    """A rectangular grid of cells with any number of float32 layers.
+
+    `map[layer]` is the live (rows, cols) array of a layer: writing into it changes the map. Row 0,
+    column 0 of a map that has not moved is the corner with the largest x and y; rows run towards -x,
+    columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
+    rotated (a circular buffer that begins at `start_index`); `unwrapped(layer)` gives map order.
+
+    Args:
+        length: (2,) side lengths along x and y [m], rounded to whole cells.
+        resolution: side of a cell [m].
+        position: (2,) centre of the map [m], in `frame_id`.
+        layers: names of layers to add without data, or a mapping of names to values.
+        basic_layers: names of the layers that must be finite for a cell to be valid.
+        frame_id: coordinate frame that all positions refer to.
+        timestamp: time of the data [ns].
+
+    Raises:
+        GeometryError: the grid would have no cells, or a value has the wrong shape.
+        LayerNotFoundError: a basic layer is not among the layers.
+
+    Example:
+        >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
+        >>> grid_map["elevation"][grid_map.get_index((0.6, 0.1))] = 0.3
+        >>> grid_map
+        GridMap(4 x 2 cells of 0.5 m at (0.0, 0.0) in '', layers: elevation)
+    """
+
+    def __init__(
+        self,
+        length: npt.ArrayLike,
+        resolution: float,
+        position: npt.ArrayLike = (0.0, 0.0),
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        *,
+        basic_layers: Iterable[str] = (),
+        frame_id: str = "",
+        timestamp: int = 0,
+    ) -> None:
+        self._geometry = GridGeometry(np.asarray(length), resolution, np.asarray(position))
+        self._start: Size = (0, 0)
+        self._layers: dict[str, Layer] = {}
+        self._basic_layers: tuple[str, ...] = ()
+        self.frame_id = frame_id
+        self.timestamp = timestamp
+        self._add_all(layers)
+        self.basic_layers = tuple(basic_layers)
+
+    @classmethod
+    def from_geometry(
+        cls,
+        geometry: GridGeometry,
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        *,
+        basic_layers: Iterable[str] = (),
+        frame_id: str = "",
+        timestamp: int = 0,
+    ) -> "GridMap":
+        """Return a map over `geometry`; the other arguments are those of the constructor."""
+        return cls(
+            geometry.length,
+            geometry.resolution,
+            geometry.position,
+            layers,
+            basic_layers=basic_layers,
+            frame_id=frame_id,
+            timestamp=timestamp,
+        )
+
+    # Properties
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Size, resolution and place of the grid, without the layers."""
+        return self._geometry
+
+    @property
+    def size(self) -> Size:
+        """Rows (along x) and columns (along y)."""
+        return self._geometry.size
+
+    @property
+    def length(self) -> Positions:
+        """(2,) side lengths along x and y [m]."""
+        return self._geometry.length
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell [m]."""
+        return self._geometry.resolution
+
+    @property
+    def position(self) -> Positions:
+        """(2,) centre of the map [m].
+
+        Setting it shifts the map and its data in the frame; `move` leaves the data where it is.
+        """
+        return self._geometry.position
+
+    @position.setter
+    def position(self, position: npt.ArrayLike) -> None:
+        self._geometry = self._geometry.at(position)
+
+    @property
+    def start_index(self) -> Size:
+        """Row and column of the buffer where cell (0, 0) of the map is stored.
+
+        Setting it reinterprets the stored data; no data is copied.
+        """
+        return self._start
+
+    @start_index.setter
+    def start_index(self, index: npt.ArrayLike) -> None:
+        start = as_size(index, "start_index")
+        self._geometry.check_cells(as_cells(start))
+        self._start = start
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers in the order in which they were added."""
+        return tuple(self._layers)
+
+    @property
+    def basic_layers(self) -> tuple[str, ...]:
+        """Names of the layers that must be finite for a cell to be valid."""
+        return self._basic_layers
+
+    @basic_layers.setter
+    def basic_layers(self, names: Iterable[str]) -> None:
+        names = tuple(dict.fromkeys(_names(names)))
+        self._check_layers(names)
+        self._basic_layers = names
+
+    # Layers
+
+    def __getitem__(self, layer: str) -> Layer:
+        try:
+            return self._layers[layer]
+        except KeyError:
+            raise LayerNotFoundError(layer, self._layers) from None
+
+    def __setitem__(self, layer: str, value: npt.ArrayLike) -> None:
+        if not isinstance(layer, str) or not layer:
+            raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
+        # `map[layer] += 1` has already written into the layer.
+        if value is not self._layers.get(layer):
+            self._layers[layer] = as_layer(value, self.size, layer)
+
+    def __delitem__(self, layer: str) -> None:
+        self._check_layers((layer,))
+        del self._layers[layer]
+        self._basic_layers = tuple(name for name in self._basic_layers if name != layer)
+
+    def __contains__(self, layer: object) -> bool:
+        return layer in self._layers
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._layers)
+
+    def add(self, layer: str, value: npt.ArrayLike = np.nan) -> None:
+        """Add a layer, or replace it: `map[layer] = value`.
+
+        Args:
+            layer: name of the layer.
+            value: a number for all cells, or (rows, cols) in the order of the buffer; copied.
+        """
+        self[layer] = value
+
+    def with_layers(self, layers: Mapping[str, npt.ArrayLike]) -> "GridMap":
+        """Return a map with these layers added or replaced.
+
+        The other layers are shared with this map: neither should be written into afterwards. Float32
+        arrays in Fortran order are adopted without a copy.
+        """
+        result = self._with({**self._layers, **self._adopted(layers)})
+        result._basic_layers = self._basic_layers
+        return result
+
+    def without_layers(self, names: Iterable[str]) -> "GridMap":
+        """Return a map without the named layers; the others are shared as in `with_layers`."""
+        dropped = _names(names)
+        self._check_layers(dropped)
+        result = self._with({n: data for n, data in self._layers.items() if n not in dropped})
+        result._basic_layers = tuple(name for name in self._basic_layers if name not in dropped)
+        return result
+
+    def clear(self, layer: str) -> None:
+        """Set a layer to NaN."""
+        self[layer][...] = np.nan
+
+    def clear_basic(self) -> None:
+        """Set the basic layers to NaN."""
+        for name in self._basic_layers:
+            self.clear(name)
+
+    def clear_all(self) -> None:
+        """Set all layers to NaN."""
+        for name in self._layers:
+            self.clear(name)
+
+    def copy(self) -> "GridMap":
+        """Return a map with data of its own."""
+        result = self._with({name: data.copy("F") for name, data in self._layers.items()})
+        result._basic_layers = self._basic_layers
+        return result
+
+    def __copy__(self) -> "GridMap":
+        return self.copy()
+
+    # Positions and indices
+
+    def is_inside(self, positions: npt.ArrayLike) -> bool | Mask:
+        """Tell whether (2,) or (N, 2) positions [m] lie on the map.
+
+        The +x and +y borders belong to the map, the -x and -y borders do not.
+        """
+        inside = self._geometry.is_inside(positions)
+        return bool(inside) if inside.ndim == 0 else inside
+
+    def get_index(self, position: npt.ArrayLike) -> Size:
+        """Return the buffer row and column of the cell under a (2,) position [m].
+
+        Raises:
+            OutOfMapError: the position is not on the map.
+        """
+        indices, inside = self.get_indices(as_positions(position).reshape(1, 2))
+        if not inside[0]:
+            raise OutOfMapError(
+                f"position {_text(position)} is outside the map: centre {_text(self.position)}, "
+                f"length {_text(self.length)}"
+            )
+        return int(indices[0, 0]), int(indices[0, 1])
+
+    def get_indices(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
+        """Return the cell under each position and whether the position is on the map.
+
+        Args:
+            positions: (N, 2) x, y [m].
+
+        Returns:
+            indices: (N, 2) buffer indices; for a position outside, those of the nearest border cell.
+            inside: (N,) bool.
+        """
+        cells, inside = self._geometry.cells_at(positions)
+        return ring_buffer.wrap(cells, self._start, self.size), inside
+
+    def get_position(self, index: npt.ArrayLike) -> Positions:
+        """Return the centre (2,) [m] of the cell at a buffer index.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        return self.get_positions(as_size(index, "index"))
+
+    def get_positions(self, indices: npt.ArrayLike | None = None) -> Positions:
+        """Return the centres (N, 2) [m] of cells.
+
+        Args:
+            indices: (N, 2) buffer indices; None means every cell, column after column of the buffer.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        if indices is None:
+            return self._all_positions()
+        cells = as_cells(indices)
+        self._geometry.check_cells(cells)
+        return self._geometry.centres(ring_buffer.unwrap(cells, self._start, self.size))
+
+    def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
+        """Return each (2,) or (N, 2) position [m] itself when on the map, else the nearest that is."""
+        return self._geometry.closest_position(positions)
+
+    # Validity and vectors
+
+    def is_valid(
+        self, index: npt.ArrayLike, layers: str | Iterable[str] | None = None
+    ) -> bool | Mask:
+        """Tell whether the cell at a (2,) buffer index, or each at (N, 2), holds finite data.
+
+        Args:
+            index: buffer index or indices.
+            layers: names of the layers that must be finite; None means the basic layers, and
+                without basic layers no cell is valid.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        cells = as_cells(index)
+        self._geometry.check_cells(cells)
+        rows, columns = cells[..., 0], cells[..., 1]
+        names = self._validity_layers(layers)
+        valid = np.full(rows.shape, bool(names))
+        for name in names:
+            valid &= np.isfinite(self._layers[name][rows, columns])
+        return bool(valid) if valid.ndim == 0 else valid
+
+    def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
+        """Return for every cell of the buffer (rows, cols) what `is_valid` tells of it."""
+        names = self._validity_layers(layers)
+        valid: Mask = np.full(self.size, bool(names), order="F")
+        for name in names:
+            valid &= np.isfinite(self._layers[name])
+        return valid
+
+    def get_position3(self, layer: str, index: npt.ArrayLike) -> Positions:
+        """Return (3,) x, y and the value of a layer as z [m]; NaN where the value is not finite."""
+        position = self.get_position(index)
+        value = float(self[layer][as_size(index, "index")])
+        return _finite_or_nan(np.array([*position, value]))
+
+    def get_vector(self, prefix: str, index: npt.ArrayLike) -> Positions:
+        """Return the (3,) vector in the layers `prefix` + x, y, z; NaN when a component is not finite."""
+        self._geometry.check_cells(as_cells(index))
+        cell = as_size(index, "index")
+        return _finite_or_nan(np.array([self[prefix + axis][cell] for axis in "xyz"], np.float64))
+
+    # Moving and cutting
+
+    def move(self, position: npt.ArrayLike) -> list[BufferRegion]:
+        """Move the map while its data stays where it is in the frame.
+
+        Only whole cells move, so that the centre comes within half a cell of `position`. Cells that
+        leave the map are dropped, newly covered cells are NaN in all layers, no data is copied.
+
+        Args:
+            position: (2,) new centre [m].
+
+        Returns:
+            The newly covered regions of the buffer, empty when nothing moved.
+        """
+        shift = self._geometry.index_shift(position)
+        if shift == (0, 0):
+            return []
+        regions = ring_buffer.uncovered(self._start, self.size, shift)
+        for region in regions:
+            for data in self._layers.values():
+                data[region.slices] = np.nan
+        start = ring_buffer.wrap(shift, self._start, self.size)
+        self._start = (int(start[0]), int(start[1]))
+        self._geometry = self._geometry.shifted(shift)
+        return regions
+
+    def convert_to_default_start_index(self) -> None:
+        """Reorder the stored data so that `start_index` is (0, 0)."""
+        if self._start == (0, 0):
+            return
+        self._layers = {name: self.unwrapped(name) for name in self._layers}
+        self._start = (0, 0)
+
+    def unwrapped(self, layer: str) -> Layer:
+        """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
+
+        It is the live layer when `start_index` is (0, 0), else a copy.
+        """
+        data = self[layer]
+        if self._start == (0, 0):
+            return data
+        return ring_buffer.block(data, self._start, slice(0, self.size[0]), slice(0, self.size[1]))
+
+    def get_submap(self, position: npt.ArrayLike, length: npt.ArrayLike) -> "GridMap":
+        """Return a copy of the cells that a rectangle overlaps.
+
+        The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further cell.
+
+        Args:
+            position: (2,) centre of the rectangle [m].
+            length: (2,) side lengths along x and y [m].
+
+        Returns:
+            A map with the same layers, basic layers, frame and time, and start index (0, 0).
+
+        Raises:
+            OutOfMapError: the rectangle does not overlap the map.
+            GeometryError: a length is negative, or a number is not finite.
+        """
+        rows, columns = self._overlapped(position, length)
+        result = GridMap.from_geometry(
+            self._geometry.cropped(rows, columns), frame_id=self.frame_id, timestamp=self.timestamp
+        )
+        result._layers = {
+            name: ring_buffer.block(data, self._start, rows, columns)
+            for name, data in self._layers.items()
+        }
+        result._basic_layers = self._basic_layers
+        return result
+
+    def __repr__(self) -> str:
+        return (
+            f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m "
+            f"at {_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
+        )
+
+    def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
+        values = layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)
+        for name, value in values.items():
+            self.add(name, value)
+
+    def _adopted(self, layers: Mapping[str, npt.ArrayLike]) -> dict[str, Layer]:
+        return {name: self._adopt(name, data) for name, data in layers.items()}
+
+    def _adopt(self, name: str, data: npt.ArrayLike) -> Layer:
+        if (
+            isinstance(data, np.ndarray)
+            and data.dtype == np.float32
+            and data.shape == self.size
+            and data.flags.f_contiguous
+        ):
+            return data
+        return as_layer(data, self.size, name)
+
+    def _with(self, layers: dict[str, Layer]) -> "GridMap":
+        result = GridMap.from_geometry(
+            self._geometry, frame_id=self.frame_id, timestamp=self.timestamp
+        )
+        result._start = self._start
+        result._layers = layers
+        return result
+
+    def _check_layers(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self._layers:
+                raise LayerNotFoundError(name, self._layers)
+
+    def _validity_layers(self, layers: str | Iterable[str] | None) -> tuple[str, ...]:
+        if layers is None:
+            return self._basic_layers
+        names = (layers,) if isinstance(layers, str) else tuple(layers)
+        self._check_layers(names)
+        return names
+
+    def _all_positions(self) -> Positions:
+        """Centres of all cells in the order in which the buffer is stored."""
+        x, y = self._geometry.axes()
+        x, y = np.roll(x, self._start[0]), np.roll(y, self._start[1])
+        positions: Positions = np.empty((x.size * y.size, 2))
+        positions[:, 0] = np.tile(x, y.size)
+        positions[:, 1] = np.repeat(y, x.size)
+        return positions
+
+    def _overlapped(self, position: npt.ArrayLike, length: npt.ArrayLike) -> tuple[slice, slice]:
+        centre, sides = as_positions(position), as_positions(length, "length")
+        if (sides < 0).any():
+            raise GeometryError(f"length: expected no negative numbers, got {_text(length)}")
+        rows, columns = self._geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
+        if rows.start == rows.stop:
+            raise OutOfMapError(
+                f"the submap at {_text(position)} of length {_text(length)} does not overlap the map: "
+                f"centre {_text(self.position)}, length {_text(self.length)}"
+            )
+        return rows, columns
+
+
+def _names(names: Iterable[str]) -> tuple[str, ...]:
+    """Guard against a single name taken for a sequence of one-letter names."""
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _text(values: npt.ArrayLike) -> str:
+    return str(tuple(np.asarray(values, dtype=float).tolist()))
+
+
+def _finite_or_nan(vector: Positions) -> Positions:
+    return vector if np.isfinite(vector).all() else np.full(3, np.nan)

@@ -1,0 +1,43 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Numbers that the C++ library computed, and the maps they belong to."""
+
+import gzip
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+
+
+@cache
+def load(family: str) -> Any:
+    path = Path(__file__).parent / "golden" / f"{family}.json.gz"
+    with gzip.open(path, "rt") as file:
+        return json.load(file)
+
+
+def to_map(description: dict[str, Any]) -> GridMap:
+    grid_map = GridMap(
+        description["length"],
+        description["resolution"],
+        description["position"],
+        {name: matrix(description["layers"][name]) for name in description["layer_order"]},
+        basic_layers=description["basic_layers"],
+        frame_id=description["frame_id"],
+        timestamp=description["timestamp"],
+    )
+    assert grid_map.size == tuple(description["size"])
+    grid_map.start_index = description["start_index"]
+    return grid_map
+
+
+def matrix(rows: list[list[float]]) -> np.ndarray:
+    return np.array(rows, dtype=np.float32)
+
+
+def cases(family: str) -> list[Any]:
+    return [(case["map"], case) for case in load(family)["cases"]]

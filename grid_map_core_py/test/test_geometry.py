@@ -1,0 +1,232 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Positions, cells and boxes of cells."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GeometryError, GridGeometry, GridMap, OutOfMapError
+from grid_map_core_py.testing import assert_maps_equal
+
+CASES = golden.cases("geometry")
+by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+coordinates = st.floats(-1e3, 1e3)
+geometries = st.builds(
+    GridGeometry.from_size,
+    st.tuples(st.integers(1, 60), st.integers(1, 60)),
+    st.sampled_from([0.01, 0.03, 0.05, 0.1, 1 / 3, 1.0]),
+    st.tuples(coordinates, coordinates),
+)
+
+
+def golden_map(name: str) -> GridMap:
+    return golden.to_map(golden.load("geometry")["maps"][name])
+
+
+@by_map
+def test_positions_fall_into_the_cells_that_cpp_finds(name, case):
+    queries = case["pos_to_index"]
+    indices, inside = golden_map(name).get_indices(queries["position"])
+    np.testing.assert_array_equal(inside, queries["inside"])
+    expected = np.array([index or (-1, -1) for index in queries["index"]])
+    np.testing.assert_array_equal(indices[inside], expected[inside])
+
+
+@by_map
+def test_bounded_positions_equal_those_of_cpp(name, case):
+    queries = case["pos_to_index"]
+    bounded = golden_map(name).geometry.bound_position_to_range(queries["position"])
+    np.testing.assert_array_equal(bounded, queries["bounded"])
+
+
+@by_map
+def test_closest_positions_equal_those_of_cpp_but_are_always_inside(name, case):
+    grid_map = golden_map(name)
+    queries = case["pos_to_index"]
+    closest = grid_map.get_closest_position_in_map(queries["position"])
+    np.testing.assert_allclose(closest, queries["closest"], rtol=0, atol=1e-12)
+    assert grid_map.is_inside(closest).all()
+
+
+@by_map
+def test_indices_have_the_positions_that_cpp_gives_them(name, case):
+    grid_map = golden_map(name)
+    queries = case["index_to_pos"]
+    for index, ok, position in zip(
+        queries["index"], queries["ok"], queries["position"], strict=True
+    ):
+        if ok:
+            np.testing.assert_allclose(grid_map.get_position(index), position, rtol=0, atol=1e-12)
+        else:
+            with pytest.raises(OutOfMapError, match="outside the map"):
+                grid_map.get_position(index)
+
+
+# Requests that C++ answers otherwise, by its golden name: an edge exactly on a cell border takes one more
+# cell there (contract 1: "an edge within 1e-9 m of a cell border takes no further cell").
+EDGE_ON_BORDER = {
+    "A_8x6_default": [(0.4, 0.3)],
+    "E_5x5_moved_one_dim": [(1.0, 1.0)],
+    "N_33x40_moved": [(0.825, 1.0)],
+}
+
+
+@by_map
+def test_submaps_equal_those_of_cpp(name, case):
+    grid_map = golden_map(name)
+    compared = 0
+    for request in case["submap"]:
+        length = tuple(np.round(request["length"], 9))
+        if not request["ok"] or length in EDGE_ON_BORDER.get(name, []):
+            continue
+        submap = grid_map.get_submap(request["position"], request["length"])
+        assert submap.size == tuple(request["size"])
+        np.testing.assert_allclose(submap.position, request["submap_position"], atol=1e-12)
+        if request.get("submap"):
+            assert_maps_equal(submap, golden.to_map(request["submap"]))
+        compared += 1
+    assert compared >= 15
+
+
+@by_map
+def test_a_submap_whose_centre_leaves_the_map_covers_the_overlap(name, case):
+    """C++ refuses these requests (contract 1: every cell that the clamped rectangle overlaps)."""
+    grid_map = golden_map(name)
+    refused = [request for request in case["submap"] if not request["ok"]]
+    assert refused
+    for request in refused:
+        expected = overlapped_cells(grid_map, request["position"], request["length"])
+        if not expected:
+            with pytest.raises(OutOfMapError, match="does not overlap"):
+                grid_map.get_submap(request["position"], request["length"])
+            continue
+        submap = grid_map.get_submap(request["position"], request["length"])
+        assert sorted(map(tuple, np.round(submap.get_positions(), 9))) == expected
+
+
+def test_an_edge_on_a_cell_border_takes_no_further_cell():
+    for name, lengths in EDGE_ON_BORDER.items():
+        for case_name, case in CASES:
+            for request in case["submap"]:
+                if case_name != name or tuple(np.round(request["length"], 9)) not in lengths:
+                    continue
+                grid_map = golden_map(name)
+                submap = grid_map.get_submap(request["position"], request["length"])
+                expected = overlapped_cells(grid_map, request["position"], request["length"])
+                assert sorted(map(tuple, np.round(submap.get_positions(), 9))) == expected
+
+
+def overlapped_cells(grid_map, position, length):
+    """Oracle: look at every cell whether it shares more than 1e-9 m with the rectangle."""
+    half = 0.5 * grid_map.resolution
+    cells = []
+    for centre in grid_map.get_positions():
+        reach = np.minimum(centre + half, np.add(position, np.multiply(0.5, length))) - np.maximum(
+            centre - half, np.subtract(position, np.multiply(0.5, length))
+        )
+        if (reach > 1e-9).all():
+            cells.append(tuple(np.round(centre, 9)))
+    return sorted(cells)
+
+
+@pytest.mark.parametrize("case", golden.load("geometry")["index_shift"])
+def test_shifts_round_as_in_cpp(case):
+    geometry = GridGeometry.from_size((10, 10), case["resolution"])
+    shift = geometry.index_shift(case["position_shift"])
+    assert shift == tuple(case["index_shift"])
+    np.testing.assert_allclose(
+        geometry.shifted(shift).position, case["position_shift_back"], atol=1e-12
+    )
+
+
+def test_an_index_is_in_range_where_cpp_leaves_the_buffer():
+    cases = golden.load("geometry")["ok_but_index_out_of_range"]
+    assert cases
+    for case in cases:
+        geometry = GridGeometry(case["length"], case["resolution"], case["map_position"])
+        cell, _ = geometry.cells_at(case["position"])
+        assert ((cell >= 0) & (cell < geometry.size)).all()
+
+
+@given(geometries, st.data())
+def test_the_centre_of_a_cell_lies_in_that_cell(geometry, data):
+    cell = [data.draw(st.integers(0, count - 1)) for count in geometry.size]
+    found, inside = geometry.cells_at(geometry.centres(cell))
+    assert inside
+    assert found.tolist() == cell
+
+
+@given(geometries, st.tuples(coordinates, coordinates))
+def test_the_closest_position_is_inside_and_no_inside_position_is_closer(geometry, position):
+    closest = geometry.closest_position(position)
+    assert geometry.is_inside(closest)
+    if geometry.is_inside(position):
+        assert tuple(closest) == position
+    distance = math.dist(closest, position)
+    corners = geometry.centres([[0, 0], np.subtract(geometry.size, 1)])
+    assert all(distance <= math.dist(corner, position) + 1e-9 for corner in corners)
+
+
+def test_the_plus_border_belongs_to_the_map_and_the_minus_border_does_not():
+    geometry = GridGeometry((2.0, 1.0), 0.5)
+    assert geometry.is_inside((1.0, 0.5))
+    assert not geometry.is_inside((-1.0, 0.0))
+    assert not geometry.is_inside((0.0, -0.5))
+    assert not geometry.is_inside((np.nan, 0.0))
+
+
+def test_lengths_are_rounded_to_whole_cells_half_away_from_zero():
+    geometry = GridGeometry((1.25, 1.2), 0.5)
+    assert geometry.size == (3, 2)
+    assert geometry.length.tolist() == [1.5, 1.0]
+
+
+def test_equal_geometries_are_equal_and_hash_alike():
+    one, two = GridGeometry((1, 2), 0.1, (3, 4)), GridGeometry((1.01, 2), 0.1, (3, 4))
+    assert one == two
+    assert hash(one) == hash(two)
+    assert one != one.at((3, 5))
+
+
+def test_a_geometry_cannot_be_changed():
+    geometry = GridGeometry((1, 1), 0.1)
+    with pytest.raises(ValueError, match="read-only"):
+        geometry.position[0] = 1.0
+    with pytest.raises(AttributeError):
+        geometry.resolution = 0.2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((1, 1), 0.0), "resolution: expected a positive number, got 0.0"),
+        (((1, 1), -0.1), "resolution: expected a positive number, got -0.1"),
+        (((1, 1), np.nan), "resolution: expected a positive number, got nan"),
+        (((0, 1), 0.1), "length: expected positive numbers"),
+        (((-1, 1), 0.1), "length: expected positive numbers"),
+        (((np.inf, 1), 0.1), "length: expected two finite numbers"),
+        (((1, 1, 1), 0.1), "length: expected two finite numbers"),
+        (((0.04, 1), 0.1), "less than half a cell"),
+        (((1, 1), 0.1, (np.nan, 0)), "position: expected two finite numbers"),
+        (((1, 1), 0.1, "here"), "position: expected numbers"),
+    ],
+)
+def test_a_grid_that_makes_no_sense_is_refused(arguments, message):
+    with pytest.raises(GeometryError, match=message):
+        GridGeometry(*arguments)
+
+
+@pytest.mark.parametrize("positions", [1.0, [1.0, 2.0, 3.0], [[1.0], [2.0]]])
+def test_positions_of_a_wrong_shape_are_refused(positions):
+    with pytest.raises(GeometryError, match="expected x, y of shape"):
+        GridGeometry((1, 1), 0.1).is_inside(positions)
+
+
+def test_nan_has_no_closest_position():
+    with pytest.raises(GeometryError, match="NaN has no closest position"):
+        GridGeometry((1, 1), 0.1).closest_position((np.nan, 0))
