@@ -7,7 +7,7 @@ PACKAGE = "grid_map_core_py"
 setup(
     name=PACKAGE,
     version="0.1.0",
-    description="Layered 2-D grid maps for robots in NumPy: geometry, circular buffer, regions. Never ROS.",
+    description="Layered 2-D grid maps for robots in NumPy, without ROS.",
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
     license="BSD-3-Clause",

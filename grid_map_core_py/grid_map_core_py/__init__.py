@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Multi-layer grid maps in NumPy, without ROS.
 
-A `GridMap` holds named float32 layers over one rectangular grid of cells and follows a robot without
-copying its data. `cells` picks regions of it; `testing` has assertions and hypothesis strategies.
+A `GridMap` holds named float32 layers over one rectangular grid of cells and follows a robot
+without copying its data. `cells` picks regions of it; `testing` has assertions and hypothesis
+strategies.
 """
 
 from .cells import circle_cells, map_cells, submap_cells

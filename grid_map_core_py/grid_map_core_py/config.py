@@ -20,10 +20,12 @@ T = TypeVar("T")
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     """Return the dataclass `cls` with the parameters as its fields.
 
-    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` of those, or optional.
+    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` of those, or
+    optional.
 
     Raises:
-        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused it.
+        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused
+            it.
     """
     known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
     for name in parameters:
@@ -33,21 +35,29 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
         if name not in parameters and _is_required(declared):
             raise ConfigError(f"missing parameter {name!r}")
     hints = typing.get_type_hints(cls)
-    return cls(**{name: _cast(name, value, hints[name]) for name, value in parameters.items()})
+    return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
 
 
 def _is_required(declared: "Field[Any]") -> bool:
     return declared.default is MISSING and declared.default_factory is MISSING
 
 
-def _cast(name: str, value: object, hint: Any) -> object:
-    cast = _try_cast(value, hint)
-    if cast is MISSING:
-        raise ConfigError(
-            f"parameter {name!r}: expected {_describe(hint)}, "
-            f"found {value!r} ({type(value).__name__})"
-        )
-    return cast
+def cast(name: str, value: object, hint: Any) -> Any:
+    """Return the value of a parameter as the type that a field, or anything else, declares.
+
+    Args:
+        name: of the parameter, for the error.
+        value: as YAML gave it.
+        hint: one of the types that `build` knows.
+
+    Raises:
+        ConfigError: the value is of another type.
+    """
+    result = _try_cast(value, hint)
+    if result is MISSING:
+        found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+        raise ConfigError(f"parameter {name!r}: expected {describe(hint)}, found {found}")
+    return result
 
 
 def _try_cast(value: object, hint: Any) -> object:
@@ -64,6 +74,9 @@ def _try_cast(value: object, hint: Any) -> object:
 
 
 def _try_cast_all(value: object, hint: Any) -> object:
+    if value is None:
+        # ROS parameters have no type for an empty list.
+        return ()
     if not isinstance(value, list | tuple):
         return MISSING
     cast = tuple(_try_cast(item, hint) for item in value)
@@ -73,7 +86,7 @@ def _try_cast_all(value: object, hint: Any) -> object:
 def _try_cast_scalar(value: object, hint: Any) -> object:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if hint is float and is_number:
-        return float(typing.cast(float, value))
+        return float(typing.cast("float", value))
     if hint is int and isinstance(value, float) and value.is_integer():
         return int(value)
     if hint is int and not is_number:
@@ -81,13 +94,14 @@ def _try_cast_scalar(value: object, hint: Any) -> object:
     return value if isinstance(value, hint) else MISSING
 
 
-def _describe(hint: Any) -> str:
+def describe(hint: Any) -> str:
+    """Return a type that `build` knows in words."""
     origin = get_origin(hint)
     if origin is Literal:
         return "one of " + ", ".join(map(repr, get_args(hint)))
     if origin in (types.UnionType, typing.Union):
-        return " or ".join(_describe(option) for option in get_args(hint))
+        return " or ".join(describe(option) for option in get_args(hint))
     if origin is tuple:
-        return f"a list, each item {_describe(get_args(hint)[0])}"
+        return f"a list, each item {describe(get_args(hint)[0])}"
     names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
     return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)

@@ -91,7 +91,8 @@ class GridGeometry:
             positions: (..., 2) x, y [m], map frame.
 
         Returns:
-            cells: (..., 2) row, column; for a position outside, the border cell nearest along each axis.
+            cells: (..., 2) row, column; for a position outside, the border cell nearest along each
+                axis.
             inside: (...) bool.
         """
         positions = as_positions(positions)
@@ -216,15 +217,15 @@ class GridGeometry:
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
-    # A position on a cell border must fall to the same side as in the C++ library, which rounds these
-    # two differences in different orders.
+    # A position on a cell border must fall to the same side as in the C++ library, which rounds
+    # these two differences in different orders.
 
     def _offsets(self, positions: Positions) -> Positions:
         """(..., 2) metres from the corner to positions, growing with row and column."""
         return -(positions - 0.5 * self.length - self.position)
 
     def _within(self, positions: Positions) -> tuple[Mask, Mask]:
-        """(..., 2) whether each coordinate is not beyond the +x, +y border and short of the other."""
+        """(..., 2) whether each coordinate keeps the +x, +y border, and the -x, -y border."""
         offsets = 0.5 * self.length - (positions - self.position)
         return offsets >= 0.0, offsets < self.length
 

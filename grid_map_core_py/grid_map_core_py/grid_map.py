@@ -18,8 +18,8 @@ class GridMap:
     """A rectangular grid of cells with any number of float32 layers.
 
     `map[layer]` is the live (rows, cols) array of a layer: writing into it changes the map. Row 0,
-    column 0 of a map that has not moved is the corner with the largest x and y; rows run towards -x,
-    columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
+    column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
+    -x, columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
     rotated (a circular buffer that begins at `start_index`); `unwrapped(layer)` gives map order.
 
     Args:
@@ -185,8 +185,8 @@ class GridMap:
     def with_layers(self, layers: Mapping[str, npt.ArrayLike]) -> "GridMap":
         """Return a map with these layers added or replaced.
 
-        The other layers are shared with this map: neither should be written into afterwards. Float32
-        arrays in Fortran order are adopted without a copy.
+        The other layers are shared with this map: neither should be written into afterwards.
+        Float32 arrays in Fortran order are adopted without a copy.
         """
         result = self._with({**self._layers, **self._adopted(layers)})
         result._basic_layers = self._basic_layers
@@ -254,7 +254,8 @@ class GridMap:
             positions: (N, 2) x, y [m].
 
         Returns:
-            indices: (N, 2) buffer indices; for a position outside, those of the nearest border cell.
+            indices: (N, 2) buffer indices; for a position outside, those of the nearest border
+                cell.
             inside: (N,) bool.
         """
         cells, inside = self._geometry.cells_at(positions)
@@ -272,7 +273,8 @@ class GridMap:
         """Return the centres (N, 2) [m] of cells.
 
         Args:
-            indices: (N, 2) buffer indices; None means every cell, column after column of the buffer.
+            indices: (N, 2) buffer indices; None means every cell, column after column of the
+                buffer.
 
         Raises:
             OutOfMapError: there is no such cell.
@@ -284,7 +286,7 @@ class GridMap:
         return self._geometry.centres(ring_buffer.unwrap(cells, self._start, self.size))
 
     def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
-        """Return each (2,) or (N, 2) position [m] itself when on the map, else the nearest that is."""
+        """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
         return self._geometry.closest_position(positions)
 
     # Validity and vectors
@@ -326,7 +328,7 @@ class GridMap:
         return _finite_or_nan(np.array([*position, value]))
 
     def get_vector(self, prefix: str, index: npt.ArrayLike) -> Positions:
-        """Return the (3,) vector in the layers `prefix` + x, y, z; NaN when a component is not finite."""
+        """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
         self._geometry.check_cells(as_cells(index))
         cell = as_size(index, "index")
         return _finite_or_nan(np.array([self[prefix + axis][cell] for axis in "xyz"], np.float64))
@@ -377,7 +379,8 @@ class GridMap:
     def get_submap(self, position: npt.ArrayLike, length: npt.ArrayLike) -> "GridMap":
         """Return a copy of the cells that a rectangle overlaps.
 
-        The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further cell.
+        The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further
+        cell.
 
         Args:
             position: (2,) centre of the rectangle [m].
@@ -403,8 +406,8 @@ class GridMap:
 
     def __repr__(self) -> str:
         return (
-            f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m "
-            f"at {_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
+            f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
+            f"{_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
         )
 
     def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
@@ -461,8 +464,8 @@ class GridMap:
         rows, columns = self._geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
         if rows.start == rows.stop:
             raise OutOfMapError(
-                f"the submap at {_text(position)} of length {_text(length)} does not overlap the map: "
-                f"centre {_text(self.position)}, length {_text(self.length)}"
+                f"the submap at {_text(position)} of length {_text(length)} does not overlap the "
+                f"map: centre {_text(self.position)}, length {_text(self.length)}"
             )
         return rows, columns
 

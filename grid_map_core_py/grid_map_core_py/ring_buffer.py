@@ -62,8 +62,8 @@ def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     """Return the buffer regions whose cells leave the map when it moves by `shift` cells.
 
-    They hold the newly covered cells afterwards. At most two strips of rows come first, then at most
-    two strips of columns; a shift by the whole map or more gives one region, the buffer.
+    They hold the newly covered cells afterwards. At most two strips of rows come first, then at
+    most two strips of columns; a shift by the whole map or more gives one region, the buffer.
     """
     if any(abs(step) >= cells for step, cells in zip(shift, size, strict=True)):
         return [BufferRegion((0, 0), size)]

@@ -31,6 +31,11 @@ def test_yaml_numbers_are_cast_to_the_type_of_the_field():
     assert build(Example, {"radius": 1.0, "limit": None}).limit is None
 
 
+def test_an_empty_list_without_a_type_is_an_empty_tuple():
+    assert build(Example, {"radius": 1.0, "layers": None}).layers == ()
+    assert build(Example, {"radius": 1.0, "layers": []}).layers == ()
+
+
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [

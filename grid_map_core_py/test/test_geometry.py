@@ -67,8 +67,8 @@ def test_indices_have_the_positions_that_cpp_gives_them(name, case):
                 grid_map.get_position(index)
 
 
-# Requests that C++ answers otherwise, by its golden name: an edge exactly on a cell border takes one more
-# cell there (contract 1: "an edge within 1e-9 m of a cell border takes no further cell").
+# Requests that C++ answers otherwise, by its golden name: an edge exactly on a cell border takes
+# one more cell there (contract 1: "an edge within 1e-9 m of a cell border takes no further cell").
 EDGE_ON_BORDER = {
     "A_8x6_default": [(0.4, 0.3)],
     "E_5x5_moved_one_dim": [(1.0, 1.0)],

@@ -203,11 +203,13 @@ class TestMove:
     @pytest.mark.parametrize("case", MOVES, ids=lambda case: str(case["input"]["size"]))
     def test_equals_cpp_step_by_step(self, case):
         grid_map = golden.to_map(case["input"])
-        # With basic layers C++ clears only those (contract 1, fix of `move`); the others show stale data.
+        # With basic layers C++ clears only those (contract 1, fix of `move`); the others show stale
+        # data.
         compared = grid_map.basic_layers or grid_map.layers
         state = case["lcg_seed_refill"]
         for step in case["steps"]:
-            # A shift by the whole map is one region for us (contract 1); C++ reports it once per axis.
+            # A shift by the whole map is one region for us (contract 1); C++ reports it once per
+            # axis.
             expected = [
                 BufferRegion(tuple(r["index"]), tuple(r["size"])) for r in step["new_regions"]
             ]

@@ -20,8 +20,8 @@ def cells_inside(
 ) -> Cells:
     """Return the (N, 2) buffer indices of the cells whose centre a shape contains.
 
-    They come row by row of the map. `contains(x, y)` gets the centres of the cells in a bounding box
-    as (rows, 1) and (1, cols) [m] and returns (rows, cols) bool.
+    They come row by row of the map. `contains(x, y)` gets the centres of the cells in a bounding
+    box as (rows, 1) and (1, cols) [m] and returns (rows, cols) bool.
     """
     geometry = grid_map.geometry
     # The box may be off by rounding, the test of the centres is not: look one cell further.

@@ -17,7 +17,8 @@ from ._inside import cells_inside
 def circle_cells(grid_map: GridMap, center: npt.ArrayLike, radius: float) -> Cells:
     """Return the (N, 2) buffer indices of the cells whose centre lies in a disc, row after row.
 
-    The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left out.
+    The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left
+    out.
 
     Args:
         center: (2,) centre of the disc [m]; it may lie outside the map.
