@@ -1,0 +1,84 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
+
+import array
+
+import numpy as np
+import numpy.typing as npt
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from grid_map_core_py.arrays import Layer, Size
+
+from .errors import MessageError
+
+COLUMN_LABEL = "column_index"
+ROW_LABEL = "row_index"
+
+
+def to_multi_array(layer: npt.ArrayLike) -> Float32MultiArray:
+    """Return a (rows, cols) array as a column-major message.
+
+    Float32 in Fortran order, as maps hold it, costs one copy.
+    """
+    data = np.asarray(layer, dtype=np.float32, order="F")
+    rows, columns = data.shape
+    values = array.array("f")
+    values.frombytes(data.T.data.cast("B"))
+    dim = [
+        MultiArrayDimension(label=COLUMN_LABEL, size=columns, stride=rows * columns),
+        MultiArrayDimension(label=ROW_LABEL, size=rows, stride=rows),
+    ]
+    message = Float32MultiArray(layout=MultiArrayLayout(dim=dim))
+    # The constructor would copy the values once more.
+    message.data = values
+    return message
+
+
+def from_multi_array(
+    message: Float32MultiArray, size: Size, field: str = "Float32MultiArray"
+) -> Layer:
+    """Return the (rows, cols) values of a message: a view of its memory, nothing is copied.
+
+    Column-major (`column_index` first) and row-major data (`row_index` first) are understood. Data
+    begins after `data_offset` values and must end with the array. Strides are not looked at: many
+    publishers leave them unset, and the length leaves no room for padding.
+
+    Args:
+        message: the layer.
+        size: rows and columns that it must have.
+        field: what to call the message in an error.
+
+    Raises:
+        MessageError: labels, sizes or the number of values are not those of such an array.
+    """
+    column_major = _is_column_major(message.layout.dim, f"{field}.layout.dim")
+    shape = size[::-1] if column_major else size
+    for axis, (dim, cells) in enumerate(zip(message.layout.dim, shape, strict=True)):
+        if dim.size != cells:
+            expected = f"{cells} ({dim.label} of {size[0]} x {size[1]} cells)"
+            raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
+    _check_count(message, size, field)
+    offset = message.layout.data_offset * np.dtype(np.float32).itemsize
+    values = np.frombuffer(message.data, np.float32, shape[0] * shape[1], offset).reshape(shape)
+    return values.T if column_major else values
+
+
+def _is_column_major(dim: list[MultiArrayDimension], field: str) -> bool:
+    if len(dim) != 2:
+        raise MessageError(field, "2 dimensions", len(dim))
+    first, second = (entry.label for entry in dim)
+    if first not in (COLUMN_LABEL, ROW_LABEL):
+        raise MessageError(f"{field}[0].label", f"{COLUMN_LABEL!r} or {ROW_LABEL!r}", first)
+    other = ROW_LABEL if first == COLUMN_LABEL else COLUMN_LABEL
+    if second != other:
+        raise MessageError(f"{field}[1].label", f"{other!r} after {first!r}", second)
+    return bool(first == COLUMN_LABEL)
+
+
+def _check_count(message: Float32MultiArray, size: Size, field: str) -> None:
+    offset = message.layout.data_offset
+    if len(message.data) != offset + size[0] * size[1]:
+        expected = f"{offset + size[0] * size[1]} values ({size[0]} x {size[1]} cells"
+        expected += f" after data_offset {offset})" if offset else ")"
+        raise MessageError(f"{field}.data", expected, len(message.data))

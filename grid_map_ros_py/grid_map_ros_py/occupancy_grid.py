@@ -1,0 +1,120 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`nav_msgs/OccupancyGrid` and grid maps."""
+
+import array
+import math
+
+import numpy as np
+import numpy.typing as npt
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+
+from grid_map_core_py import GeometryError, GridGeometry, GridMap
+from grid_map_core_py.arrays import Layer, Size
+
+from .checks import check_position, check_positive, check_unrotated
+from .errors import MessageError
+from .time import from_stamp, to_header
+
+UNKNOWN = -1
+OCCUPIED = 100
+
+
+def to_occupancy_grid(
+    grid_map: GridMap, layer: str, data_min: float, data_max: float
+) -> OccupancyGrid:
+    """Return a layer as occupancies.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        data_min: the value that becomes 0, free.
+        data_max: the value that becomes 100, occupied; it may be less than `data_min`. Values
+            beyond either are clamped, NaN becomes -1, unknown.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        MessageError: the bounds are equal as float32, or not finite.
+    """
+    values = occupancies(grid_map.unwrapped(layer), data_min, data_max)
+    header = to_header(grid_map)
+    x, y = (grid_map.position - 0.5 * grid_map.length).tolist()
+    data = array.array("b")
+    # The grid begins at the smallest x and y, where a map ends.
+    data.frombytes(values.ravel("F")[::-1].tobytes())
+    info = MapMetaData(
+        map_load_time=header.stamp,
+        resolution=float(np.float32(grid_map.resolution)),
+        width=grid_map.size[0],
+        height=grid_map.size[1],
+        origin=Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0)),
+    )
+    return OccupancyGrid(header=header, info=info, data=data)
+
+
+def from_occupancy_grid(message: OccupancyGrid, layer: str) -> GridMap:
+    """Return a map with one layer that holds the values of an occupancy grid.
+
+    -1 becomes NaN, all other values stay as they are. The resolution is a float32 in the message;
+    the map gets the float64 that is written alike (0.1 for the 0.1 of the sender).
+
+    Args:
+        message: the grid.
+        layer: name of the layer.
+
+    Raises:
+        MessageError: size, resolution, origin or the number of values make no sense, or the grid is
+            rotated.
+        GridMapError: the layer has no name.
+    """
+    geometry = _geometry(message)
+    if len(message.data) != math.prod(geometry.size):
+        rows, columns = geometry.size
+        expected = f"{rows * columns} values ({rows} x {columns} cells)"
+        raise MessageError("data", expected, len(message.data))
+    return GridMap.from_geometry(
+        geometry,
+        {layer: _values(message, geometry.size)},
+        frame_id=message.header.frame_id,
+        timestamp=from_stamp(message.header.stamp),
+    )
+
+
+def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
+    """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
+
+    The arithmetic is that of float32, so that no value differs from what the C++ library sends.
+
+    Raises:
+        MessageError: the bounds are equal as float32, or not finite.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.float32(data_min), np.float32(data_max)
+        extent = high - low
+        if not np.isfinite(extent) or extent == 0:
+            expected = "two different finite float32 numbers"
+            raise MessageError("data_min, data_max", expected, (float(data_min), float(data_max)))
+        share = (np.asarray(values, dtype=np.float32) - low) / extent
+    scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)
+    return np.where(np.isnan(scaled), np.float32(UNKNOWN), scaled).astype(np.int8)
+
+
+def _geometry(message: OccupancyGrid) -> GridGeometry:
+    info = message.info
+    for name in ("width", "height"):
+        if getattr(info, name) < 1:
+            raise MessageError(f"info.{name}", "at least one cell", getattr(info, name))
+    resolution = float(str(np.float32(check_positive("info.resolution", info.resolution))))
+    origin = check_position("info.origin.position", info.origin.position)
+    check_unrotated("info.origin.orientation", info.origin.orientation)
+    size = (info.width, info.height)
+    try:
+        return GridGeometry.from_size(size, resolution, origin + 0.5 * resolution * np.array(size))
+    except GeometryError as error:
+        raise MessageError("info", "a grid of finite size and place", str(error)) from error
+
+
+def _values(message: OccupancyGrid, size: Size) -> Layer:
+    data = np.frombuffer(message.data, dtype=np.int8)[::-1].reshape(size, order="F")
+    return np.where(data == UNKNOWN, np.float32(np.nan), data.astype(np.float32))

@@ -1,0 +1,171 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Typed parameters of a node, from the ordinary ROS parameter file.
+
+Everything that is read here is declared on the node, so that `ros2 param list` shows it, and is
+read-only: nodes configure themselves once, when they start.
+"""
+
+import array
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
+
+from rcl_interfaces.msg import ParameterDescriptor
+
+from .errors import ParameterError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+T = TypeVar("T")
+
+_WORDS = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
+
+
+def read_parameter(
+    node: "Node", name: str, kind: type[T], default: T | None = None, *, description: str = ""
+) -> T:
+    """Return one parameter, declared on the node.
+
+    Args:
+        node: an integer given for a float, and a whole number such as 3.0 given for an integer, are
+            converted. A value without type, which is what an empty list in the file becomes, is the
+            empty list for list kinds and counts as not given for others.
+        name: full name, such as `elevation.params.layer`.
+        kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
+        default: the value if none is given; None makes the parameter required.
+        description: what `ros2 param describe` shows.
+
+    Raises:
+        ParameterError: the parameter is required but not given, or has another type.
+    """
+    given = _given(node, (name,))
+    value = given.get(name)
+    if value is None and not (name in given and _is_list(kind)):
+        value = default
+        if default is None:
+            raise ParameterError(name, _in_words(kind), "nothing")
+    typed = cast_parameter(name, value, kind)
+    _declare(node, name, typed, description)
+    return typed
+
+
+def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
+    """Return all parameters below a prefix as nested dictionaries, declared on the node.
+
+    `filters.filter1.params.radius: 1` under the prefix `filters` becomes
+    `{"filter1": {"params": {"radius": 1}}}`. Names may hold any character but the separating dot,
+    so `min/value` stays one name. Values keep the type that the file gave them (`cast_parameter`
+    makes another of it); arrays become lists. An empty list, an empty mapping and null all arrive
+    without type, as None.
+
+    Raises:
+        ParameterError: a name is given both a value and parameters below it.
+    """
+    tree: dict[str, Any] = {}
+    names = [name for name in _known_names(node) if _is_below(name, prefix)]
+    for name, value in _given(node, names).items():
+        _declare(node, name, value)
+        _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
+    return tree
+
+
+def cast_parameter(name: str, value: object, kind: type[T]) -> T:
+    """Return `value` as `kind`; a plain function, which needs no node.
+
+    Args:
+        name: what to call the parameter in an error.
+        value: int and float are converted into each other where nothing is lost; None becomes the
+            empty list for list kinds.
+        kind: bool, int, float, str, or a list of one of them.
+
+    Raises:
+        ParameterError: `value` has another type.
+    """
+    cast = _cast_list if _is_list(kind) else _cast_scalar
+    return cast(name, value, kind)  # type: ignore[return-value]
+
+
+def _cast_list(name: str, value: object, kind: type) -> list[object]:
+    (element,) = get_args(kind)
+    if value is None:
+        return []
+    if not isinstance(value, list | tuple | array.array):
+        raise ParameterError(name, _in_words(kind), _described(value))
+    return [_cast_scalar(f"{name}[{i}]", entry, element) for i, entry in enumerate(value)]
+
+
+def _cast_scalar(name: str, value: object, kind: type) -> object:
+    if type(value) is kind:
+        return value
+    if kind is float and type(value) is int:
+        return float(value)
+    if kind is int and type(value) is float and value.is_integer():
+        return int(value)
+    hint = " (quote it in the parameter file)" if kind is str and value is not None else ""
+    raise ParameterError(name, _WORDS[kind] + hint, _described(value))
+
+
+def _is_list(kind: object) -> bool:
+    return get_origin(kind) is list
+
+
+def _in_words(kind: Any) -> str:
+    return f"a list, each {_WORDS[get_args(kind)[0]]}" if _is_list(kind) else _WORDS[kind]
+
+
+def _described(value: object) -> str:
+    return "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+
+
+def _known_names(node: "Node") -> Iterable[str]:
+    return dict.fromkeys((*_overrides(node), *node.get_parameters_by_prefix("")))
+
+
+def _is_below(name: str, prefix: str) -> bool:
+    return not prefix or name == prefix or name.startswith(prefix + ".")
+
+
+def _given(node: "Node", names: Iterable[str]) -> dict[str, Any]:
+    """Return the values of those parameters that the node has declared or was started with."""
+    overrides = _overrides(node)
+    given = {
+        name: node.get_parameter(name) if node.has_parameter(name) else overrides.get(name)
+        for name in names
+    }
+    return {
+        name: list(entry.value) if isinstance(entry.value, array.array) else entry.value
+        for name, entry in given.items()
+        if entry is not None
+    }
+
+
+def _overrides(node: "Node") -> Mapping[str, Any]:
+    # Declaring all overrides automatically is the public way to see names that are not known
+    # beforehand, but a node made so cannot start when its file holds an empty list.
+    overrides: Mapping[str, Any] = node._parameter_overrides
+    return overrides
+
+
+def _declare(node: "Node", name: str, value: object, description: str = "") -> None:
+    if not node.has_parameter(name):
+        descriptor = ParameterDescriptor(
+            description=description, read_only=True, dynamic_typing=value is None
+        )
+        # The value is the override, converted: the file's own may be an int for a float.
+        node.declare_parameter(name, value, descriptor, ignore_override=True)
+
+
+def _insert(tree: dict[str, Any], path: list[str], value: object, name: str) -> None:
+    if not path:
+        if value is not None:
+            raise ParameterError(name, "parameters below it", _described(value))
+        return
+    *parents, leaf = path
+    for parent in parents:
+        tree = tree.setdefault(parent, {})
+        if not isinstance(tree, dict):
+            raise ParameterError(name, f"no value for {parent!r} itself", _described(tree))
+    if leaf in tree:
+        raise ParameterError(name, "no parameters below it", _described(tree[leaf]))
+    tree[leaf] = value

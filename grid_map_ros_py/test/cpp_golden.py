@@ -1,0 +1,53 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the C++ converters make of given maps, from `golden/`."""
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+
+_FILE = Path(__file__).parent / "golden" / "converters.json.gz"
+with gzip.open(_FILE, "rt") as _stream:
+    _GOLDEN: dict[str, Any] = json.load(_stream)
+
+
+def cases(family: str) -> list[tuple[GridMap, dict[str, Any]]]:
+    """Return (map, case) for every case of a converter."""
+    found = []
+    for case in _GOLDEN["cases"]:
+        entries = case[family] if isinstance(case[family], list) else [case[family]]
+        found += [(to_map(_GOLDEN["maps"][case["map"]]), entry) for entry in entries]
+    assert found, family
+    return found
+
+
+def to_map(described: dict[str, Any]) -> GridMap:
+    layers = described["layers"]
+    grid_map = GridMap(
+        described["length"],
+        described["resolution"],
+        described["position"],
+        {name: np.array(layers[name], dtype=np.float32) for name in described["layer_order"]},
+        basic_layers=described["basic_layers"],
+        frame_id=described["frame_id"],
+        timestamp=described["timestamp"],
+    )
+    assert grid_map.size == tuple(described["size"])
+    grid_map.start_index = described["start_index"]
+    return grid_map
+
+
+def assert_header(header: Any, described: dict[str, Any]) -> None:
+    found = (header.frame_id, header.stamp.sec, header.stamp.nanosec)
+    assert found == (described["frame_id"], described["sec"], described["nanosec"])
+
+
+def assert_pose(pose: Any, described: dict[str, Any]) -> None:
+    position, q = pose.position, pose.orientation
+    assert [position.x, position.y, position.z] == described["position"]
+    assert [q.x, q.y, q.z, q.w] == described["orientation_xyzw"]

@@ -1,0 +1,34 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Print what a node reads of its parameters, then what is declared, and spin."""
+
+import json
+import sys
+
+from rclpy.node import Node
+
+from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
+from grid_map_ros_py.spin import run
+
+
+class Configured(Node):
+    def __init__(self) -> None:
+        super().__init__("configured")
+        prefix = read_parameter(self, "filter_chain_parameter_name", str, "filters")
+        described = {
+            "tree": read_parameter_tree(self, prefix),
+            "rate": read_parameter(self, "rate", float, 2.0),
+            "color": read_parameter(self, "color", int, 0),
+            "names": read_parameter(self, "names", list[str], ["default"]),
+            "frame_id": read_parameter(self, "frame_id", str),
+            "declared": {
+                name: str(parameter.type_).removeprefix("Type.")
+                for name, parameter in self.get_parameters_by_prefix("").items()
+                if name != "use_sim_time" and not name.startswith("start_type")
+            },
+        }
+        print(json.dumps(described), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(run(Configured))

@@ -1,0 +1,195 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from cpp_golden import assert_header, assert_pose, cases, to_map
+from geometry_msgs.msg import Quaternion
+from hypothesis import given, settings
+from rclpy.serialization import deserialize_message, serialize_message
+from test_multi_array import row_major
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, to_message
+
+maps = grid_maps(layers=("elevation", "color", "élévation ∞"))
+
+
+def sample_map(size: tuple[int, int] = (3, 4), start: tuple[int, int] = (2, 1)) -> GridMap:
+    values = np.arange(size[0] * size[1], dtype=np.float32).reshape(size)
+    grid_map = GridMap(
+        np.multiply(size, 0.5),
+        0.5,
+        (1.0, -2.0),
+        {"elevation": values, "variance": -values},
+        basic_layers=["elevation"],
+        frame_id="odom",
+        timestamp=12_000_000_034,
+    )
+    return moved_in_buffer(grid_map, start)
+
+
+def over_the_wire(message: GridMapMessage) -> GridMapMessage:
+    return deserialize_message(serialize_message(message), GridMapMessage)
+
+
+@settings(max_examples=60)
+@given(maps)
+def test_the_world_survives_the_wire(grid_map: GridMap) -> None:
+    received = from_message(over_the_wire(to_message(grid_map)))
+    assert_maps_equal(received, grid_map)
+    assert received.start_index == (0, 0)
+
+
+@settings(max_examples=60)
+@given(maps)
+def test_the_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
+    received = from_message(over_the_wire(to_message(grid_map)), unwrap=False)
+    assert received.start_index == grid_map.start_index
+    for name in grid_map:
+        sent_bits, received_bits = (m[name].view(np.uint32) for m in (grid_map, received))
+        np.testing.assert_array_equal(received_bits, sent_bits)
+
+
+def test_bit_patterns_of_colours_and_of_nan_survive_the_wire() -> None:
+    bits = np.array([[0x7FC01234, 0xFFABCDEF], [0x00FF8000, 0x80000000]], np.uint32)
+    grid_map = GridMap((2, 2), 1.0, layers={"color": bits.view(np.float32)})
+    received = from_message(over_the_wire(to_message(grid_map)))
+    np.testing.assert_array_equal(received["color"].view(np.uint32), bits)
+
+
+def test_a_received_map_has_memory_of_its_own() -> None:
+    message = to_message(sample_map(start=(0, 0)))
+    received = from_message(message)
+    received["elevation"][...] = -1.0
+    assert min(message.data[0].data) == 0.0
+    assert received["elevation"].flags.f_contiguous
+
+
+def test_a_sent_map_has_memory_of_its_own() -> None:
+    grid_map = sample_map()
+    message = to_message(grid_map)
+    grid_map["elevation"][...] = -1.0
+    assert min(message.data[0].data) == 0.0
+
+
+@pytest.mark.parametrize("unwrap", [True, False])
+def test_row_major_layers_are_read_like_column_major_ones(unwrap: bool) -> None:
+    grid_map = sample_map()
+    message = to_message(grid_map)
+    message.data = [row_major(grid_map[name], data_offset=3) for name in grid_map]
+    received = from_message(over_the_wire(message), unwrap=unwrap)
+    assert_maps_equal(received, grid_map)
+    assert received["elevation"].flags.f_contiguous
+
+
+def test_layers_are_sent_in_the_order_in_which_they_are_named() -> None:
+    message = to_message(sample_map(), ["variance", "elevation"])
+    assert message.layers == ["variance", "elevation"]
+    assert message.data[1].data.tolist() == sample_map()["elevation"].ravel("F").tolist()
+
+
+def test_a_message_with_some_of_the_layers_can_be_read() -> None:
+    # The C++ library also lists basic layers that it did not send, and readers stumble over them.
+    message = to_message(sample_map(), ["variance"])
+    assert message.basic_layers == []
+    assert from_message(message).layers == ("variance",)
+
+
+def test_layers_that_are_not_wanted_are_left_in_the_message() -> None:
+    received = from_message(to_message(sample_map()), ["variance"])
+    assert (received.layers, received.basic_layers) == (("variance",), ())
+
+
+def test_basic_layers_are_taken_over_unless_refused() -> None:
+    message = to_message(sample_map())
+    assert from_message(message).basic_layers == ("elevation",)
+    assert from_message(message, copy_basic_layers=False).basic_layers == ()
+
+
+def test_a_single_name_is_one_layer() -> None:
+    assert to_message(sample_map(), "variance").layers == ["variance"]
+    assert from_message(to_message(sample_map()), "variance").layers == ("variance",)
+
+
+def test_a_layer_that_is_not_there_is_named_with_those_that_are() -> None:
+    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
+        to_message(sample_map(), ["slope"])
+    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
+        from_message(to_message(sample_map()), ["elevation", "slope"])
+
+
+def test_a_map_without_layers_is_a_map() -> None:
+    received = from_message(over_the_wire(to_message(GridMap((2.0, 1.0), 0.5))))
+    assert (received.size, received.layers) == ((4, 2), ())
+
+
+def test_a_start_index_too_large_for_the_message_is_unwrapped_before_sending() -> None:
+    values = np.arange(66_000, dtype=np.float32)[:, None]
+    grid_map = GridMap((6600.0, 0.1), 0.1, layers={"elevation": values})
+    moved = moved_in_buffer(grid_map, (65_990, 0))
+    message = to_message(moved)
+    assert (message.outer_start_index, message.inner_start_index) == (0, 0)
+    np.testing.assert_array_equal(from_message(message)["elevation"], values)
+    assert moved.start_index == (65_990, 0)
+
+
+def test_the_largest_start_index_of_the_message_is_sent() -> None:
+    moved = moved_in_buffer(GridMap((6600.0, 0.1), 0.1, layers=["elevation"]), (65_535, 0))
+    assert to_message(moved).outer_start_index == 65_535
+
+
+@pytest.mark.parametrize("w", [0.0, 1.0, -1.0, 0.5])
+def test_an_orientation_without_rotation_is_accepted(w: float) -> None:
+    message = to_message(sample_map())
+    message.info.pose.orientation = Quaternion(x=0.0, y=0.0, z=1e-9 * w, w=w)
+    assert_maps_equal(from_message(message), sample_map())
+
+
+def test_lengths_are_rounded_to_whole_cells() -> None:
+    message = to_message(sample_map())
+    message.info.length_x = 1.6
+    assert from_message(message).length.tolist() == [1.5, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("grid_map", "case"), cases("to_message") + cases("to_message_layers_full")
+)
+def test_messages_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+    expected = case.get("message", case)
+    grid_map.basic_layers = [n for n in expected["basic_layers"] if n in grid_map]
+    message = over_the_wire(to_message(grid_map, expected["layers"]))
+    assert_header(message.header, expected["header"])
+    assert_pose(message.info.pose, expected["pose"])
+    for name in ("resolution", "length_x", "length_y"):
+        assert getattr(message.info, name) == expected[name]
+    for name in ("layers", "outer_start_index", "inner_start_index"):
+        assert getattr(message, name) == expected[name]
+    assert message.basic_layers == [n for n in expected["basic_layers"] if n in expected["layers"]]
+    for layer, data in zip(message.data, expected["data"], strict=True):
+        assert [
+            {"label": d.label, "size": d.size, "stride": d.stride} for d in layer.layout.dim
+        ] == (data["dim"])
+        assert layer.layout.data_offset == data["data_offset"]
+        np.testing.assert_array_equal(layer.data, np.array(data["data"], dtype=np.float32))
+
+
+@pytest.mark.parametrize(("grid_map", "case"), cases("from_message"))
+def test_maps_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+    grid_map.basic_layers = case["result"]["basic_layers"]
+    expected = to_map(case["result"])
+    received = from_message(to_message(grid_map), unwrap=False)
+    assert_maps_equal(received, expected)
+    assert received.start_index == expected.start_index
+    assert received.position.tolist() == expected.position.tolist()
+
+
+def test_a_message_is_not_changed_by_reading_it() -> None:
+    message = to_message(sample_map())
+    before = copy.deepcopy(message)
+    from_message(message)
+    assert message == before

@@ -1,0 +1,67 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import array
+
+import numpy as np
+import pytest
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from grid_map_ros_py.multi_array import from_multi_array, to_multi_array
+
+LAYER = np.arange(6, dtype=np.float32).reshape(2, 3)
+
+
+def row_major(values: np.ndarray, *, data_offset: int = 0) -> Float32MultiArray:
+    """Build the message as a C programmer would, value by value."""
+    rows, columns = values.shape
+    dim = [
+        MultiArrayDimension(label="row_index", size=rows, stride=rows * columns),
+        MultiArrayDimension(label="column_index", size=columns, stride=columns),
+    ]
+    flat = [float(values[row, column]) for row in range(rows) for column in range(columns)]
+    return Float32MultiArray(
+        layout=MultiArrayLayout(dim=dim, data_offset=data_offset),
+        data=array.array("f", [-1.0] * data_offset + flat),
+    )
+
+
+def test_values_are_sent_column_after_column() -> None:
+    message = to_multi_array(LAYER)
+    assert message.data.tolist() == [0, 3, 1, 4, 2, 5]
+    assert [(d.label, d.size, d.stride) for d in message.layout.dim] == [
+        ("column_index", 3, 6),
+        ("row_index", 2, 2),
+    ]
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 4), (4, 1), (3, 5)])
+def test_arrays_of_any_order_come_back(shape: tuple[int, int], order: str) -> None:
+    values = np.random.default_rng(1).random(shape, np.float32).copy(order)  # type: ignore[call-overload]
+    np.testing.assert_array_equal(from_multi_array(to_multi_array(values), shape), values)
+
+
+@pytest.mark.parametrize("data_offset", [0, 5])
+def test_row_major_values_are_understood(data_offset: int) -> None:
+    message = row_major(LAYER, data_offset=data_offset)
+    np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
+
+
+def test_values_begin_after_the_data_offset() -> None:
+    message = to_multi_array(LAYER)
+    message.layout.data_offset = 2
+    message.data = array.array("f", [7.0, 8.0]) + message.data
+    np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
+
+
+def test_strides_do_not_matter() -> None:
+    message = to_multi_array(LAYER)
+    for dim in message.layout.dim:
+        dim.stride = 0
+    np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
+
+
+def test_reading_copies_nothing() -> None:
+    message = to_multi_array(LAYER)
+    message_memory = np.frombuffer(message.data, np.float32)
+    assert np.shares_memory(from_multi_array(message, (2, 3)), message_memory)

@@ -1,0 +1,49 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps between processes, as users of other languages and libraries see them."""
+
+import json
+import subprocess
+from typing import Any
+
+from conftest import Start
+
+TIMEOUT = 30.0
+
+# The map moved by two cells along x: they left the buffer's last rows to new cells without data.
+EXPECTED = {
+    "frame_id": "odom",
+    "stamp": [5, 6],
+    "position": [4.0, 4.0],
+    "layers": ["elevation"],
+    "dims": [["column_index", 3, 12], ["row_index", 4, 4]],
+    "start_index": [2, 0],
+    "data": [
+        *("0.0", "3.0", "nan", "nan"),
+        *("1.0", "4.0", "nan", "nan"),
+        *("2.0", "5.0", "nan", "nan"),
+    ],
+}
+
+
+def map_received_by(subscriber: subprocess.Popen[str]) -> Any:
+    out, errors = subscriber.communicate(timeout=TIMEOUT)
+    assert subscriber.returncode == 0, errors
+    return json.loads(out.splitlines()[-1])
+
+
+def wait_for(process: subprocess.Popen[str], line: str) -> None:
+    assert process.stdout is not None
+    assert process.stdout.readline() == f"{line}\n"
+
+
+def test_a_plain_subscriber_receives_the_map(start: Start) -> None:
+    subscriber = start("plain_subscriber.py", "TRANSIENT_LOCAL")
+    wait_for(subscriber, "subscribed")
+    start("publisher.py")
+    assert map_received_by(subscriber) == EXPECTED
+
+
+def test_a_late_subscriber_receives_the_last_map(start: Start) -> None:
+    wait_for(start("publisher.py"), "published")
+    assert map_received_by(start("plain_subscriber.py", "TRANSIENT_LOCAL")) == EXPECTED

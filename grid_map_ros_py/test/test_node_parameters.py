@@ -1,0 +1,212 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parameters from real files, read by a real node."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import Start
+
+from grid_map_core_py import GridMapError
+from grid_map_ros_py import ParameterError
+from grid_map_ros_py.parameters import cast_parameter
+
+CHAIN = """
+    filters:
+      filter1:
+        name: buffer_normalizer
+        type: gridMapFilters/BufferNormalizerFilter
+      filter2:
+        name: ramp
+        type: gridMapFilters/ColorMapFilter
+        params:
+          input_layer: elevation
+          min/value: 0.5
+          max/value: 1
+          max: {color: 1e-3}
+          layers: [a, b]
+          none: []
+          empty: ""
+          set_to: .nan
+          lower: -.inf
+          on: true
+          weights: [1.0, 2.5]
+      filter10: {name: last}
+"""
+
+TREE = {
+    "filter1": {"name": "buffer_normalizer", "type": "gridMapFilters/BufferNormalizerFilter"},
+    "filter2": {
+        "name": "ramp",
+        "type": "gridMapFilters/ColorMapFilter",
+        "params": {
+            "input_layer": "elevation",
+            "min/value": 0.5,
+            "max/value": 1,
+            "max": {"color": 0.001},
+            "layers": ["a", "b"],
+            "none": None,
+            "empty": "",
+            "set_to": "NaN",
+            "lower": float("-inf"),
+            "on": True,
+            "weights": [1.0, 2.5],
+        },
+    },
+    "filter10": {"name": "last"},
+}
+
+
+def arguments(folder: Path, text: str, node: str = "configured") -> list[str]:
+    path = folder / "parameters.yaml"
+    path.write_text(f"{node}:\n  ros__parameters:\n{text}")
+    return ["--ros-args", "--params-file", str(path)]
+
+
+def read(process: Any) -> Any:
+    line = process.stdout.readline()
+    assert line, process.communicate()[1]
+    # NaN equals nothing, not even itself.
+    return json.loads(line, parse_constant=lambda name: name if name == "NaN" else float(name))
+
+
+def failure(process: Any) -> str:
+    out, errors = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert out == ""
+    assert "Traceback" not in errors
+    return errors
+
+
+@pytest.mark.parametrize("node", ["configured", "/**"])
+def test_a_file_is_read_as_it_is_written_whichever_way_it_names_the_node(
+    start: Start, tmp_path: Path, node: str
+) -> None:
+    found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n", node)))
+    assert found["tree"] == TREE
+    assert (found["rate"], found["color"], found["names"]) == (2.0, 0, ["default"])
+    assert found["declared"] == {
+        "filter_chain_parameter_name": "STRING",
+        "rate": "DOUBLE",
+        "color": "INTEGER",
+        "names": "STRING_ARRAY",
+        "frame_id": "STRING",
+        "filters.filter1.name": "STRING",
+        "filters.filter1.type": "STRING",
+        "filters.filter2.name": "STRING",
+        "filters.filter2.type": "STRING",
+        "filters.filter2.params.input_layer": "STRING",
+        "filters.filter2.params.min/value": "DOUBLE",
+        "filters.filter2.params.max/value": "INTEGER",
+        "filters.filter2.params.max.color": "DOUBLE",
+        "filters.filter2.params.layers": "STRING_ARRAY",
+        "filters.filter2.params.none": "NOT_SET",
+        "filters.filter2.params.empty": "STRING",
+        "filters.filter2.params.set_to": "DOUBLE",
+        "filters.filter2.params.lower": "DOUBLE",
+        "filters.filter2.params.on": "BOOL",
+        "filters.filter2.params.weights": "DOUBLE_ARRAY",
+        "filters.filter10.name": "STRING",
+    }
+
+
+def test_numbers_are_read_as_the_kind_that_is_asked_for(start: Start, tmp_path: Path) -> None:
+    text = "    rate: 3\n    color: 255.0\n    names: []\n    frame_id: ''\n"
+    found = read(start("configured.py", *arguments(tmp_path, text)))
+    assert (found["rate"], found["color"]) == (3.0, 255)
+    assert isinstance(found["rate"], float)
+    assert isinstance(found["color"], int)
+    assert (found["names"], found["frame_id"]) == ([], "")
+    assert found["declared"]["rate"] == "DOUBLE"
+    assert found["tree"] == {}
+
+
+def test_the_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: Path) -> None:
+    text = "    frame_id: map\n    chain.filter1.name: a\n    chains.filter1.name: b\n"
+    options = ["-p", "frame_id:=odom", "-p", "filter_chain_parameter_name:=chain"]
+    found = read(start("configured.py", *arguments(tmp_path, text), *options))
+    assert found["tree"] == {"filter1": {"name": "a"}}
+    assert found["declared"].keys() >= {"chain.filter1.name"}
+    assert "chains.filter1.name" not in found["declared"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("    rate: 1\n", "parameter 'frame_id': expected a string, found nothing"),
+        ("    rate: fast\n", "parameter 'rate': expected a number, found 'fast' (str)"),
+        (
+            "    names: map\n",
+            "parameter 'names': expected a list, each a string, found 'map' (str)",
+        ),
+        (
+            "    frame_id: y\n",
+            "expected a string (quote it in the parameter file), found True (bool)",
+        ),
+        ("    filters: 3\n", "parameter 'filters': expected parameters below it, found 3 (int)"),
+        (
+            "    filters: {a: 1, a.b: 2}\n",
+            "parameter 'filters.a.b': expected no value for 'a' itself, found 1 (int)",
+        ),
+        (
+            "    filters: {a.b: 1, a: 2}\n",
+            "parameter 'filters.a': expected no parameters below it, found {'b': 1} (dict)",
+        ),
+    ],
+)
+def test_a_wrong_parameter_stops_the_node_with_one_message(
+    start: Start, tmp_path: Path, text: str, message: str
+) -> None:
+    errors = failure(start("configured.py", *arguments(tmp_path, text)))
+    assert message in errors
+    assert errors.count("\n") == 1
+
+
+def test_a_file_that_cannot_be_read_stops_the_node_with_a_message(
+    start: Start, tmp_path: Path
+) -> None:
+    missing = str(tmp_path / "missing.yaml")
+    assert missing in failure(start("configured.py", "--ros-args", "--params-file", missing))
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "expected"),
+    [
+        (1, float, 1.0),
+        (float("inf"), float, float("inf")),
+        (3.0, int, 3),
+        (True, bool, True),
+        ("", str, ""),
+        (None, list[float], []),
+        ([1, 2.5], list[float], [1.0, 2.5]),
+        (("a", "b"), list[str], ["a", "b"]),
+    ],
+)
+def test_values_are_cast_where_nothing_is_lost(value: object, kind: type, expected: object) -> None:
+    cast = cast_parameter("p", value, kind)
+    assert cast == expected
+    assert type(cast) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("value", "kind"),
+    [
+        (True, float),
+        (True, int),
+        (1, bool),
+        ("1", int),
+        (1, str),
+        (float("nan"), int),
+        (float("inf"), int),
+        (None, float),
+        ("abc", list[str]),
+        ([True], list[float]),
+        ([[1.0]], list[float]),
+    ],
+)
+def test_values_of_another_type_are_refused(value: object, kind: type) -> None:
+    with pytest.raises(ParameterError, match=r"parameter 'p.*': expected .*, found ") as error:
+        cast_parameter("p", value, kind)
+    assert isinstance(error.value, GridMapError)

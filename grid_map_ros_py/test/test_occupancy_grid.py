@@ -1,0 +1,181 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import array
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from cpp_golden import assert_header, assert_pose, cases, to_map
+from geometry_msgs.msg import Quaternion
+from hypothesis import given, settings
+from nav_msgs.msg import OccupancyGrid
+from rclpy.serialization import deserialize_message, serialize_message
+
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_ros_py import MessageError, from_occupancy_grid, to_occupancy_grid
+
+
+def over_the_wire(message: OccupancyGrid) -> OccupancyGrid:
+    return deserialize_message(serialize_message(message), OccupancyGrid)
+
+
+def to_grid(described: dict[str, Any]) -> OccupancyGrid:
+    message = OccupancyGrid()
+    header, info, origin = described["header"], message.info, described["origin"]["position"]
+    message.header.frame_id = header["frame_id"]
+    message.header.stamp.sec, message.header.stamp.nanosec = header["sec"], header["nanosec"]
+    info.resolution = float(described["resolution"])
+    info.width, info.height = described["width"], described["height"]
+    info.origin.position.x, info.origin.position.y = map(float, origin[:2])
+    message.data = array.array("b", described["data"])
+    return message
+
+
+@pytest.mark.parametrize(("grid_map", "case"), cases("to_occupancy_grid"))
+def test_grids_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+    arguments = (grid_map, case["layer"], case["data_min"], case["data_max"])
+    if case["data_min"] == case["data_max"]:
+        with pytest.raises(MessageError, match="data_min, data_max: expected two different"):
+            to_occupancy_grid(*arguments)
+        return
+    grid, expected = over_the_wire(to_occupancy_grid(*arguments)), case["grid"]
+    assert_header(grid.header, expected["header"])
+    load_time = grid.info.map_load_time
+    assert [load_time.sec, load_time.nanosec] == expected["map_load_time"]
+    assert_pose(grid.info.origin, expected["origin"])
+    for name in ("resolution", "width", "height"):
+        assert getattr(grid.info, name) == expected[name]
+    assert grid.data.tolist() == expected["data"]
+
+
+@pytest.mark.parametrize(
+    ("case"), [c for _, c in cases("from_occupancy_grid") if "into_existing_map" not in c]
+)
+def test_maps_equal_those_of_the_cpp_library(case: dict[str, Any]) -> None:
+    grid_map, expected = from_occupancy_grid(to_grid(case["grid"]), "occ"), to_map(case["result"])
+    assert (grid_map.size, grid_map.start_index) == (expected.size, (0, 0))
+    assert (grid_map.frame_id, grid_map.timestamp) == (expected.frame_id, expected.timestamp)
+    # The C++ library goes on with 0.1 as float32; ours has 0.1 again.
+    np.testing.assert_allclose(grid_map.position, expected.position, atol=1e-7)
+    assert grid_map.resolution == round(expected.resolution, 6)
+    np.testing.assert_array_equal(grid_map["occ"], expected["occ"])
+
+
+def occupancy_of(value: float, low: float, high: float) -> int:
+    """Return one occupancy by the definition, in float32 like the layers."""
+    if math.isnan(value):
+        return -1
+    with np.errstate(over="ignore"):
+        share = (np.float32(value) - np.float32(low)) / (np.float32(high) - np.float32(low))
+    return math.trunc(float(np.float32(100) * min(max(share, np.float32(0)), np.float32(1))))
+
+
+@settings(max_examples=40)
+@given(grid_maps())
+def test_the_grid_begins_at_the_smallest_x_and_y_and_runs_along_x(grid_map: GridMap) -> None:
+    grid = over_the_wire(to_occupancy_grid(grid_map, "elevation", 200.0, -300.0))
+    rows, columns = grid_map.size
+    origin = grid.info.origin.position
+    assert (grid.info.width, grid.info.height) == (rows, columns)
+    for k, occupancy in enumerate(grid.data):
+        x = origin.x + (k % rows + 0.5) * grid_map.resolution
+        y = origin.y + (k // rows + 0.5) * grid_map.resolution
+        value = grid_map["elevation"][grid_map.get_index((x, y))]
+        assert occupancy == occupancy_of(value, 200.0, -300.0)
+
+
+@settings(max_examples=40)
+@given(grid_maps())
+def test_a_map_comes_back_where_it_was_with_its_occupancies(grid_map: GridMap) -> None:
+    message = over_the_wire(to_occupancy_grid(grid_map, "elevation", -1000.0, 1000.0))
+    received = from_occupancy_grid(message, "occupancy")
+    assert received.size == grid_map.size
+    assert received.resolution == grid_map.resolution
+    np.testing.assert_allclose(received.position, grid_map.position, atol=1e-9)
+    sent_again = to_occupancy_grid(received, "occupancy", 0.0, 100.0)
+    assert sent_again.data == message.data
+
+
+def test_a_moved_map_gives_the_same_grid() -> None:
+    values = np.random.default_rng(5).random((6, 3), np.float32)
+    grid_map = GridMap((0.6, 0.3), 0.1, layers={"elevation": values})
+    moved = moved_in_buffer(grid_map, (4, 1))
+    assert to_occupancy_grid(moved, "elevation", 0, 1) == to_occupancy_grid(
+        grid_map, "elevation", 0, 1
+    )
+
+
+def test_infinities_are_clamped_and_nan_is_unknown() -> None:
+    values = [[math.nan], [-math.inf], [math.inf]]
+    grid_map = GridMap((3, 1), 1.0, layers={"elevation": values})
+    assert to_occupancy_grid(grid_map, "elevation", 0.0, 1.0).data.tolist() == [100, 0, -1]
+    assert to_occupancy_grid(grid_map, "elevation", 1.0, 0.0).data.tolist() == [0, 100, -1]
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        (1.0, 1.0),
+        (0.1, 0.1 + 1e-12),
+        (math.nan, 1.0),
+        (0.0, math.inf),
+        (-3.4e38, 3.4e38),
+        (0, 1e39),
+    ],
+)
+def test_bounds_without_a_usable_difference_are_refused(bounds: tuple[float, float]) -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"elevation": 0.0})
+    with pytest.raises(MessageError, match="data_min, data_max: expected two different finite"):
+        to_occupancy_grid(grid_map, "elevation", *bounds)
+
+
+def test_an_unknown_layer_is_named() -> None:
+    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
+        to_occupancy_grid(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
+
+
+def test_values_beyond_the_scale_stay_as_they_are() -> None:
+    message = to_occupancy_grid(GridMap((2, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
+    message.data = array.array("b", [-1, -128, 101, 127])
+    np.testing.assert_array_equal(
+        from_occupancy_grid(message, "occ")["occ"], [[127, -128], [101, np.nan]]
+    )
+
+
+MALFORMED = {
+    "no cells along x": ("info.width", 0, "info.width: expected at least one cell, found 0"),
+    "no cells along y": ("info.height", 0, "info.height: expected at least one cell, found 0"),
+    "too many cells": ("info.width", 2**32 - 1, "data: expected 8589934590 values"),
+    "too little data": ("data", array.array("b", [0]), "data: expected 6 values .*found 1"),
+    "too much data": ("data", array.array("b", [0] * 7), "data: expected 6 values .*found 7"),
+    "resolution zero": ("info.resolution", 0.0, "info.resolution: expected a positive.*found 0.0"),
+    "resolution nan": ("info.resolution", math.nan, "info.resolution: expected a positive.*nan"),
+    "origin nan": ("info.origin.position.x", math.nan, r"info\.origin\.position\.x: .*found nan"),
+    "rotated": (
+        "info.origin.orientation",
+        Quaternion(z=1.0, w=0.0),
+        r"info\.origin\.orientation: expected the identity.*found \(0.0, 0.0, 1.0, 0.0\)",
+    ),
+    "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None:
+    path, value, text = MALFORMED[kind]
+    message = to_occupancy_grid(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
+    *parents, last = path.split(".")
+    target = message
+    for name in parents:
+        target = getattr(target, name)
+    setattr(target, last, value)
+    with pytest.raises(MessageError, match=text):
+        from_occupancy_grid(message, "occ")
+
+
+def test_the_layer_needs_a_name() -> None:
+    message = to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0, 1)
+    with pytest.raises(GridMapError, match="non-empty string"):
+        from_occupancy_grid(message, "")

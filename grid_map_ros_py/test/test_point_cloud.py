@@ -1,0 +1,157 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from cpp_golden import assert_header, cases
+from hypothesis import given, settings
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_ros_py import MessageError, to_flat_point_cloud, to_point_cloud
+
+
+def names(cloud: PointCloud2) -> list[str]:
+    return [field.name for field in cloud.fields]
+
+
+def points(cloud: PointCloud2) -> np.ndarray:
+    """Read the points as any subscriber would, by offset and step."""
+    dtype = np.dtype(
+        {
+            "names": names(cloud),
+            "formats": ["<f4"] * len(cloud.fields),
+            "offsets": [field.offset for field in cloud.fields],
+            "itemsize": cloud.point_step,
+        }
+    )
+    return np.frombuffer(cloud.data, dtype)
+
+
+@pytest.mark.parametrize(("grid_map", "case"), cases("to_point_cloud"))
+def test_clouds_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+    grid_map.basic_layers = case["basic_layers"]
+    cloud = to_point_cloud(grid_map, case["point_layer"], case["layers"])
+    expected = case["cloud"]
+    assert_header(cloud.header, expected["header"])
+    fields = [
+        {n: getattr(f, n) for n in ("name", "offset", "datatype", "count")} for f in cloud.fields
+    ]
+    assert fields == expected["fields"]
+    for name in ("height", "width", "is_bigendian", "point_step", "row_step", "is_dense"):
+        assert getattr(cloud, name) == expected[name]
+    assert bytes(cloud.data).hex() == expected["data_hex"]
+
+
+def expected_points(grid_map: GridMap, layer: str) -> list[tuple[float, float, float]]:
+    """Visit the cells one by one."""
+    found = []
+    for column in range(grid_map.size[1]):
+        for row in range(grid_map.size[0]):
+            z = grid_map[layer][row, column]
+            basic_layers_hold = all(
+                math.isfinite(grid_map[name][row, column]) for name in grid_map.basic_layers
+            )
+            if math.isfinite(z) and basic_layers_hold:
+                found.append((*grid_map.get_position((row, column)), z))
+    return found
+
+
+@settings(max_examples=40)
+@given(grid_maps(layers=("elevation", "variance")))
+def test_every_valid_cell_is_a_point_and_no_other(grid_map: GridMap) -> None:
+    sent = to_point_cloud(grid_map, "variance")
+    cloud = deserialize_message(serialize_message(sent), PointCloud2)
+    found = np.array([points(cloud)[axis] for axis in "xyz"]).T
+    expected = np.array(expected_points(grid_map, "variance"), np.float32).reshape(-1, 3)
+    np.testing.assert_array_equal(found, expected)
+    assert (cloud.width, cloud.row_step) == (len(expected), 16 * len(expected))
+    assert len(cloud.data) == cloud.row_step
+
+
+def test_a_moved_map_gives_the_same_points_in_another_order() -> None:
+    values = np.random.default_rng(3).random((5, 4), np.float32)
+    grid_map = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values})
+    before, after = (
+        np.sort(points(to_point_cloud(m, "elevation")))
+        for m in (grid_map, moved_in_buffer(grid_map, (3, 2)))
+    )
+    np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
+    cloud = to_point_cloud(GridMap((2, 1), 0.5, layers={"elevation": value}), "elevation")
+    assert (cloud.width, cloud.row_step, len(cloud.data)) == (0, 0, 0)
+    assert names(cloud) == ["x", "y", "z"]
+
+
+def test_a_point_layer_that_is_not_among_the_layers_still_gives_the_points() -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"elevation": 1.0, "variance": 2.0})
+    cloud = to_point_cloud(grid_map, "elevation", ["variance"])
+    assert names(cloud) == ["x", "y", "z", "variance"]
+    assert points(cloud).tolist() == [(0.0, 0.0, 1.0, 2.0)]
+
+
+def test_colours_keep_their_bits_under_the_name_that_viewers_know() -> None:
+    colour = np.array([[0x00FF8001]], np.uint32).view(np.float32)
+    cloud = to_point_cloud(GridMap((1, 1), 1.0, layers={"z0": 0.0, "color": colour}), "z0")
+    assert names(cloud) == ["x", "y", "z", "rgb"]
+    assert points(cloud)["rgb"].view(np.uint32).tolist() == [0x00FF8001]
+
+
+@pytest.mark.parametrize("layers", [["rgb", "elevation"], ["color", "elevation", "rgb"]])
+def test_a_layer_called_rgb_is_carried_as_it_is(layers: list[str]) -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"color": 1.0, "rgb": 2.0, "elevation": 0.0})
+    cloud = to_point_cloud(grid_map, "elevation", layers)
+    assert set(names(cloud)) == {*layers, "x", "y", "z"} - {"elevation"}
+    assert points(cloud)["rgb"].tolist() == [2.0]
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_layer_called_like_a_coordinate_can_only_be_the_point_layer(
+    axis: str,
+) -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"elevation": 1.0, axis: 2.0})
+    with pytest.raises(MessageError, match=f"fields: expected no layer called '{axis}'"):
+        to_point_cloud(grid_map, "elevation")
+    assert points(to_point_cloud(grid_map, axis))["z"].tolist() == [2.0]
+
+
+def test_an_unknown_layer_is_named() -> None:
+    grid_map = GridMap((1, 1), 1.0, layers=["elevation"])
+    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
+        to_point_cloud(grid_map, "slope")
+    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
+        to_point_cloud(grid_map, "elevation", ["slope"])
+
+
+def test_a_flat_cloud_has_every_cell_at_one_height() -> None:
+    grid_map = GridMap((1.0, 1.5), 0.5, layers={"elevation": math.nan})
+    cloud = to_flat_point_cloud(grid_map, 0.25)
+    assert names(cloud) == ["elevation", "x", "y", "z"]
+    assert points(cloud)["z"].tolist() == [0.25] * 6
+    assert grid_map.layers == ("elevation",)
+
+
+def test_a_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
+    values = [[1.0, math.nan], [math.inf, 2.0]]
+    grid_map = GridMap((2, 2), 1.0, layers={"elevation": values}, basic_layers=["elevation"])
+    assert points(to_flat_point_cloud(grid_map))["elevation"].tolist() == [1.0, 2.0]
+
+
+def test_a_flat_cloud_needs_a_finite_height() -> None:
+    with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
+        to_flat_point_cloud(GridMap((1, 1), 1.0), math.nan)
+
+
+def test_all_fields_are_unpadded_floats() -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"a": 1.0, "b": 2.0})
+    cloud = to_point_cloud(grid_map, "b")
+    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
+        (name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(["a", "x", "y", "z"])
+    ]

@@ -1,0 +1,125 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the C++ nodes published goes through ours and comes out the same."""
+
+from typing import Any
+
+import pytest
+from cpp_recordings import Recorded, bits, recorded
+from rclpy.serialization import serialize_message
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_ros_py import (
+    from_message,
+    to_grid_cells,
+    to_message,
+    to_occupancy_grid,
+    to_point_cloud,
+)
+
+TUTORIAL, FILTERS, MOVE = "cpp_tutorial_outputs.mcap", "cpp_filters_outputs.mcap", "cpp_move.db3"
+MAPS = [
+    (TUTORIAL, "/grid_map"),
+    (FILTERS, "/grid_map"),
+    (FILTERS, "/filtered_map"),
+    (MOVE, "/grid_map"),
+]
+
+
+def only_map(file: str, topic: str) -> GridMap:
+    (one,) = recorded(file, topic)
+    return from_message(one.message, unwrap=False)
+
+
+def assert_is_recorded(message: Any, published: Recorded) -> None:
+    # The same fields in the same number of bytes: no byte differs but those that pad.
+    assert bits(message) == bits(published.message)
+    assert len(serialize_message(message)) == len(published.raw)
+
+
+@pytest.mark.parametrize(("file", "topic"), MAPS)
+def test_every_map_is_sent_again_as_it_was_received(file: str, topic: str) -> None:
+    for published in recorded(file, topic):
+        sent = to_message(from_message(published.message, unwrap=False))
+        assert_is_recorded(sent, published)
+        for ours, theirs in zip(sent.data, published.message.data, strict=True):
+            payload = ours.data.tobytes()
+            assert payload == theirs.data.tobytes()
+            assert payload in published.raw
+
+
+def test_the_move_demo_stored_its_maps_all_over_the_buffer() -> None:
+    maps = [from_message(r.message, unwrap=False) for r in recorded(MOVE, "/grid_map")]
+    starts = {grid_map.start_index for grid_map in maps}
+    assert len(starts) > 10
+    assert max(row for row, _ in starts) > 35
+    assert max(column for _, column in starts) > 35
+
+
+def test_a_map_is_the_same_world_unwrapped_or_not() -> None:
+    for published in recorded(MOVE, "/grid_map"):
+        unwrapped = from_message(published.message)
+        assert unwrapped.start_index == (0, 0)
+        assert_maps_equal(unwrapped, from_message(published.message, unwrap=False))
+
+
+@pytest.mark.parametrize(
+    ("topic", "layer"),
+    [
+        ("/elevation_points", "elevation"),
+        ("/noisy_points", "elevation_noisy"),
+        ("/filtered_points", "elevation_filtered"),
+    ],
+)
+def test_point_clouds_are_those_that_cpp_published(topic: str, layer: str) -> None:
+    (published,) = recorded(TUTORIAL, topic)
+    cloud = to_point_cloud(only_map(TUTORIAL, "/grid_map"), layer)
+    assert_is_recorded(cloud, published)
+
+
+@pytest.mark.parametrize("start_index", [(0, 0), (17, 23)])
+@pytest.mark.parametrize(
+    ("file", "map_topic", "topic", "layer", "data_min", "data_max"),
+    [
+        (TUTORIAL, "/grid_map", "/elevation_grid", "elevation", 0.08, -0.16),
+        (TUTORIAL, "/grid_map", "/error_grid", "error", -0.15, 0.15),
+        (FILTERS, "/filtered_map", "/traversability_grid", "traversability", 0.0, 1.0),
+    ],
+)
+def test_occupancy_grids_are_those_that_cpp_published(
+    file: str,
+    map_topic: str,
+    topic: str,
+    layer: str,
+    data_min: float,
+    data_max: float,
+    start_index: tuple[int, int],
+) -> None:
+    (published,) = recorded(file, topic)
+    grid_map = moved_in_buffer(only_map(file, map_topic), start_index)
+    grid = to_occupancy_grid(grid_map, layer, data_min, data_max)
+    assert_is_recorded(grid, published)
+
+
+def test_occupancy_grids_of_the_moving_map_are_those_that_cpp_published() -> None:
+    maps = {
+        (stamp.sec, stamp.nanosec): from_message(r.message, unwrap=False)
+        for r in recorded(MOVE, "/grid_map")
+        for stamp in [r.message.header.stamp]
+    }
+    compared = 0
+    for published in recorded(MOVE, "/occupancy_grid"):
+        stamp = published.message.header.stamp
+        grid_map = maps.get((stamp.sec, stamp.nanosec))
+        if grid_map is not None:
+            grid = to_occupancy_grid(grid_map, "layer", 0.0, 1.0)
+            assert_is_recorded(grid, published)
+            compared += 1
+    assert compared > 20
+
+
+def test_grid_cells_are_those_that_cpp_published() -> None:
+    (published,) = recorded(TUTORIAL, "/elevation_cells")
+    cells = to_grid_cells(only_map(TUTORIAL, "/grid_map"), "elevation", -0.08, 0.0)
+    assert_is_recorded(cells, published)

@@ -1,0 +1,35 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grid_map_ros_py import MessageError
+from grid_map_ros_py.time import LATEST, from_stamp, to_stamp
+
+
+@given(st.integers(0, LATEST))
+def test_every_nanosecond_survives_the_message(nanoseconds: int) -> None:
+    assert from_stamp(to_stamp(nanoseconds)) == nanoseconds
+
+
+def test_the_last_nanosecond_fits_the_message() -> None:
+    assert to_stamp(LATEST) == Time(sec=2**31 - 1, nanosec=999_999_999)
+
+
+def test_numpy_integers_are_integers() -> None:
+    assert to_stamp(np.int64(1_000_000_002)) == Time(sec=1, nanosec=2)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("nanoseconds", [-1, LATEST + 1, 1.5, "now", None])
+def test_what_is_no_time_of_the_message_is_refused(nanoseconds: int) -> None:
+    with pytest.raises(MessageError, match=r"^stamp: expected .*nanoseconds.*, found ") as error:
+        to_stamp(nanoseconds)
+    assert error.value.found == nanoseconds
+
+
+def test_a_time_before_the_epoch_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"header\.stamp\.sec: expected no negative.*found -1"):
+        from_stamp(Time(sec=-1))
