@@ -1,0 +1,32 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The cells whose value lies between two thresholds."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from nav_msgs import msg
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py.grid_cells import to_grid_cells
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridCells:
+    """Show the cells of a layer whose finite value lies between two thresholds, both included.
+
+    Attributes:
+        layer: the layer to look at.
+        lower_threshold, upper_threshold: smallest and largest value that is shown.
+    """
+
+    message_type: ClassVar[type] = msg.GridCells
+
+    layer: str
+    lower_threshold: float = -math.inf
+    upper_threshold: float = math.inf
+
+    def __call__(self, grid_map: GridMap) -> msg.GridCells:
+        """Return the cells."""
+        return to_grid_cells(grid_map, self.layer, self.lower_threshold, self.upper_threshold)

@@ -1,0 +1,215 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_visualization`: publishes a map as whatever its listeners ask for.
+
+Parameters:
+    grid_map_topic: maps come from here (`/grid_map`).
+    transient_local: ask for the last map that was published before somebody listened (false); maps
+        of a volatile publisher are received with false only.
+    activity_check_rate: how often to look whether somebody listens [Hz], where the middleware does
+        not tell (2.0).
+    grid_map_visualizations: names of the visualizations; each is published on the topic of its
+        name.
+    <name>.type: type of a visualization, as in the registry.
+    <name>.params.*: parameters of that type.
+"""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py.grid_map import from_message
+from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .registry import create
+from .visualization import Visualization
+
+REPEAT_PERIOD = 5.0
+"""Seconds after which a problem that persists is logged again."""
+
+
+class GridMapVisualizationNode(Node):
+    """Subscribes to a map while somebody listens, and converts it for those outputs only.
+
+    The last map is kept as long as the subscription lasts, so that an output has something to show
+    to a listener who comes late.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_visualization")
+        self._topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
+        self._qos = map_qos(transient_local=read_parameter(self, "transient_local", bool, False))
+        self._errors = Repetitions()
+        self._subscription: Subscription | None = None
+        self._map: GridMap | None = None
+        self._outputs = [
+            Output(self, name, visualization, self._follow_listeners)
+            for name, visualization in _read_visualizations(self).items()
+        ]
+        # Listeners are noticed when they come and go; this is for those whose event went missing.
+        self.create_timer(_read_period(self), self._follow_listeners, clock=_steady_clock())
+        names = ", ".join(output.name for output in self._outputs) or "nothing"
+        self.get_logger().info(f"shows {self._topic} as {names}, while somebody listens")
+
+    def _follow_listeners(self) -> None:
+        if sum(output.count_listeners() for output in self._outputs):
+            self._subscribe()
+        else:
+            self._unsubscribe()
+        self._publish_due()
+
+    def _subscribe(self) -> None:
+        if self._subscription is None:
+            self._subscription = self.create_subscription(
+                GridMapMessage, self._topic, self._receive, self._qos
+            )
+
+    def _unsubscribe(self) -> None:
+        if self._subscription is not None:
+            self.destroy_subscription(self._subscription)
+            self._subscription = None
+            self._map = None
+
+    def _receive(self, message: GridMapMessage) -> None:
+        try:
+            self._map = from_message(message, unwrap=False)
+        except GridMapError as error:
+            text = f"cannot use the map on {self._topic!r}: {error}"
+            if self._errors.allow(text):
+                self.get_logger().error(text)
+            return
+        for output in self._outputs:
+            output.is_due = True
+        self._publish_due()
+
+    def _publish_due(self) -> None:
+        if self._map is not None:
+            for output in self._outputs:
+                output.publish_if_due(self._map)
+
+
+class Output:
+    """A visualization and its publisher.
+
+    Args:
+        node: the node that publishes.
+        name: the topic, and what the user calls the visualization.
+        visualization: makes the messages.
+        on_match: called when a listener came or went.
+
+    Attributes:
+        name: as above.
+        is_due: listeners have not got the last map yet.
+    """
+
+    def __init__(
+        self, node: Node, name: str, visualization: Visualization, on_match: Callable[[], None]
+    ) -> None:
+        self.name = name
+        self.is_due = False
+        self._listeners = 0
+        self._visualization = visualization
+        self._on_match = on_match
+        self._warnings = Repetitions()
+        self._logger = node.get_logger()
+        events = PublisherEventCallbacks(matched=self._match)
+        try:
+            self._publisher = node.create_publisher(
+                visualization.message_type, name, map_qos(), event_callbacks=events
+            )
+        except InvalidTopicNameException as error:
+            reason = str(error).partition(":\n")[0]
+            raise ConfigError(f"visualization {name!r}: the name is no topic: {reason}") from error
+
+    def count_listeners(self) -> int:
+        """Return how many listen now; more than before makes the output due."""
+        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
+        self.is_due |= self._listeners > before
+        return self._listeners
+
+    def publish_if_due(self, grid_map: GridMap) -> None:
+        """Publish what the visualization makes of a map, if listeners wait for it."""
+        if not (self.is_due and self._listeners):
+            return
+        self.is_due = False
+        try:
+            message = self._visualization(grid_map)
+        except Exception as error:  # Plugins may raise anything, and the other outputs go on.
+            text = f"visualization {self.name!r}: {_text(error)}"
+            if self._warnings.allow(text):
+                self._logger.warning(text)
+        else:
+            self._publisher.publish(message)
+
+    def _match(self, status: Any) -> None:
+        # One who comes while another goes leaves the count as it was. The publisher's durability is
+        # not enough for those who come: by default RViz asks for a volatile topic.
+        self.is_due |= status.total_count_change > 0
+        self._on_match()
+
+
+class Repetitions:
+    """Tells which texts to log: a new one at once, the same one again only after a while."""
+
+    def __init__(self) -> None:
+        self._text = ""
+        self._time = -math.inf
+
+    def allow(self, text: str) -> bool:
+        """Tell whether to log `text`, and take it as logged if so."""
+        now = time.monotonic()
+        if text == self._text and now - self._time < REPEAT_PERIOD:
+            return False
+        self._text, self._time = text, now
+        return True
+
+
+def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
+    names = read_parameter(node, "grid_map_visualizations", list[str])
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(
+                f"parameter 'grid_map_visualizations': {name!r} occurs more than once"
+            )
+    return {name: create(name, read_parameter_tree(node, name)) for name in names}
+
+
+def _read_period(node: Node) -> float:
+    rate = read_parameter(node, "activity_check_rate", float, 2.0)
+    if not (math.isfinite(rate) and rate > 0):
+        raise ConfigError(
+            f"parameter 'activity_check_rate': expected a positive number, found {rate}"
+        )
+    return 1 / rate
+
+
+def _steady_clock() -> Clock:
+    # The node's own clock stands still while a simulation is paused.
+    return Clock(clock_type=ClockType.STEADY_TIME)
+
+
+def _text(error: Exception) -> str:
+    return str(error) if isinstance(error, GridMapError) else repr(error)
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(GridMapVisualizationNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,45 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The two point clouds that are not in the recordings."""
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_visualization_py.builtin.flat_point_cloud import FlatPointCloud
+from grid_map_visualization_py.builtin.point_cloud import PointCloud
+
+
+def points(cloud) -> np.ndarray:
+    names = [field.name for field in cloud.fields]
+    values = np.frombuffer(cloud.data, "<f4").reshape(cloud.width, -1)
+    return values[:, [names.index(axis) for axis in "xyz"]]
+
+
+def holey_map() -> GridMap:
+    return GridMap((3, 1), 1.0, layers={"elevation": [[1.0], [np.nan], [3.0]]})
+
+
+def test_point_cloud_shows_elevation_unless_told_otherwise():
+    assert points(PointCloud()(holey_map())).tolist() == [[1, 0, 1], [-1, 0, 3]]
+
+
+def test_flat_point_cloud_shows_every_cell_at_one_height():
+    expected = [[1, 0, 0.5], [0, 0, 0.5], [-1, 0, 0.5]]
+    assert points(FlatPointCloud(height=0.5)(holey_map())).tolist() == expected
+
+
+def test_point_cloud_that_is_flat_needs_no_layer():
+    cloud = PointCloud(layer="no such layer", flat=True)(holey_map())
+    assert points(cloud).tolist() == [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]
+
+
+def test_flat_point_cloud_leaves_out_cells_without_basic_layers():
+    grid_map = holey_map()
+    grid_map.basic_layers = ["elevation"]
+    assert len(points(FlatPointCloud()(grid_map))) == 2
+
+
+def test_map_that_is_visualized_is_left_alone():
+    grid_map = holey_map()
+    FlatPointCloud()(grid_map)
+    assert grid_map.layers == ("elevation",)

@@ -1,0 +1,87 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Vectors, against a loop over the cells."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap, LayerNotFoundError, map_cells
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py.builtin.vectors import Vectors
+
+LAYERS = ("height", "normal_x", "normal_y", "normal_z")
+PARAMETERS = {"layer_prefix": "normal_", "position_layer": "height"}
+
+
+def drawn(grid_map: GridMap, **parameters: object) -> Marker:
+    return deserialize_message(Vectors(**PARAMETERS | parameters)(grid_map), Marker)
+
+
+def coordinates(marker: Marker) -> list[tuple[float, float, float]]:
+    return [(point.x, point.y, point.z) for point in marker.points]
+
+
+def lines_by_loop(grid_map: GridMap, scale: float) -> list[tuple[float, float, float]]:
+    points = []
+    for cell in map_cells(grid_map):
+        start = grid_map.get_position3("height", cell)
+        vector = grid_map.get_vector("normal_", cell)
+        if np.isfinite([start, vector]).all():
+            points += [tuple(start), tuple(start + scale * vector)]
+    return points
+
+
+@settings(max_examples=60, deadline=None)
+@given(grid_maps(LAYERS, max_side=6), st.sampled_from([0.06, 1.0, -2.5]))
+def test_every_valid_cell_gets_a_line_in_the_order_of_the_buffer(grid_map, scale):
+    marker = drawn(grid_map, scale=scale)
+    assert coordinates(marker) == lines_by_loop(grid_map, scale)
+    assert len(marker.colors) == len(marker.points)
+
+
+def test_moved_map_draws_the_same_lines_in_another_order():
+    random = np.random.default_rng(1)
+    layers = {name: random.random((5, 4), np.float32) for name in LAYERS}
+    layers["normal_y"][2, 1] = np.nan
+    grid_map = GridMap((5, 4), 1.0, (3.0, -2.0), layers)
+    moved = moved_in_buffer(grid_map, (3, 1))
+    lines, moved_lines = (coordinates(drawn(m)) for m in (grid_map, moved))
+    assert len(lines) == 2 * 19
+    assert sorted(lines) == sorted(moved_lines)
+    assert lines != moved_lines
+
+
+def test_basic_layers_do_not_matter():
+    grid_map = GridMap((2, 1), 1.0, layers=dict.fromkeys(LAYERS, 1.0) | {"color": np.nan})
+    grid_map.basic_layers = ["color"]
+    assert len(drawn(grid_map).points) == 4
+
+
+def test_map_without_a_valid_cell_is_drawn_as_no_line():
+    marker = drawn(GridMap((1, 1), 1.0, layers=LAYERS))
+    assert (list(marker.points), list(marker.colors)) == ([], [])
+
+
+def test_marker_tells_frame_time_width_and_one_opaque_colour_per_point():
+    grid_map = GridMap(
+        (1, 1), 1.0, layers=dict.fromkeys(LAYERS, 1.0), frame_id="odom", timestamp=3_000_000_007
+    )
+    marker = drawn(grid_map, line_width=0.25, color=0xFF8000)
+    assert (marker.header.frame_id, marker.ns) == ("odom", "vector")
+    assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == (3, 7)
+    assert (marker.type, marker.action) == (Marker.LINE_LIST, Marker.ADD)
+    assert (marker.scale.x, marker.pose.orientation.w) == (0.25, 1.0)
+    assert [(c.r, c.g, c.b, c.a) for c in marker.colors] == [
+        pytest.approx((1.0, 128 / 255, 0.0, 1.0))
+    ] * 2
+
+
+@pytest.mark.parametrize("missing", LAYERS)
+def test_missing_layer_is_named_beside_those_that_exist(missing):
+    grid_map = GridMap((1, 1), 1.0, layers=[name for name in LAYERS if name != missing])
+    with pytest.raises(LayerNotFoundError, match=rf"no layer '{missing}'; available: \w+, \w+"):
+        drawn(grid_map)

@@ -1,0 +1,153 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Visualizations are made from what stands in a parameter file."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from grid_map_core_py.errors import ConfigError
+from grid_map_visualization_py import create, registry, visualization_type
+from grid_map_visualization_py.builtin.flat_point_cloud import FlatPointCloud
+from grid_map_visualization_py.builtin.grid_cells import GridCells
+from grid_map_visualization_py.builtin.map_region import MapRegion
+from grid_map_visualization_py.builtin.occupancy_grid import OccupancyGrid
+from grid_map_visualization_py.builtin.point_cloud import PointCloud
+from grid_map_visualization_py.builtin.vectors import Vectors
+
+VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
+
+
+@pytest.fixture
+def install_plugin(tmp_path, monkeypatch):
+    """Return a function that puts a distribution with one entry point on the path."""
+
+    def install(package: str, type_name: str, code: str = "class Plugin: pass") -> None:
+        (tmp_path / f"{package}.py").write_text(code)
+        information = tmp_path / f"{package}-1.0.dist-info"
+        information.mkdir()
+        (information / "METADATA").write_text(f"Name: {package}\nVersion: 1.0\n")
+        entry = f"[{registry.GROUP}]\n{type_name} = {package}:Plugin\n"
+        (information / "entry_points.txt").write_text(entry)
+
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry._plugins.cache_clear()
+    yield install
+    registry._plugins.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("type_name", "params", "expected"),
+    [
+        ("point_cloud", {}, PointCloud(layer="elevation", flat=False)),
+        ("flat_point_cloud", {"height": 2}, FlatPointCloud(height=2.0)),
+        ("occupancy_grid", {"layer": "a"}, OccupancyGrid(layer="a", data_min=0.0, data_max=1.0)),
+        ("occupancy_grid", {"layer": "a", "data_min": 5, "data_max": -1}, None),
+        ("grid_cells", {"layer": "a"}, None),
+        ("vectors", VECTORS, None),
+        ("vectors", {**VECTORS, "scale": 2, "line_width": 1, "color": 255.0}, None),
+        ("map_region", {}, MapRegion(color=16777215, line_width=0.003)),
+    ],
+)
+def test_parameters_become_fields_of_their_type(type_name, params, expected):
+    made = create("name", {"type": type_name, "params": params})
+    assert type(made) is visualization_type(type_name)
+    assert expected is None or made == expected
+    for name, value in params.items():
+        assert getattr(made, name) == value
+
+
+def test_defaults_are_those_of_the_upstream_node():
+    assert create("a", {"type": "vectors", "params": VECTORS}) == Vectors(
+        **VECTORS, scale=1.0, line_width=0.003, color=65280
+    )
+    assert create("a", {"type": "grid_cells", "params": {"layer": "a"}}) == GridCells(
+        layer="a", lower_threshold=-math.inf, upper_threshold=math.inf
+    )
+
+
+def test_integers_are_floats_where_floats_are_wanted():
+    made = create("a", {"type": "occupancy_grid", "params": {"layer": "a", "data_max": 3}})
+    assert isinstance(made.data_max, float)
+
+
+@pytest.mark.parametrize("config", [{"type": "map_region"}, {"type": "map_region", "params": None}])
+def test_parameters_may_be_left_out(config):
+    assert create("a", config) == MapRegion()
+
+
+@pytest.mark.parametrize(
+    ("config", "words"),
+    [
+        ({}, ["type", "expected one of", "vectors", "found nothing"]),
+        ({"type": 3}, ["type", "found 3"]),
+        ({"type": "vector"}, ["'vector'", "unknown type", "flat_point_cloud", "vectors"]),
+        ({"type": "vectors", "parms": {}}, ["unknown entry 'parms'", "type, params"]),
+        ({"type": "map_region", "params": 1}, ["params", "found 1"]),
+        ({"type": "vectors"}, ["vectors", "missing", "'layer_prefix'"]),
+        ({"type": "map_region", "params": {"width": 1}}, ["'width'", "color, line_width"]),
+        ({"type": "map_region", "params": {"color": "red"}}, ["'color'", "integer", "'red'"]),
+        ({"type": "map_region", "params": {"color": 0.5}}, ["'color'", "integer", "0.5"]),
+        ({"type": "map_region", "params": {"color": True}}, ["'color'", "integer", "True"]),
+        ({"type": "map_region", "params": {"color": -1}}, ["'color'", "16777215", "-1"]),
+        ({"type": "map_region", "params": {"color": 2**24}}, ["'color'", "16777216"]),
+        ({"type": "vectors", "params": {**VECTORS, "color": -1}}, ["'color'", "-1"]),
+        ({"type": "point_cloud", "params": {"layer": 1}}, ["'layer'", "string", "1"]),
+        ({"type": "point_cloud", "params": {"flat": 1}}, ["'flat'", "true or false", "1"]),
+        ({"type": "flat_point_cloud", "params": {"height": math.nan}}, ["'height'", "nan"]),
+        (
+            {"type": "occupancy_grid", "params": {"layer": "a", "data_min": 1}},
+            ["data_min, data_max", "different", "1.0"],
+        ),
+        (
+            {"type": "occupancy_grid", "params": {"layer": "a", "data_max": math.inf}},
+            ["data_min, data_max", "finite", "inf"],
+        ),
+    ],
+)
+def test_every_mistake_is_one_error_that_names_the_visualization_and_the_cause(config, words):
+    with pytest.raises(ConfigError) as caught:
+        create("my_output", config)
+    for word in ["visualization 'my_output'", *words]:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_file_for_every_built_in_type_is_named_after_it():
+    folder = Path(registry.__file__).parent / "builtin"
+    files = {file.stem for file in folder.glob("*.py")} - {"__init__"}
+    assert files == set(registry.BUILT_IN)
+    for name, cls in registry.BUILT_IN.items():
+        assert cls.__module__.endswith(f".{name}")
+
+
+def test_other_packages_add_types_by_entry_point(install_plugin):
+    code = """
+from dataclasses import dataclass
+@dataclass(frozen=True, kw_only=True)
+class Plugin:
+    message_type = None
+    size: float
+"""
+    install_plugin("first_plugin", "sparkles", code)
+    assert create("a", {"type": "sparkles", "params": {"size": 1}}).size == 1.0
+    with pytest.raises(ConfigError, match="sparkles, vectors"):
+        create("a", {"type": "sparkle"})
+
+
+@pytest.mark.parametrize("type_name", ["vectors", "sparkles"])
+def test_type_that_is_registered_twice_is_refused(install_plugin, type_name):
+    install_plugin("second_plugin", type_name)
+    install_plugin("third_plugin", type_name)
+    with pytest.raises(ConfigError, match=rf"{type_name}.* registered twice: .*_plugin:Plugin"):
+        visualization_type("map_region")
+
+
+def test_plugin_that_cannot_be_imported_spoils_only_its_own_type(install_plugin):
+    install_plugin("broken_plugin", "broken", "import no_such_module")
+    assert visualization_type("map_region") is MapRegion
+    expected = re.escape("'broken': cannot load broken_plugin:Plugin: No module named")
+    with pytest.raises(ConfigError, match=expected):
+        create("a", {"type": "broken"})
