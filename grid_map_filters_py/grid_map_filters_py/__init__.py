@@ -1,0 +1,29 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
+
+A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
+YAML that the C++ filters read. The node `filter_chain_node` runs a chain on a topic; only that
+module needs ROS.
+"""
+
+from .chain import FilterChain, Step
+from .config import StepConfig
+from .errors import ExpressionError, FilterConfigError, FilterError
+from .expression import Expression
+from .filter import Filter, FilterWarning
+from .registry import filter_class, filter_types
+
+__all__ = [
+    "Expression",
+    "ExpressionError",
+    "Filter",
+    "FilterChain",
+    "FilterConfigError",
+    "FilterError",
+    "FilterWarning",
+    "Step",
+    "StepConfig",
+    "filter_class",
+    "filter_types",
+]

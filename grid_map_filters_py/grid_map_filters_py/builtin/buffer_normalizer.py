@@ -1,0 +1,20 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/BufferNormalizerFilter`"""
+
+from dataclasses import dataclass
+
+from grid_map_core_py import GridMap
+
+
+@dataclass(frozen=True, kw_only=True)
+class BufferNormalizer:
+    """Reorder the data so that the start index is (0, 0).
+
+    A `FilterChain` has done this already when it calls its first filter.
+    """
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        result = grid_map.copy()
+        result.convert_to_default_start_index()
+        return result

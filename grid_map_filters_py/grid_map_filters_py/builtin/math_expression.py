@@ -1,0 +1,37 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/MathExpressionFilter`"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+
+from ..errors import ExpressionError
+from ..expression import Expression
+
+
+@dataclass(frozen=True, kw_only=True)
+class MathExpression:
+    """Compute `output_layer` by a matrix expression over the layers of the map.
+
+    A scalar fills the layer; a matrix of another shape than the map's is an error.
+    """
+
+    expression: str
+    output_layer: str
+    _parsed: Expression = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_parsed", Expression(self.expression))
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layers = {name: grid_map[name] for name in grid_map}
+        result = np.asarray(self._parsed(layers), dtype=np.float32)
+        if result.ndim and result.shape != grid_map.size:
+            raise ExpressionError(
+                f"{self.expression!r} gives a matrix of shape {result.shape}; "
+                f"expected a scalar or the map's {grid_map.size}"
+            )
+        return grid_map.with_layers({self.output_layer: result})

@@ -1,0 +1,51 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/ThresholdFilter`"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Threshold:
+    """Set cells of a layer to a value where a layer is below or above a threshold.
+
+    Attributes:
+        layer: short for `condition_layer` and `output_layer` of this name.
+        condition_layer: compared with the threshold; cells that are not finite never pass.
+        output_layer: written to; the condition layer's values where the map has no such layer.
+        lower_threshold: cells of the condition layer below it pass.
+        upper_threshold: cells of the condition layer above it pass; exactly one of both is given.
+        set_to: value for the cells that pass; may be NaN or infinite.
+    """
+
+    layer: str | None = None
+    condition_layer: str | None = None
+    output_layer: str | None = None
+    lower_threshold: float | None = None
+    upper_threshold: float | None = None
+    set_to: float
+
+    def __post_init__(self) -> None:
+        if (self.lower_threshold is None) == (self.upper_threshold is None):
+            raise ConfigError("expected exactly one of 'lower_threshold' and 'upper_threshold'")
+        pair = self.condition_layer, self.output_layer
+        if (self.layer is None) == (None in pair) or (self.layer is not None and any(pair)):
+            raise ConfigError("expected either 'layer', or 'condition_layer' and 'output_layer'")
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        condition_layer = self.layer or self.condition_layer or ""
+        output_layer = self.layer or self.output_layer or ""
+        condition = grid_map[condition_layer]
+        source = output_layer if output_layer in grid_map else condition_layer
+        result = grid_map[source].copy("F")
+        if self.lower_threshold is not None:
+            passes = condition < np.float32(self.lower_threshold)
+        else:
+            passes = condition > np.float32(self.upper_threshold)
+        result[passes & np.isfinite(condition)] = self.set_to
+        return grid_map.with_layers({output_layer: result})

@@ -1,0 +1,131 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A sequence of filters."""
+
+import time
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.config import build
+from grid_map_core_py.errors import GridMapError
+
+from .config import StepConfig, parse_steps, read_chain
+from .errors import FilterConfigError, FilterError
+from .filter import Filter, FilterWarning
+from .registry import filter_class
+
+
+@dataclass(frozen=True)
+class Step:
+    """A filter and how it was configured."""
+
+    config: StepConfig
+    filter: Filter
+
+
+StepObserver = Callable[[Step, float], None]
+"""Is told of every step that has run, and how long it took [s]."""
+
+
+class FilterChain:
+    """Filters that run one after the other.
+
+    `chain(grid_map)` never changes its input and shares no data with it. The result has the start
+    index (0, 0), whatever that of the input.
+
+    Example:
+        >>> chain = FilterChain.from_config([{
+        ...     "name": "roughness", "type": "gridMapFilters/MathExpressionFilter",
+        ...     "params": {"expression": "abs(raw - smooth)", "output_layer": "roughness"}}])
+        >>> rough = chain(GridMap((1, 1), 0.5, layers={"raw": 1.0, "smooth": 1.5}))
+        >>> float(rough["roughness"][0, 0])
+        0.5
+    """
+
+    def __init__(self, steps: Iterable[Step]) -> None:
+        self.steps = tuple(steps)
+
+    @classmethod
+    def from_config(cls, config: object) -> "FilterChain":
+        """Build a chain from the mapping under `filters:`, or from a list of {name, type, params}.
+
+        Raises:
+            FilterConfigError: naming the filter, its type and the parameter.
+        """
+        return cls(Step(step, _build(step)) for step in parse_steps(config))
+
+    @classmethod
+    def from_yaml(cls, path: str | Path, name: str = "filters") -> "FilterChain":
+        """Build a chain from a ROS 2 parameter file or a ROS 1 file.
+
+        Args:
+            path: the file.
+            name: of the parameter that holds the chain.
+
+        Raises:
+            FilterConfigError: naming the filter, its type and the parameter.
+            OSError: the file cannot be read.
+        """
+        return cls.from_config(read_chain(path, name))
+
+    def __call__(self, grid_map: GridMap, observer: StepObserver | None = None) -> GridMap:
+        """Return the filtered map.
+
+        Args:
+            grid_map: stays as it is.
+            observer: is called after each step with the step and its duration [s].
+
+        Raises:
+            FilterError: a filter failed; the message names it.
+        """
+        # The copy keeps filters, which share what they leave alone, from sharing it with the
+        # caller.
+        result = grid_map.copy()
+        result.convert_to_default_start_index()
+        for step in self.steps:
+            begin = time.perf_counter()
+            result = _run(step, result)
+            if observer:
+                observer(step, time.perf_counter() - begin)
+        return result
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __repr__(self) -> str:
+        return f"FilterChain({', '.join(step.config.name for step in self.steps)})"
+
+
+def _build(config: StepConfig) -> Filter:
+    try:
+        return build(filter_class(config.type), config.params)
+    except GridMapError as error:
+        raise FilterConfigError(f"{config}: {error}") from error
+
+
+def _run(step: Step, grid_map: GridMap) -> GridMap:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", FilterWarning)
+        try:
+            result = step.filter(grid_map)
+        # Whatever a filter of a third party raises, the message must say which filter it was.
+        except Exception as error:
+            raise FilterError(f"{step.config}: {_message(error)}") from error
+    for warning in caught:
+        _pass_on(warning, step)
+    return result
+
+
+def _message(error: Exception) -> str:
+    return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
+
+
+def _pass_on(warning: warnings.WarningMessage, step: Step) -> Any:
+    if issubclass(warning.category, FilterWarning):
+        warnings.warn(f"{step.config}: {warning.message}", FilterWarning, stacklevel=4)
+    else:
+        warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)

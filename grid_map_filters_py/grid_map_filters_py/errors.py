@@ -1,0 +1,24 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every error of this package.
+
+GridMapError (grid_map_core_py)
+└── FilterError
+    ├── FilterConfigError (ConfigError)    a chain that cannot be built
+    └── ExpressionError (ValueError)       a mathematical expression that cannot be read or
+    evaluated
+"""
+
+from grid_map_core_py.errors import ConfigError, GridMapError
+
+
+class FilterError(GridMapError):
+    """A filter, or the chain it stands in, failed; the message names filter and cause."""
+
+
+class FilterConfigError(FilterError, ConfigError):
+    """A filter chain cannot be built from its configuration."""
+
+
+class ExpressionError(FilterError, ValueError):
+    """A mathematical expression is malformed or does not fit the layers it is applied to."""

@@ -1,0 +1,126 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The mathematical expression of a filter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grid_map_filters_py.errors import ExpressionError
+from grid_map_filters_py.expression.checks import check
+from grid_map_filters_py.expression.faults import Fault, to_error
+from grid_map_filters_py.expression.functions import CONSTANTS
+from grid_map_filters_py.expression.interpreter import Interpreter
+from grid_map_filters_py.expression.matrices import Matrices
+from grid_map_filters_py.expression.nodes import Call, Name, Node, descendants
+from grid_map_filters_py.expression.parser import parse
+from grid_map_filters_py.expression.windows import EdgeHandling, evaluate_over_windows
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A mathematical expression over layers, parsed once.
+
+    Immutable; equal when the text is.
+
+    Args:
+        text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
+
+    Raises:
+        ExpressionError: the text is not an expression, or cannot be right whatever the layers
+            are; the message shows the place.
+
+    Example:
+        >>> Expression("1 + 2 * [1, 2]")({})
+        array([[3., 5.]], dtype=float32)
+    """
+
+    text: str
+    names: frozenset[str] = field(init=False, repr=False, compare=False)
+    """The layers that the expression needs."""
+
+    _root: Node = field(init=False, repr=False, compare=False)
+    _repeated: frozenset[int] = field(init=False, repr=False, compare=False)
+    _known_names: frozenset[str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.text, str):
+            raise ExpressionError(f"an expression must be a text, not {self.text!r}")
+        try:
+            root, repeated = parse(self.text)
+            with np.errstate(all="ignore"):
+                check(root)
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        nodes = list(descendants(root))
+        names = {node.name for node in nodes if isinstance(node, Name)}
+        functions = {node.function for node in nodes if isinstance(node, Call)}
+        object.__setattr__(self, "names", frozenset(names - CONSTANTS.keys()))
+        object.__setattr__(self, "_root", root)
+        object.__setattr__(self, "_repeated", repeated)
+        object.__setattr__(self, "_known_names", frozenset(functions | names))
+
+    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
+        return Expression, (self.text,)
+
+    def __call__(self, layers: Mapping[str, NDArray[Any]]) -> NDArray[np.float32] | float:
+        """Evaluate for whole layers.
+
+        Elementwise work is done in float32 and keeps the memory order of the layers, reductions
+        accumulate in double precision. Infinities and NaN follow IEEE 754, silently.
+
+        Args:
+            layers: (rows, columns) arrays by name; a layer hides the function or the constant of
+                the same name. Only those that the expression names are touched, and never changed.
+
+        Returns:
+            A new float32 matrix, or a number where the expression reduces to one.
+
+        Raises:
+            ExpressionError: a layer is missing, or shapes or indices do not fit.
+        """
+        available = ", ".join(sorted(layers)) or "none"
+        used = self._known_names & layers.keys()
+        try:
+            with np.errstate(all="ignore"):
+                values = {name: _bind(name, layers[name]) for name in used}
+                interpreter = Interpreter(Matrices(), values, available, self._repeated)
+                result = interpreter(self._root)
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        if isinstance(result, float) or result.flags.writeable:
+            return result
+        return result.copy(order="K")
+
+    def over_windows(
+        self,
+        name: str,
+        layer: NDArray[Any],
+        window_size: int,
+        edge_handling: EdgeHandling,
+        *,
+        compute_empty_cells: bool = True,
+    ) -> NDArray[np.float32]:
+        """Evaluate for the window around every cell; see `over_windows` in this package."""
+        try:
+            with np.errstate(all="ignore"):
+                result = evaluate_over_windows(
+                    self._root, self._repeated, name, layer, window_size, edge_handling
+                )
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        if not compute_empty_cells:
+            result[np.isnan(layer)] = np.nan
+        return result
+
+
+def _bind(name: str, layer: NDArray[Any]) -> NDArray[np.float32]:
+    """Give a read-only float32 view (or copy, of another type) of a layer."""
+    values = np.asarray(layer).astype(np.float32, copy=False).view()
+    if values.ndim != 2:
+        raise Fault(f"the layer {name!r} must have rows and columns, its shape is {values.shape}")
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,34 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How a fault inside an expression becomes an error that points at its place."""
+
+from grid_map_filters_py.errors import ExpressionError
+
+
+class Fault(Exception):
+    """What is wrong, and where: known at once, or filled in by the node that is evaluated.
+
+    Args:
+        message: one line for the user.
+        position: column in the text.
+        argument: number of the function's argument that is to blame, while the column is unknown.
+    """
+
+    def __init__(
+        self, message: str, *, position: int | None = None, argument: int | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.position = position
+        self.argument = argument
+
+    def located(self, position: int) -> "Fault":
+        """Give this fault with a position; the innermost one wins."""
+        return self if self.position is not None else Fault(self.message, position=position)
+
+
+def to_error(fault: Fault, text: str) -> ExpressionError:
+    """Show the message, the expression and a caret under the place."""
+    line = "".join(" " if character.isspace() else character for character in text)
+    caret = " " * (fault.position or 0) + "^"
+    return ExpressionError(f"{fault.message}\n    {line}\n    {caret}")

@@ -1,0 +1,360 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation on the windows of many cells at once.
+
+The value of a subexpression is a small matrix *per cell*. It is kept as a matrix of elements, where
+an element is a number, or a field: the array of that element's values in all cells. Elements are
+made when they are asked for and forgotten after use, so memory stays in the order of a layer
+whatever the size of the window. Fields are double precision, because windows of a high terrain
+differ by little; numbers are rounded to float32 as they are in C++.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grid_map_filters_py.expression.faults import Fault
+from grid_map_filters_py.expression.functions import (
+    FINITE_COUNT,
+    FINITE_SUM,
+    SCALAR,
+    Fold,
+    Plain,
+    Shape,
+    common_shape,
+)
+from grid_map_filters_py.expression.matrices import Matrices, apply
+
+Field = NDArray[np.float64]
+Element = float | Field
+
+_PLAIN = Matrices()
+
+
+class WindowMatrix:
+    """A matrix per cell.
+
+    Args:
+        shape: (rows, columns) of the matrix.
+        at: gives element (row, column); a field that it owns no more is writeable.
+    """
+
+    def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
+        self.shape = shape
+        self.at = at
+        self.folds: dict[tuple[int | None, Fold], Value] = {}
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold all elements."""
+        rows, columns = self.shape
+        elements = (self.at(row, column) for column in range(columns) for row in range(rows))
+        return accumulate(elements, folds, rows * columns)
+
+
+Value = Plain | WindowMatrix
+
+
+class SlidingWindow(WindowMatrix):
+    """The window of one array, or what is computed from it element by element.
+
+    Args:
+        source: (cells + rows - 1, cells + columns - 1) values under the windows of all cells.
+        shape: (rows, columns) of the window.
+    """
+
+    def __init__(self, source: Field, shape: Shape) -> None:
+        super().__init__(shape, self._shifted)
+        self.source = source
+        self._height = source.shape[0] - shape[0] + 1
+        self._width = source.shape[1] - shape[1] + 1
+        source.flags.writeable = False
+
+    def _shifted(self, row: int, column: int) -> Field:
+        return self.source[row : row + self._height, column : column + self._width]
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold along one axis after the other: rows + columns steps, not their product."""
+        return [_fold_box(fold, self.source, self.shape) for fold in folds]
+
+
+class WeightedWindow(WindowMatrix):
+    """A constant kernel times a sliding window, element by element."""
+
+    def __init__(self, kernel: NDArray[np.float32], window: SlidingWindow) -> None:
+        super().__init__(window.shape, lambda i, j: float(kernel[i, j]) * window.at(i, j))
+        self._kernel = kernel
+        self._window = window
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold; the sum of finite values is a correlation with the cleaned source."""
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
+            return super().reduce(folds)
+        return [
+            self._correlate() if fold is FINITE_SUM else self._window.reduce([fold])[0]
+            for fold in folds
+        ]
+
+    def _correlate(self) -> Element:
+        cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
+        total = np.zeros_like(cleaned.at(0, 0))
+        product = np.empty_like(total)
+        for row, column in np.argwhere(self._kernel):
+            np.multiply(cleaned.at(row, column), float(self._kernel[row, column]), out=product)
+            np.add(total, product, out=total)
+        return total
+
+
+class PaddedWindow(WindowMatrix):
+    """A sliding window that fills only a part of the whole; the rest is one value per cell.
+
+    Args:
+        window: the part.
+        padding: the value of every other element.
+        corner: (row, column) of the part in the whole.
+        shape: (rows, columns) of the whole.
+    """
+
+    def __init__(
+        self, window: SlidingWindow, padding: Element, corner: Shape, shape: Shape
+    ) -> None:
+        super().__init__(shape, self._inside_or_padding)
+        _protect(padding)
+        self.window = window
+        self.padding = padding
+        self.corner = corner
+
+    @classmethod
+    def with_mean(cls, window: SlidingWindow, corner: Shape, shape: Shape) -> "PaddedWindow":
+        """Pad with the mean of the finite values of the part."""
+        count, total = window.reduce([FINITE_COUNT, FINITE_SUM])
+        return cls(window, np.divide(total, count), corner, shape)
+
+    def _inside_or_padding(self, row: int, column: int) -> Element:
+        row, column = row - self.corner[0], column - self.corner[1]
+        inside = 0 <= row < self.window.shape[0] and 0 <= column < self.window.shape[1]
+        return self.window.at(row, column) if inside else self.padding
+
+    def map(self, function: Callable[..., Any], values: Sequence[Value]) -> "PaddedWindow":
+        """Apply an elementwise function to this window among numbers."""
+        parts = [value.window if value is self else value for value in values]
+        paddings = [self.padding if value is self else _element(value, 0, 0) for value in values]
+        window = _slide(function, parts, self.window.shape)
+        return PaddedWindow(window, apply(function, paddings, np.float64), self.corner, self.shape)
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold the part, and the padding as often as it stands in the whole."""
+        count = math.prod(self.shape) - math.prod(self.window.shape)
+        return [
+            fold.combine(inside, _REPEATED[fold.combine](fold.map(self.padding), count))
+            for fold, inside in zip(folds, self.window.reduce(folds), strict=True)
+        ]
+
+
+# What a value gives that is combined so and so many times with itself.
+_REPEATED: dict[np.ufunc, Callable[[Any, int], Any]] = {
+    np.add: lambda values, count: values * float(count),
+    np.multiply: lambda values, count: np.power(values, float(count)),
+    np.minimum: lambda values, _: values,
+    np.maximum: lambda values, _: values,
+}
+
+
+class WindowMatrices:
+    """The algebra of matrices per cell; what is the same in all cells stays a plain value."""
+
+    def constant(self, value: Plain) -> Value:
+        """Give the value itself."""
+        return value
+
+    def known(self, value: Value) -> Plain:
+        """Give a value that is the same in all cells."""
+        if isinstance(value, WindowMatrix):
+            raise Fault("this must not depend on the data of the window")
+        return value
+
+    def shape(self, value: Value) -> Shape:
+        """Give (rows, columns)."""
+        return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
+
+    def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
+        """Apply `function`; element by element only where there is no shorter way."""
+        windows = [value for value in values if isinstance(value, WindowMatrix)]
+        plain = [value for value in values if not isinstance(value, WindowMatrix)]
+        if not windows:
+            return _PLAIN.elementwise(function, *plain)
+        shape = common_shape(map(self.shape, values))
+        return _shortcut(function, values, windows, plain) or _matrix(
+            shape,
+            lambda row, column: apply(
+                function, [_element(value, row, column) for value in values], np.float64
+            ),
+        )
+
+    def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
+        """Reduce every cell's matrix; results are remembered."""
+        if not isinstance(value, WindowMatrix):
+            return list(_PLAIN.fold(value, axis, *folds))
+        new = [fold for fold in folds if (axis, fold) not in value.folds]
+        for fold, result in zip(new, _reduce(value, axis, new), strict=True):
+            value.folds[axis, fold] = result
+        return [value.folds[axis, fold] for fold in folds]
+
+    def product(self, left: Value, right: Value) -> Value:
+        """Multiply matrices."""
+        if not isinstance(left, WindowMatrix) and not isinstance(right, WindowMatrix):
+            return _PLAIN.product(left, right)
+        (rows, inner), columns = self.shape(left), self.shape(right)[1]
+
+        def at(row: int, column: int) -> Element:
+            total: Element = 0.0
+            for k in range(inner):
+                factors = [_element(left, row, k), _element(right, k, column)]
+                total = apply(np.add, [total, apply(np.multiply, factors, np.float64)], np.float64)
+            return total
+
+        return _matrix((rows, columns), at)
+
+    def transpose(self, value: Value) -> Value:
+        """Swap rows and columns."""
+        if not isinstance(value, WindowMatrix):
+            return _PLAIN.transpose(value)
+        rows, columns = value.shape
+        return _matrix((columns, rows), lambda row, column: value.at(column, row))
+
+    def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
+        """Pick rows and columns of every cell's matrix."""
+        if not isinstance(value, WindowMatrix):
+            return _PLAIN.take(value, rows, columns)
+        return _matrix((rows.size, columns.size), lambda i, j: value.at(rows[i], columns[j]))
+
+    def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
+        """Put blocks together."""
+        plain = [[block for block in row if not isinstance(block, WindowMatrix)] for row in blocks]
+        if all(len(known) == len(row) for known, row in zip(plain, blocks, strict=True)):
+            return _PLAIN.stack(plain)
+        places = [
+            [(block, i, j) for block in row for j in range(self.shape(block)[1])]
+            for row in blocks
+            for i in range(self.shape(row[0])[0])
+        ]
+        return _matrix((len(places), len(places[0])), lambda i, j: _element(*places[i][j]))
+
+
+def accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
+    """Fold at most `count` elements, each of which is made only once."""
+    totals: list[Any] = []
+    for element in elements:
+        mapped = [fold.map(element) for fold in folds]
+        if not totals:
+            totals = [_own(values, count) for values in mapped]
+            continue
+        for place, (fold, values) in enumerate(zip(folds, mapped, strict=True)):
+            totals[place] = _combine(fold.combine, totals[place], values)
+    return [_as_element(total) for total in totals]
+
+
+def _reduce(value: WindowMatrix, axis: int | None, folds: Sequence[Fold]) -> list[Value]:
+    if axis is None:
+        return [_field(total) for total in value.reduce(folds)]
+    rows, columns = value.shape
+    if axis == 0:
+        lines = [[(i, j) for i in range(rows)] for j in range(columns)]
+    else:
+        lines = [[(i, j) for j in range(columns)] for i in range(rows)]
+    totals = [accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
+    return [_line([total[k] for total in totals], axis) for k in range(len(folds))]
+
+
+def _line(elements: list[Element], axis: int) -> Value:
+    for element in elements:
+        _protect(element)
+    shape = (1, len(elements)) if axis == 0 else (len(elements), 1)
+    return _matrix(shape, lambda row, column: elements[row + column])
+
+
+def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
+    values = fold.map(source)
+    if values.dtype == np.bool_:
+        values = values.astype(np.min_scalar_type(shape[0] * shape[1]))
+    for axis, length in enumerate(shape):
+        size = values.shape[axis] - length + 1
+        lines = [np.moveaxis(values, axis, 0)[shift : shift + size] for shift in range(length)]
+        total = lines[0] if length == 1 else fold.combine(lines[0], lines[1])
+        for line in lines[2:]:
+            fold.combine(total, line, out=total)
+        values = np.moveaxis(total, 0, axis)
+    return _as_element(values)
+
+
+def _own(values: Any, count: int) -> Any:
+    """Give a copy to accumulate in; truth values are counted in the smallest sufficient type."""
+    if not isinstance(values, np.ndarray):
+        return float(values)
+    return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
+
+
+def _combine(combine: np.ufunc, total: Any, values: Any) -> Any:
+    if isinstance(total, np.ndarray):
+        return combine(total, values, out=total)
+    return combine(total, values)
+
+
+def _as_element(total: Any) -> Element:
+    if np.ndim(total) == 0:
+        return float(total)
+    return np.asarray(total, np.float64)
+
+
+def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
+    """Give a matrix of lazy elements; a single element is made at once and kept."""
+    return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
+
+
+def _field(element: Element) -> WindowMatrix:
+    _protect(element)
+    return WindowMatrix(SCALAR, lambda _row, _column: element)
+
+
+def _protect(element: Element) -> None:
+    if isinstance(element, np.ndarray):
+        element.flags.writeable = False
+
+
+def _element(value: Value, row: int, column: int) -> Element:
+    """Give an element, of a 1 x 1 value for any place."""
+    if isinstance(value, float):
+        return float(np.float32(value))
+    if value.shape == SCALAR:
+        row = column = 0
+    return value.at(row, column) if isinstance(value, WindowMatrix) else float(value[row, column])
+
+
+def _shortcut(
+    function: Callable[..., Any],
+    values: Sequence[Value],
+    windows: Sequence[WindowMatrix],
+    plain: Sequence[Plain],
+) -> WindowMatrix | None:
+    """Find a way to compute less than every element for itself."""
+    first = windows[0]
+    among_numbers = all(isinstance(value, float) for value in plain)
+    if among_numbers and all(isinstance(window, SlidingWindow) for window in windows):
+        return _slide(function, values, first.shape)
+    if len(windows) > 1:
+        return None
+    if among_numbers and isinstance(first, PaddedWindow):
+        return first.map(function, values)
+    if function is np.multiply and isinstance(first, SlidingWindow):
+        return WeightedWindow(np.broadcast_to(plain[0], first.shape), first)
+    return None
+
+
+def _slide(function: Callable[..., Any], values: Sequence[Value], shape: Shape) -> SlidingWindow:
+    return SlidingWindow(apply(function, list(map(_source, values)), np.float64), shape)
+
+
+def _source(value: Value) -> Element:
+    return value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)

@@ -1,0 +1,192 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation of an expression for the window around every cell."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grid_map_filters_py.errors import FilterError
+from grid_map_filters_py.expression.faults import Fault
+from grid_map_filters_py.expression.functions import SCALAR, Shape, describe
+from grid_map_filters_py.expression.interpreter import Interpreter
+from grid_map_filters_py.expression.missing import skips_missing
+from grid_map_filters_py.expression.nodes import Node
+from grid_map_filters_py.expression.window_matrices import (
+    PaddedWindow,
+    SlidingWindow,
+    Value,
+    WindowMatrices,
+    WindowMatrix,
+)
+
+if TYPE_CHECKING:
+    from grid_map_filters_py.expression.expression import Expression
+
+EdgeHandling = Literal["inside", "crop", "empty", "mean"]
+
+# Cells that are computed together: fields of this size stay in the cache of one core.
+_BLOCK = 32768
+
+_ALGEBRA = WindowMatrices()
+
+
+def over_windows(
+    expression: "Expression",
+    name: str,
+    layer: NDArray[Any],
+    window_size: int,
+    edge_handling: EdgeHandling,
+    *,
+    compute_empty_cells: bool = True,
+) -> NDArray[np.float32]:
+    """Evaluate an expression for the square window around every cell.
+
+    All cells are computed together, in double precision; memory is in the order of the layer.
+
+    Args:
+        expression: must give a number for a window. It knows no layer but the input layer.
+        name: of the input layer in the expression, where it stands for the window.
+        layer: (rows, columns), unwrapped (start index (0, 0)).
+        window_size: odd number of cells along a side.
+        edge_handling: what a window is near the border. `inside`: only cells whose window is
+            entirely on the map are computed, the others are NaN. `crop`: the part on the map.
+            `empty`: the part outside is NaN. `mean`: the part outside is the mean of the finite
+            values of the part on the map.
+        compute_empty_cells: False leaves cells NaN where the input is NaN.
+
+    Returns:
+        (rows, columns) float32 in Fortran order.
+
+    Raises:
+        ExpressionError: the result is not a number, or names, shapes or indices do not fit.
+        FilterError: the window size or the edge handling is impossible.
+    """
+    return expression.over_windows(
+        name, layer, window_size, edge_handling, compute_empty_cells=compute_empty_cells
+    )
+
+
+def evaluate_over_windows(
+    root: Node,
+    repeated: Collection[int],
+    name: str,
+    layer: NDArray[Any],
+    window_size: int,
+    edge_handling: EdgeHandling,
+) -> NDArray[np.float32]:
+    """Evaluate a syntax tree as `over_windows` does; raises Fault."""
+    _check_arguments(layer, window_size, edge_handling)
+    if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
+        margin = window_size // 2
+        padded = np.pad(layer, margin, constant_values=np.nan)
+        result = evaluate_over_windows(root, repeated, name, padded, window_size, "inside")
+        inner = tuple(slice(margin, margin + length) for length in layer.shape)
+        return np.asfortranarray(result[inner])
+    evaluation = _Evaluation(root, repeated, name, layer, window_size, edge_handling)
+    result = np.full(layer.shape, np.nan, np.float32, order="F")
+    for rows, columns in evaluation.tiles():
+        result[rows.cells, columns.cells] = evaluation.at(rows, columns)
+    return result
+
+
+@dataclass(frozen=True)
+class _Span:
+    """Neighbouring cells along one axis, of whose windows the same part is on the map.
+
+    The cells are `start` to `stop`, the part `first` to `last` of the window (ends excluded).
+    """
+
+    start: int
+    stop: int
+    first: int
+    last: int
+
+    @property
+    def cells(self) -> slice:
+        return slice(self.start, self.stop)
+
+    @property
+    def length(self) -> int:
+        return self.last - self.first
+
+    def source(self, margin: int) -> slice:
+        """Give the cells that lie under the windows."""
+        return slice(self.start + self.first - margin, self.stop + self.last - margin - 1)
+
+    def split(self, step: int) -> Iterator["_Span"]:
+        """Give parts of at most `step` cells."""
+        for start in range(self.start, self.stop, step):
+            yield _Span(start, min(start + step, self.stop), self.first, self.last)
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    root: Node
+    repeated: Collection[int]
+    name: str
+    layer: NDArray[Any]
+    window_size: int
+    edge_handling: EdgeHandling
+
+    def tiles(self) -> Iterator[tuple[_Span, _Span]]:
+        """Give rectangles of cells whose windows are all alike, and small enough for the cache."""
+        rows, columns = (self._spans(length) for length in self.layer.shape)
+        if not rows or not columns:
+            yield _nowhere(self.window_size), _nowhere(self.window_size)
+        for row_span, column_span in product(rows, columns):
+            step = max(1, _BLOCK // (row_span.stop - row_span.start))
+            yield from ((row_span, part) for part in column_span.split(step))
+
+    def _spans(self, length: int) -> list[_Span]:
+        size, margin = self.window_size, self.window_size // 2
+        near = range(min(margin, length) + 1)
+        cuts = sorted({*near, *(length - cell for cell in near)})
+        spans = [
+            _Span(start, stop, max(0, margin - start), min(size, length - stop + 1 + margin))
+            for start, stop in pairwise(cuts)
+        ]
+        if self.edge_handling == "inside":
+            return [span for span in spans if span.length == size]
+        return spans
+
+    def at(self, rows: _Span, columns: _Span) -> Any:
+        """Give the value in the cells of a tile: their array, or one number for all."""
+        names: dict[str, Value] = {self.name: self._window(rows, columns)}
+        available = f"{self.name} (a window expression knows only its input layer)"
+        value = Interpreter(_ALGEBRA, names, available, self.repeated)(self.root)
+        shape = _ALGEBRA.shape(value)
+        if shape != SCALAR:
+            raise Fault(
+                f"a window expression must give a single number, this one gives {describe(shape)}",
+                position=self.root.position,
+            )
+        return value.at(0, 0) if isinstance(value, WindowMatrix) else value
+
+    def _window(self, rows: _Span, columns: _Span) -> WindowMatrix:
+        margin, shape = self.window_size // 2, (rows.length, columns.length)
+        under = self.layer[rows.source(margin), columns.source(margin)]
+        window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
+        whole: Shape = (self.window_size, self.window_size)
+        if self.edge_handling == "mean" and shape != whole:
+            return PaddedWindow.with_mean(window, (rows.first, columns.first), whole)
+        return window
+
+
+def _nowhere(window_size: int) -> _Span:
+    """Give no cell at all; evaluated so that a wrong expression fails on any map."""
+    return _Span(window_size // 2, window_size // 2, 0, window_size)
+
+
+def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) -> None:
+    if window_size < 1 or window_size % 2 == 0:
+        raise FilterError(f"the window size must be odd and positive, not {window_size}")
+    if edge_handling not in get_args(EdgeHandling):
+        known = ", ".join(get_args(EdgeHandling))
+        raise FilterError(f"no edge handling {edge_handling!r}; available: {known}")
+    if np.ndim(layer) != 2:
+        raise FilterError(f"a layer has rows and columns, this shape is {np.shape(layer)}")

@@ -1,0 +1,44 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a filter is.
+
+A filter is a frozen dataclass that can be called. Its fields are its YAML parameters: `build` in
+`grid_map_core_py.config` checks their names and types, `__post_init__` their values. Calling it
+takes a map whose start index is (0, 0) and returns a new one that shares the layers it leaves
+alone; a filter never writes into its input. What it cannot do it raises; what the user should know
+it warns of.
+"""
+
+import math
+import warnings
+from typing import Protocol
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError
+
+
+class Filter(Protocol):
+    """Anything that turns one map into another; a dataclass when it is to be found in YAML."""
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        """Return the filtered map; the input stays as it is."""
+
+
+class FilterWarning(UserWarning):
+    """A filter did its work, but the user should know something about the result."""
+
+
+def warn(message: str) -> None:
+    """Issue a `FilterWarning`."""
+    warnings.warn(message, FilterWarning, stacklevel=3)
+
+
+def check(condition: bool, parameter: str, expected: str, found: object) -> None:
+    """Raise the `ConfigError` for a value of a parameter unless `condition` holds."""
+    if not condition:
+        raise ConfigError(f"parameter {parameter!r}: expected {expected}, found {found!r}")
+
+
+def check_radius(radius: float) -> None:
+    """Check the parameter `radius` of a filter that looks at a disc around each cell."""
+    check(math.isfinite(radius) and radius >= 0, "radius", "a length >= 0 [m]", radius)

@@ -1,0 +1,343 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chains from configurations, and what they do with filters that fail."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_filters_py import (
+    FilterChain,
+    FilterConfigError,
+    FilterError,
+    FilterWarning,
+    Step,
+    StepConfig,
+)
+
+DUPLICATION = "gridMapFilters/DuplicationFilter"
+MATH = "gridMapFilters/MathExpressionFilter"
+
+
+def step(name, expression, output_layer="out"):
+    params = {"expression": expression, "output_layer": output_layer}
+    return {"name": name, "type": MATH, "params": params}
+
+
+@pytest.fixture
+def grid_map() -> GridMap:
+    return GridMap((1.0, 2.0), 0.5, layers={"elevation": 1.0})
+
+
+def test_filters_run_in_numeric_order(grid_map):
+    config = {
+        f"filter{number}": step(f"step{number}", f"elevation * 10 + {number}", "elevation")
+        for number in range(10, 0, -1)
+    }
+    expected = 1.0
+    for number in range(1, 11):
+        expected = np.float32(expected * 10 + number)
+    chain = FilterChain.from_config(config)
+    assert [s.config.name for s in chain.steps] == [f"step{number}" for number in range(1, 11)]
+    np.testing.assert_allclose(chain(grid_map)["elevation"], expected, rtol=1e-6)
+
+
+def test_the_input_is_neither_changed_nor_shared(grid_map):
+    grid_map.start_index = (1, 2)
+    before = grid_map.copy()
+    result = FilterChain.from_config([step("one", "elevation + 1")])(grid_map)
+    result["elevation"][...] = 7.0
+    assert_maps_equal(grid_map, before)
+    assert grid_map.start_index == (1, 2)
+    assert result.start_index == (0, 0)
+
+
+def test_an_observer_is_told_of_every_step(grid_map):
+    seen = []
+    chain = FilterChain.from_config([step("one", "1"), step("two", "2")])
+    chain(grid_map, lambda s, seconds: seen.append((s.config.name, seconds >= 0)))
+    assert seen == [("one", True), ("two", True)]
+    assert len(chain) == 2
+
+
+def test_a_missing_layer_names_filter_layer_and_layers(grid_map):
+    chain = FilterChain.from_config(
+        {
+            "filter1": step("first", "1"),
+            "filter2": {
+                "name": "copy",
+                "type": DUPLICATION,
+                "params": {"input_layer": "elevtion", "output_layer": "b"},
+            },
+        }
+    )
+    with pytest.raises(FilterError) as caught:
+        chain(grid_map)
+    assert str(caught.value) == (
+        f"filter 2 'copy' ({DUPLICATION}): no layer 'elevtion'; available: elevation, out"
+    )
+    assert isinstance(caught.value.__cause__, LayerNotFoundError)
+
+
+def test_whatever_a_filter_raises_the_chain_says_which_filter_it_was(grid_map):
+    def broken(_):
+        raise ZeroDivisionError("oops")
+
+    chain = FilterChain([Step(StepConfig(1, "bad", "my/Filter"), broken)])
+    with pytest.raises(FilterError, match=r"filter 1 'bad' \(my/Filter\): ZeroDivisionError: oops"):
+        chain(grid_map)
+
+
+def test_a_warning_of_a_filter_carries_its_name_and_others_pass_through(grid_map):
+    def warns(grid_map):
+        warnings.warn("careful", FilterWarning, stacklevel=1)
+        warnings.warn("old", DeprecationWarning, stacklevel=1)
+        return grid_map
+
+    chain = FilterChain([Step(StepConfig(1, "w", "my/Filter"), warns)])
+    with pytest.warns() as caught:
+        chain(grid_map)
+    assert {(str(w.message), w.category) for w in caught} == {
+        ("filter 1 'w' (my/Filter): careful", FilterWarning),
+        ("old", DeprecationWarning),
+    }
+
+
+GOOD = {"name": "n", "type": DUPLICATION, "params": {"input_layer": "a", "output_layer": "b"}}
+
+
+def with_params(type_name, **params):
+    return [{"name": "n", "type": type_name, "params": params}]
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (None, "filters: expected filter1 .. filterN or a list, found nothing"),
+        ("filter1", "filters: expected filter1 .. filterN or a list, found 'filter1' (str)"),
+        ([], "filters: expected at least one filter, found none"),
+        ({}, "filters: expected at least one filter, found none"),
+        ({"filter1": GOOD, "filter3": GOOD}, "filters: filter2 is missing before filter3"),
+        ({"filter2": GOOD}, "filters: filter1 is missing before filter2"),
+        ({"filter0": GOOD}, "filters: expected filter1 .. filterN, found 'filter0'"),
+        ({"filter1": GOOD, "fliter2": GOOD}, "expected filter1 .. filterN, found 'fliter2'"),
+        ({"filter1": 3}, "filter 1: expected name, type and params, found 3 (int)"),
+        ([{"type": DUPLICATION}], "filter 1: name: expected a string, found nothing"),
+        ([{"name": "a"}], "filter 1: type: expected a string, found nothing"),
+        (
+            [{**GOOD, "parms": {}}],
+            "filter 1: unknown entry 'parms'; expected name, type and params",
+        ),
+        (
+            [{**GOOD, "params": [1]}],
+            "filter 1 'n': params: expected a mapping, found [1] (list)",
+        ),
+        ([GOOD, GOOD], "filter 2: the name 'n' is already that of filter 1"),
+        (
+            with_params("gridMapFilters/TresholdFilter"),
+            (
+                "filter 1 'n' (gridMapFilters/TresholdFilter): unknown type "
+                "'gridMapFilters/TresholdFilter'; did you mean gridMapFilters/ThresholdFilter"
+            ),
+        ),
+        (with_params("nothing"), "unknown type 'nothing'; available: gridMapCv/InpaintFilter"),
+        (
+            with_params(DUPLICATION, input_layer="a", ouput_layer="b"),
+            (
+                f"filter 1 'n' ({DUPLICATION}): unknown parameter 'ouput_layer'; "
+                "known: input_layer, output_layer"
+            ),
+        ),
+        (
+            with_params(DUPLICATION, input_layer="a"),
+            f"filter 1 'n' ({DUPLICATION}): missing parameter 'output_layer'",
+        ),
+        (
+            with_params(DUPLICATION, input_layer="a", output_layer=3),
+            (
+                f"filter 1 'n' ({DUPLICATION}): parameter 'output_layer': "
+                "expected a string, found 3 (int)"
+            ),
+        ),
+        (
+            with_params(
+                "gridMapFilters/MeanInRadiusFilter", input_layer="a", output_layer="b", radius=-1
+            ),
+            "parameter 'radius': expected a length >= 0 [m], found -1.0",
+        ),
+        (
+            with_params(
+                "gridMapCv/InpaintFilter", input_layer="a", output_layer="b", radius=np.nan
+            ),
+            "parameter 'radius': expected a length >= 0 [m], found nan",
+        ),
+        (
+            with_params(
+                "gridMapFilters/NormalVectorsFilter",
+                input_layer="a",
+                output_layers_prefix="n_",
+                normal_vector_positive_axis="w",
+            ),
+            "parameter 'normal_vector_positive_axis': expected one of 'x', 'y', 'z', found 'w'",
+        ),
+        (
+            with_params("gridMapFilters/ThresholdFilter", layer="a", set_to=0),
+            "expected exactly one of 'lower_threshold' and 'upper_threshold'",
+        ),
+        (
+            with_params(
+                "gridMapFilters/ThresholdFilter", output_layer="a", set_to=0, lower_threshold=1
+            ),
+            "expected either 'layer', or 'condition_layer' and 'output_layer'",
+        ),
+        (
+            with_params(
+                "gridMapFilters/ThresholdFilter",
+                layer="a",
+                output_layer="b",
+                set_to=0,
+                lower_threshold=1,
+            ),
+            "expected either 'layer', or 'condition_layer' and 'output_layer'",
+        ),
+        (
+            with_params(
+                "gridMapFilters/SlidingWindowMathExpressionFilter",
+                input_layer="a",
+                output_layer="b",
+                expression="sum(a)",
+                window_size=4,
+            ),
+            "parameter 'window_size': expected an odd number of cells, found 4",
+        ),
+        (
+            with_params(
+                "gridMapFilters/SlidingWindowMathExpressionFilter",
+                input_layer="a",
+                output_layer="b",
+                expression="sum(a)",
+                window_length=0.0,
+            ),
+            "parameter 'window_length': expected a length > 0 [m], found 0.0",
+        ),
+        (
+            with_params(MATH, expression="1 +", output_layer="b"),
+            f"filter 1 'n' ({MATH}): ",
+        ),
+    ],
+)
+def test_a_chain_that_cannot_be_built_says_where_and_why(config, message):
+    with pytest.raises(FilterConfigError) as caught:
+        FilterChain.from_config(config)
+    assert message in str(caught.value)
+    assert isinstance(caught.value, ConfigError)
+
+
+def test_a_syntax_error_shows_the_place():
+    with pytest.raises(FilterConfigError) as caught:
+        FilterChain.from_config([step("n", "abs(a -)")])
+    lines = str(caught.value).splitlines()
+    assert any(line.strip() == "^" for line in lines)
+
+
+ROS2 = """
+grid_map_filters:
+  ros__parameters:
+    input_topic: /grid_map
+    {name}:
+      filter1: {{name: a, type: gridMapFilters/MathExpressionFilter,
+                 params: {{expression: elevation + 1, output_layer: elevation}}}}
+      filter2:
+        name: b
+        type: gridMapFilters/ThresholdFilter
+        params: {{layer: elevation, upper_threshold: 1e-3, set_to: .nan}}
+"""
+
+ROS1 = """
+grid_map_filters:
+  - name: a
+    type: gridMapFilters/MathExpressionFilter
+    params: {expression: elevation + 1, output_layer: elevation}
+  - name: b
+    type: gridMapFilters/ThresholdFilter
+    params: {layer: elevation, upper_threshold: 1e-3, set_to: .nan}
+"""
+
+FLAT = """
+/**:
+  ros__parameters:
+    filters.filter1.name: a
+    filters.filter1.type: gridMapFilters/MathExpressionFilter
+    filters.filter1.params: {expression: elevation + 1, output_layer: elevation}
+    filters.filter2:
+      name: b
+      type: gridMapFilters/ThresholdFilter
+      params.layer: elevation
+      params.upper_threshold: 1e-3
+      params.set_to: .nan
+"""
+
+NAMESPACED = """
+robot:
+  mapping:
+    ros__parameters:
+      other: 1
+  filtering:
+    ros__parameters:
+      filters:
+        filter1: {name: a, type: gridMapFilters/MathExpressionFilter,
+                  params: {expression: elevation + 1, output_layer: elevation}}
+        filter2: {name: b, type: gridMapFilters/ThresholdFilter,
+                  params: {layer: elevation, upper_threshold: 0.001, set_to: .nan}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        (ROS2.format(name="filters"), "filters"),
+        (ROS2.format(name="my_chain"), "my_chain"),
+        (ROS1, "filters"),
+        (ROS1, "grid_map_filters"),
+        (FLAT, "filters"),
+        (NAMESPACED, "filters"),
+    ],
+    ids=["ros 2", "other name", "ros 1", "ros 1 by name", "flat", "namespaced"],
+)
+def test_a_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
+    path = tmp_path / "chain.yaml"
+    path.write_text(text)
+    chain = FilterChain.from_yaml(path, name)
+    assert [s.config.name for s in chain.steps] == ["a", "b"]
+    assert np.isnan(chain(grid_map)["elevation"]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: [", "not valid YAML"),
+        ("3", "expected a YAML mapping, found 3"),
+        ("a: {ros__parameters: {x: 1}}", "found no filter chain 'filters'"),
+        ("a: [1]\nb: [2]", "found no filter chain 'filters'"),
+        (
+            "a: {ros__parameters: {filters: {}}}\nb: {ros__parameters: {filters: {}}}",
+            "more than one node has 'filters': /a, /b",
+        ),
+    ],
+)
+def test_a_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
+    path = tmp_path / "chain.yaml"
+    path.write_text(text)
+    with pytest.raises(FilterConfigError) as caught:
+        FilterChain.from_yaml(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_is_an_os_error(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        FilterChain.from_yaml(tmp_path / "nowhere.yaml")

@@ -1,0 +1,295 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Expressions over the windows of a layer."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from expression_oracle import window_by_window
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+from grid_map_filters_py.errors import ExpressionError, FilterError
+from grid_map_filters_py.expression import Expression, over_windows
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+EDGES = ["inside", "crop", "empty", "mean"]
+STANDARD_DEVIATION = "sqrt(sumOfFinites(square(e - meanOfFinites(e))) ./ numberOfFinites(e))"
+KERNEL = "[0,-1,0;-1,5,-1;0,-1,0]"
+
+EXPRESSIONS = [
+    # reductions of the finite values
+    "meanOfFinites(e)",
+    "sumOfFinites(e)",
+    "numberOfFinites(e)",
+    "minOfFinites(e) + 1",
+    STANDARD_DEVIATION,
+    "maxOfFinites(abs(e - meanOfFinites(e)))",
+    "sumOfFinites(e ./ numberOfFinites(e))",
+    "sumOfFinites(2 * e^2 - 1)",
+    "meanOfFinites(cwiseMin(e, 0.5))",
+    "where(numberOfFinites(e) > 4, meanOfFinites(e), 0)",
+    "sumOfFinites(e .* e - e / 2)",
+    # what makes something of NaN, so that cropping is not padding
+    "sumOfFinites(2^e)",
+    "meanOfFinites(e^0)",
+    "meanOfFinites(1^e)",
+    "meanOfFinites(isfinite(e))",
+    "meanOfFinites(e > 0)",
+    "meanOfFinites(where(e > 0, e, 0.25))",
+    "sumOfFinites(e * transpose(e))",
+    "numberOfFinites(e) ./ (size(e, 0) * size(e, 1))",
+    # reductions of everything
+    "max(e) - min(e)",
+    "absmax(e)",
+    "mean(square(e))",
+    "prod(e)",
+    "norm(e)",
+    "trace(e)",
+    "norm(e - mean(e))",
+    "max(sum(e, 1))",
+    "mean(mean(e, 0))",
+    "min(transpose(e), 1)(0)",
+    "max(absmax(e, 0))",
+    # indices
+    "e(floor(size(e, 0) / 2), floor(size(e, 1) / 2))",
+    "e(end, end) - e(0, 0)",
+    "numberOfFinites(e(0, :))",
+    "e(1, 1)",
+    "sum(e(0:1, [1, 0]))",
+    # matrices
+    f"sumOfFinites({KERNEL} .* e)",
+    f"sum(e .* {KERNEL})",
+    f"numberOfFinites(e .* {KERNEL})",
+    "sumOfFinites([1, nan, inf] .* e(0, :))",
+    "sumOfFinites([1, nan, 2; inf, 1, 1; 0, 3, 1] .* e)",
+    "sum([1, 2, 1] * e)",
+    "[1, 2, 1] * e * [1; 0; -1]",
+    "sum(e * e)",
+    "sum([e(0, :), [1, e(0, 0)]])",
+    "sum(eye(size(e, 0), size(e, 1)) .* e)",
+    "max(cwiseMax(e, transpose(e)))",
+    "maxOfFinites(where(eye(3), e, -1))",
+    # no reduction at all
+    "2 + 3",
+    "e",
+    "-e",
+    "[e, e]",
+]
+
+values = st.one_of(
+    st.integers(-8, 8).map(lambda number: number / 4),
+    st.sampled_from([np.nan, np.nan, np.inf, -np.inf]),
+)
+layers = array_shapes(min_dims=2, max_dims=2, max_side=6).flatmap(
+    lambda shape: arrays(np.float32, shape, elements=values)
+)
+
+
+@pytest.mark.parametrize("text", EXPRESSIONS)
+@settings(max_examples=12)
+@given(
+    layer=layers,
+    window_size=st.sampled_from([1, 3, 3, 5, 7]),
+    edge_handling=st.sampled_from(EDGES),
+)
+def test_all_windows_at_once_give_what_each_gives_alone(text, layer, window_size, edge_handling):
+    if edge_handling == "inside" and window_size > min(layer.shape):
+        return  # there is no window at all; that case has a test of its own
+    expression = Expression(text)
+    expected = window_by_window(expression, "e", layer, window_size, edge_handling)
+    if expected is None:
+        with pytest.raises(ExpressionError):
+            expression.over_windows("e", layer, window_size, edge_handling)
+        return
+    result = expression.over_windows("e", layer, window_size, edge_handling)
+    np.testing.assert_allclose(result, expected, rtol=1e-5, atol=2e-6)
+
+
+def terrain(rows=40, columns=50, height=0.0) -> np.ndarray:
+    """Give hills of one metre with noise and holes."""
+    random = np.random.default_rng(7)
+    hills = np.add.outer(np.sin(np.arange(rows) / 9), np.cos(np.arange(columns) / 7))
+    layer = height + 0.5 * hills + 0.05 * random.normal(size=hills.shape)
+    layer[random.random(layer.shape) < 0.1] = np.nan
+    return np.asfortranarray(layer, dtype=np.float32)
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+@pytest.mark.parametrize("text", ["meanOfFinites(e)", STANDARD_DEVIATION])
+def test_a_large_map_is_computed_in_parts_without_seams(monkeypatch, text, edge_handling):
+    layer = terrain()
+    monkeypatch.setattr("grid_map_filters_py.expression.windows._BLOCK", 200)
+    in_parts = Expression(text).over_windows("e", layer, 5, edge_handling)
+    monkeypatch.undo()
+    np.testing.assert_array_equal(
+        in_parts, Expression(text).over_windows("e", layer, 5, edge_handling)
+    )
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+def test_terrain_at_a_thousand_metres_is_as_accurate_as_at_sea_level(edge_handling):
+    high = terrain(height=1000.0)
+    at_sea_level = high.astype(np.float64) - 1000.0  # exact, because the values are float32
+    for text in [STANDARD_DEVIATION, "max(e) - meanOfFinites(e)", "sumOfFinites(e - e(0, 0))"]:
+        over = Expression(text).over_windows
+        np.testing.assert_allclose(
+            over("e", high, 3, edge_handling),
+            over("e", at_sea_level, 3, edge_handling),
+            rtol=1e-5,
+            atol=1e-6,
+        )
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+def test_huge_values_do_not_spoil_windows_they_are_not_in(edge_handling):
+    layer = terrain()
+    layer[20, 20] = 1e30
+    apart = np.ones(layer.shape, bool)
+    apart[18:23, 18:23] = False
+    for text in ["meanOfFinites(e)", STANDARD_DEVIATION]:
+        spoilt = Expression(text).over_windows("e", layer, 5, edge_handling)
+        clean = Expression(text).over_windows("e", terrain(), 5, edge_handling)
+        np.testing.assert_array_equal(spoilt[apart], clean[apart])
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+@pytest.mark.parametrize("fill", [np.nan, np.inf])
+def test_a_map_without_finite_values_gives_nan_and_counts_zero(edge_handling, fill):
+    layer = np.full((4, 5), fill, np.float32)
+    assert np.isnan(Expression("meanOfFinites(e)").over_windows("e", layer, 3, edge_handling)).all()
+    counts = Expression("numberOfFinites(e)").over_windows("e", layer, 3, edge_handling)
+    assert (counts[1:-1, 1:-1] == 0).all()
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+def test_a_map_of_one_cell_has_windows(edge_handling):
+    cell = np.full((1, 1), 2.5, np.float32)
+    mean = Expression("meanOfFinites(e)").over_windows
+    assert mean("e", cell, 1, edge_handling) == 2.5
+    np.testing.assert_equal(
+        mean("e", cell, 3, edge_handling).item(), np.nan if edge_handling == "inside" else 2.5
+    )
+
+
+def test_no_cell_is_inside_when_the_window_is_larger_than_the_map():
+    layer = np.ones((3, 9), np.float32)
+    result = Expression("sum(e)").over_windows("e", layer, 5, "inside")
+    assert result.shape == layer.shape
+    assert np.isnan(result).all()
+
+
+def test_a_wrong_expression_is_an_error_even_if_no_cell_is_inside():
+    with pytest.raises(ExpressionError, match="this one gives 5 x 5"):
+        Expression("e + 1").over_windows("e", np.ones((3, 9), np.float32), 5, "inside")
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+def test_empty_cells_stay_empty_only_when_asked_for(edge_handling):
+    layer = terrain()
+    mean = Expression("meanOfFinites(e)").over_windows
+    everywhere = mean("e", layer, 3, edge_handling)
+    only_there = mean("e", layer, 3, edge_handling, compute_empty_cells=False)
+    empty = np.isnan(layer)
+    assert np.isfinite(everywhere[1:-1, 1:-1][empty[1:-1, 1:-1]]).all()
+    np.testing.assert_array_equal(only_there, np.where(empty, np.float32(np.nan), everywhere))
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_the_result_is_a_float32_layer_and_the_input_is_untouched(edge_handling, order):
+    layer = np.array(terrain(), order=order)
+    before = layer.copy()
+    for text in ["meanOfFinites(e)", "e(0, 0)", "3"]:
+        result = Expression(text).over_windows("e", layer, 3, edge_handling)
+        assert result.dtype == np.float32
+        assert result.flags.f_contiguous
+        assert result.shape == layer.shape
+        assert not np.shares_memory(result, layer)
+    np.testing.assert_array_equal(layer, before)
+    assert layer.flags.writeable
+
+
+def test_numbers_are_float32_as_in_whole_layers():
+    layer = np.full((3, 3), 0.1, np.float32)
+    assert Expression("sum(e > 0.1)")({"e": layer}) == 0
+    assert Expression("sum(e > 0.1)").over_windows("e", layer, 3, "inside")[1, 1] == 0
+
+
+def test_memory_does_not_grow_with_the_window():
+    layer = terrain(200, 200)
+
+    def peak(window_size):
+        tracemalloc.start()
+        Expression(STANDARD_DEVIATION).over_windows("e", layer, window_size, "crop")
+        size = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return size
+
+    assert peak(15) < 2 * peak(3)
+
+
+def test_the_function_and_the_method_are_the_same():
+    expression = Expression("meanOfFinites(e)")
+    np.testing.assert_array_equal(
+        over_windows(expression, "e", terrain(), 3, "crop", compute_empty_cells=False),
+        expression.over_windows("e", terrain(), 3, "crop", compute_empty_cells=False),
+    )
+
+
+def test_an_input_layer_hides_the_function_of_its_name():
+    layer = terrain()
+    np.testing.assert_array_equal(
+        Expression("max(1, 1)").over_windows("max", layer, 3, "inside")[1:-1, 1:-1],
+        layer[1:-1, 1:-1],
+    )
+
+
+ERRORS = [
+    (
+        "sum(e) + f",
+        9,
+        "no layer 'f'; available: e (a window expression knows only its input layer)",
+    ),
+    ("e + 1", 2, "must give a single number, this one gives 3 x 3"),
+    ("sum(e, 0)", 0, "must give a single number, this one gives 1 x 3"),
+    ("sum([1, 2; 3, 4] .* e)", 17, "the shapes 2 x 2 and 3 x 3 do not match"),
+    ("1 + e(3, 0)", 6, "index 3 is out of range; indices go from 0 to 2"),
+    ("e(numberOfFinites(e) - 9, 0)", 21, "must not depend on the data"),
+    ("sum(zeros(max(e)))", 10, "must not depend on the data"),
+    ("sum(0:e(0, 0))", 6, "must not depend on the data"),
+]
+
+
+@pytest.mark.parametrize(("text", "column", "message"), ERRORS)
+def test_what_does_not_fit_a_window_is_an_error_that_points_at_it(text, column, message):
+    with pytest.raises(ExpressionError) as caught:
+        Expression(text).over_windows("e", terrain(), 3, "inside")
+    first, line, caret = str(caught.value).split("\n")
+    assert message in first
+    assert line.strip() == text
+    assert caret.index("^") - line.index(text) == column
+
+
+def test_a_kernel_does_not_fit_cropped_windows():
+    with pytest.raises(ExpressionError, match="the shapes 3 x 3 and 2 x 2 do not match"):
+        Expression(f"sumOfFinites({KERNEL} .* e)").over_windows("e", terrain(), 3, "crop")
+
+
+@pytest.mark.parametrize("window_size", [0, -1, 2, 4])
+def test_the_window_size_must_be_odd(window_size):
+    with pytest.raises(FilterError, match=f"must be odd and positive, not {window_size}"):
+        Expression("sum(e)").over_windows("e", terrain(), window_size, "crop")
+
+
+def test_an_unknown_edge_handling_is_an_error():
+    with pytest.raises(FilterError, match="no edge handling 'wrap'; available: inside, crop"):
+        Expression("sum(e)").over_windows("e", terrain(), 3, "wrap")
+
+
+def test_a_layer_without_columns_is_an_error():
+    with pytest.raises(FilterError, match="a layer has rows and columns"):
+        Expression("sum(e)").over_windows("e", np.ones(4, np.float32), 3, "crop")

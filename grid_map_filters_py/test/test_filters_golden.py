@@ -1,0 +1,169 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every filter against the numbers of the C++ library."""
+
+import gzip
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain, FilterConfigError, FilterError, filter_types
+
+NAMESPACES = {"InpaintFilter": "gridMapCv"}
+ELSEWHERE = "gridMapFilters/SlidingWindowMathExpressionFilter"
+"""Windows are compared in the tests of the expression language, which has a table of its own."""
+
+
+@cache
+def golden() -> Any:
+    path = Path(__file__).parent / "golden" / "filters.json.gz"
+    with gzip.open(path, "rt") as file:
+        return json.load(file)
+
+
+def type_of(case) -> str:
+    return f"{NAMESPACES.get(case['filter'], 'gridMapFilters')}/{case['filter']}"
+
+
+def chain_of(case) -> FilterChain:
+    step = {"name": "under_test", "type": type_of(case), "params": case["params"]}
+    return FilterChain.from_config([step])
+
+
+def to_map(description) -> GridMap:
+    grid_map = GridMap(
+        description["length"],
+        description["resolution"],
+        description["position"],
+        {
+            name: np.array(description["layers"][name], dtype=np.float32)
+            for name in description["layer_order"]
+        },
+        basic_layers=description["basic_layers"],
+        frame_id=description["frame_id"],
+        timestamp=description["timestamp"],
+    )
+    grid_map.start_index = description["start_index"]
+    return grid_map
+
+
+def unwrapped(values, description) -> np.ndarray:
+    matrix = np.array(values, dtype=np.float32)
+    return np.roll(matrix, np.negative(description["start_index"]), axis=(0, 1))
+
+
+def is_whole_number_of_cells(case) -> bool:
+    """Contract 3: discs are closed, with an oracle in `test_filters`; C++ rounds at the rim."""
+    cells = case["params"].get("radius", 0.0) / golden()["maps"][case["map"]]["resolution"]
+    return cells > 0 and abs(cells - round(cells)) < 1e-6
+
+
+def deviates(case) -> str | None:
+    """Return why our result is deliberately another one, or None."""
+    name, params = case["filter"], case["params"]
+    moved = golden()["maps"][case["map"]]["start_index"] != [0, 0]
+    uses_disc = name == "MeanInRadiusFilter" or (
+        name == "NormalVectorsFilter" and params.get("algorithm", "area") == "area"
+    )
+    if uses_disc and is_whole_number_of_cells(case):
+        return "rim"
+    if uses_disc and params["input_layer"] == params.get("output_layer"):
+        return "reads what it writes"
+    if name == "NormalVectorsFilter" and moved and params.get("radius", 0.0) <= 0:
+        return "normals at the seam of the buffer"
+    if name == "NormalVectorsFilter" and moved and params["algorithm"] == "raster":
+        return "normals at the seam of the buffer"
+    if name == "InpaintFilter":
+        return "8 bits"
+    if name == "MathExpressionFilter" and params["expression"].startswith("meanOfFinites"):
+        return "stores a scalar as a 1 x 1 layer"
+    return None
+
+
+def cases(outcome: str) -> list[Any]:
+    return [
+        pytest.param(case, id=f"{case['filter']}-{case['map']}-{number}")
+        for number, case in enumerate(golden()["cases"])
+        if is_compared(case) and classify(case) == outcome
+    ]
+
+
+def is_compared(case) -> bool:
+    return type_of(case) in filter_types() and type_of(case) != ELSEWHERE
+
+
+def classify(case) -> str:
+    if case.get("configure") is False:
+        return "refused"
+    if "configure" not in case:
+        return "cast"
+    if case.get("exception") or case["update"] is False:
+        return "fails"
+    return "deviates" if deviates(case) else "equals"
+
+
+@pytest.mark.parametrize("case", cases("equals"))
+def test_the_result_equals_cpp(case):
+    description = golden()["maps"][case["map"]]
+    result = chain_of(case)(to_map(description))
+    assert list(result.layers) == case["result"]["layer_order"]
+    for name, values in case["result"]["layers"].items():
+        expected = unwrapped(values, description)
+        finite = expected[np.isfinite(expected)]
+        tolerance = 1e-5 * (np.ptp(finite) if finite.size else 1.0)
+        if name == "color":
+            # NaN stays NaN (contract 5); C++ makes -0.0 of it.
+            expected[expected.view(np.uint32) == 1 << 31] = np.nan
+            np.testing.assert_array_equal(result[name].view(np.uint32), expected.view(np.uint32))
+        else:
+            np.testing.assert_allclose(result[name], expected, rtol=1e-6, atol=tolerance)
+
+
+@pytest.mark.parametrize("case", cases("refused"))
+def test_parameters_that_cpp_refuses_are_refused(case):
+    missing_layer = case["params"].get("layer") == "nope"
+    with pytest.raises(FilterError) as caught:
+        chain_of(case)(to_map(golden()["maps"][case["map"]]))
+    assert isinstance(caught.value, FilterConfigError) or missing_layer
+    assert "filter 1 'under_test'" in str(caught.value)
+
+
+@pytest.mark.parametrize("case", cases("cast"))
+def test_an_integer_does_for_a_float(case):
+    """C++ refuses `radius: 1`; ours casts (contract 8: both must load)."""
+    result = chain_of(case)(to_map(golden()["maps"][case["map"]]))
+    floats = {**case["params"], "radius": float(case["params"]["radius"])}
+    expected = chain_of({**case, "params": floats})(to_map(golden()["maps"][case["map"]]))
+    np.testing.assert_array_equal(result["o"], expected["o"])
+
+
+@pytest.mark.parametrize("case", cases("fails"))
+def test_maps_that_cpp_cannot_filter_raise(case):
+    chain = chain_of(case)
+    with pytest.raises(FilterError, match="filter 1 'under_test'"):
+        chain(to_map(golden()["maps"][case["map"]]))
+
+
+def test_nothing_was_left_out():
+    counts = {name: len(cases(name)) for name in ("equals", "refused", "cast", "fails", "deviates")}
+    assert sum(counts.values()) == sum(is_compared(case) for case in golden()["cases"])
+    assert counts["equals"] >= 60
+    assert all(counts.values()), counts
+
+
+@pytest.mark.parametrize("case", cases("deviates"))
+def test_a_deliberate_deviation_is_the_same_on_a_moved_map(case):
+    """Where C++ is wrong its moved maps differ; ours must not."""
+    description = golden()["maps"][case["map"]]
+    moved = to_map(description)
+    unmoved = moved.copy()
+    unmoved.convert_to_default_start_index()
+    chain = chain_of(case)
+    result, expected = chain(moved), chain(unmoved)
+    for name in expected:
+        np.testing.assert_array_equal(result[name], expected[name])

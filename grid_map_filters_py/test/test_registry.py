@@ -1,0 +1,84 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Filters of third parties, through real entry points of an installed distribution."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from grid_map_filters_py import FilterConfigError, filter_class, filter_types
+from grid_map_filters_py.builtin.threshold import Threshold
+
+MODULE = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True, kw_only=True)
+class Lift:
+    layer: str
+    height: float = 1.0
+
+    def __call__(self, grid_map):
+        return grid_map.with_layers({self.layer: grid_map[self.layer] + self.height})
+"""
+
+USE = """
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain
+step = {"name": "up", "type": "lift/LiftFilter", "params": {"layer": "elevation", "height": 2}}
+result = FilterChain.from_config([step])(GridMap((1, 1), 0.5, layers={"elevation": 3.0}))
+print(float(result["elevation"][0, 0]))
+"""
+
+
+def install(folder: Path, entry: str) -> None:
+    (folder / "lift_filters.py").write_text(MODULE)
+    info = folder / "lift_filters-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lift-filters\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[grid_map_filters_py.filters]\n{entry}\n")
+
+
+def run_python(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(folder), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60
+    )
+
+
+def test_a_filter_of_a_third_party_is_found_by_its_type(tmp_path):
+    install(tmp_path, "lift/LiftFilter = lift_filters:Lift")
+    result = run_python(tmp_path, USE)
+    assert result.stdout.strip() == "5.0", result.stderr
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            "gridMapFilters/ThresholdFilter = lift_filters:Lift",
+            (
+                "type 'gridMapFilters/ThresholdFilter' is registered by this package "
+                "and by lift_filters:Lift"
+            ),
+        ),
+        ("lift/LiftFilter = lift_filters:Lost", "cannot load 'lift_filters:Lost'"),
+        ("lift/LiftFilter = nowhere:Lift", "cannot load 'nowhere:Lift'"),
+    ],
+)
+def test_an_entry_point_that_cannot_serve_is_named(tmp_path, entry, message):
+    install(tmp_path, entry)
+    result = run_python(tmp_path, USE)
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert "FilterConfigError" in result.stderr
+
+
+def test_built_in_filters_are_found_and_listed():
+    assert filter_class("gridMapFilters/ThresholdFilter") is Threshold
+    assert "gridMapCv/InpaintFilter" in filter_types()
+    with pytest.raises(FilterConfigError, match="unknown type ''"):
+        filter_class("")
