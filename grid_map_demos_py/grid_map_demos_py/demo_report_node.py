@@ -1,0 +1,149 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_demo_report`: collects what the filters demo publishes and reports on it.
+
+Waits for maps and for a message on every other topic, writes two pictures, prints a table and ends.
+The exit code is 0 only if every topic delivered in time.
+
+Parameters:
+    output_directory: where the pictures go (`demo_output`).
+    maps: number of filtered maps to wait for (5).
+    timeout: how long to wait [s] (60.0).
+"""
+
+import statistics
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.parameters import read_parameter
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .picture import save_picture
+from .report import Report
+
+INPUT = "/grid_map"
+OUTPUT = "/filtered_map"
+DIAGNOSTICS = "/diagnostics"
+SHOWN = {
+    "/elevation_points": PointCloud2,
+    "/traversability_grid": OccupancyGrid,
+    "/surface_normals": Marker,
+    "/map_region": Marker,
+}
+"""What the visualization publishes."""
+
+
+class IncompleteDemoError(GridMapError):
+    """A topic of the demo has not delivered what it should."""
+
+
+class DemoReportNode(Node):
+    """Subscribes to everything and ends when it has seen enough."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_demo_report")
+        self._directory = Path(read_parameter(self, "output_directory", str, "demo_output"))
+        self._maps = read_parameter(self, "maps", int, 5)
+        if self._maps < 1:
+            raise ConfigError(f"parameter 'maps': expected at least 1, found {self._maps}")
+        self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
+        self._filtered: GridMap | None = None
+        self._latencies: list[float] = []
+        self._listen(INPUT, GridMapMessage, lambda _: None)
+        self._listen(OUTPUT, GridMapMessage, self._on_filtered, raw=False)
+        self._listen(DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, raw=False, qos=10)
+        for topic, message_type in SHOWN.items():
+            self._listen(topic, message_type, lambda _: None)
+        self._timeout = read_parameter(self, "timeout", float, 60.0)
+        self.create_timer(self._timeout, self._give_up)
+
+    def _listen(
+        self,
+        topic: str,
+        message_type: type,
+        use: Callable[[object], None],
+        *,
+        raw: bool = True,
+        qos: QoSProfile | int | None = None,
+    ) -> None:
+        """Count the messages of a topic and use them; raw ones cost no conversion to Python."""
+
+        def receive(message: object) -> None:
+            self._report.counts[topic] += 1
+            use(message)
+            self._finish_if_complete()
+
+        self.create_subscription(message_type, topic, receive, qos or map_qos(), raw=raw)
+
+    def _on_filtered(self, message: GridMapMessage) -> None:
+        self._filtered = from_message(message)
+        now = self.get_clock().now().nanoseconds
+        self._latencies.append(1e-6 * (now - self._filtered.timestamp))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
+            self._report.add_times(
+                {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
+            )
+
+    def _finish_if_complete(self) -> None:
+        if self._filtered is None or self._report.missing({OUTPUT: self._maps}):
+            return
+        self._write_pictures(self._filtered)
+        self._report.latency = statistics.median(self._latencies)
+        print(self._report.to_text(self._filtered), flush=True)
+        self.context.try_shutdown()
+
+    def _write_pictures(self, grid_map: GridMap) -> None:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        elevation = self._directory / "elevation.png"
+        save_picture(
+            grid_map,
+            "elevation",
+            elevation,
+            shade_by="elevation_inpainted",
+            title="Elevation as it was published, holes in white",
+            label="elevation [m]",
+        )
+        traversability = self._directory / "traversability.png"
+        save_picture(
+            grid_map,
+            "traversability",
+            traversability,
+            shade_by="elevation_inpainted",
+            title="Traversability",
+            label="traversability (0: none, 1: flat and even)",
+            color_map="RdYlGn",
+            limits=(0.0, 1.0),
+        )
+        self._report.files = [elevation, traversability]
+
+    def _give_up(self) -> None:
+        missing = self._report.missing({OUTPUT: self._maps})
+        raise IncompleteDemoError(
+            f"after {self._timeout:g} s too few messages on {', '.join(missing)}; "
+            f"received: {self._report.counts}"
+        )
+
+
+def main() -> int:
+    """Run the node until it has reported; return the exit code."""
+    return run(DemoReportNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

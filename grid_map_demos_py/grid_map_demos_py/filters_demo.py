@@ -1,0 +1,66 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The traversability chain on real ground: four processes that talk over DDS, in one command.
+
+    filters_demo [--report DIRECTORY]
+
+Starts the terrain, the filter chain and the visualization, and runs until it is interrupted. With
+`--report` a fourth process collects what they publish, writes pictures into the directory, prints a
+table and ends the demo; the exit code is 0 only if every topic delivered.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from .processes import ProcessGroup
+
+REPORT = "grid_map_demos_py.demo_report_node"
+
+NODES = {
+    "grid_map_demos_py.terrain_publisher_node": "filters_demo.yaml",
+    "grid_map_filters_py.filter_chain_node": "filters_demo_filter_chain.yaml",
+    "grid_map_visualization_py.visualization_node": "filters_demo_visualization.yaml",
+}
+"""Modules and their parameter files in `config`."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demo; return its exit code."""
+    with ProcessGroup() as processes:
+        options = _parse(arguments)
+        for module, parameters in NODES.items():
+            processes.start(module, _ros_arguments(parameters))
+        if options.report:
+            output = ["-p", f"output_directory:={options.report}"]
+            processes.start(REPORT, [*_ros_arguments("filters_demo.yaml"), *output])
+        return _exit_code(processes.wait(), interrupted=1 if options.report else 0)
+
+
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="filters_demo", description=__doc__.split("\n")[0])
+    parser.add_argument(
+        "--report", metavar="DIRECTORY", help="write pictures there, print a table and end"
+    )
+    # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.
+    return parser.parse_known_args(arguments)[0]
+
+
+def _ros_arguments(parameter_file: str) -> list[str]:
+    from .share import share
+
+    return ["--ros-args", "--params-file", str(share("config", parameter_file))]
+
+
+def _exit_code(ended: tuple[str, int] | None, interrupted: int) -> int:
+    if ended is None:
+        return interrupted
+    module, code = ended
+    if module != REPORT:
+        print(f"filters_demo: {module} ended with exit code {code}", file=sys.stderr)
+        return code or 1
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,14 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files that are installed with this package."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+
+PACKAGE = "grid_map_demos_py"
+
+
+def share(*parts: str) -> Path:
+    """Return the path of an installed file, such as `share("config", "simple_demo.yaml")`."""
+    return Path(get_package_share_directory(PACKAGE), *parts)

@@ -1,0 +1,46 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_simple_demo`: makes a map, fills it with a wave that moves, and publishes it.
+
+Publishes `/grid_map` 30 times a second.
+"""
+
+import sys
+
+import numpy as np
+from rclpy.node import Node
+
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_message
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+
+class SimpleDemoNode(Node):
+    """Publishes a wave."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_simple_demo")
+        self._map = GridMap((1.2, 2.0), 0.03, layers=["elevation"], frame_id="map")
+        self._publisher = self.create_publisher(GridMapMessage, "/grid_map", map_qos())
+        rows, columns = self._map.size
+        self.get_logger().info(f"a map of {rows} x {columns} cells on /grid_map")
+        self.create_timer(1.0 / 30.0, self._publish)
+
+    def _publish(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        x, y = self._map.geometry.axes()
+        wave = np.sin(3.0 * 1e-9 * now + 5.0 * y)
+        self._map["elevation"] = -0.04 + 0.2 * wave[None, :] * x[:, None]
+        self._map.timestamp = now
+        self._publisher.publish(to_message(self._map))
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(SimpleDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

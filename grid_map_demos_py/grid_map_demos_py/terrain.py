@@ -1,0 +1,63 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A terrain to demonstrate with: real ground, with the holes that sensors leave."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
+
+METRES_PER_POST = 84.0
+"""Of the elevation model: 3 arc seconds at 36.6 degrees of latitude, averaged over x and y."""
+
+HOLES = 120
+LARGEST_HOLE = 6.0
+"""Radius in cells."""
+
+
+def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map") -> GridMap:
+    """Return the ground around the Jacksboro fault as a model with cells of `resolution`.
+
+    Args:
+        path: the elevation model, an .npz file with `elevation` (rows to the south, columns to the
+            east) [m].
+        resolution: side of a cell [m]; heights are to the same scale.
+        frame_id: coordinate frame of the map; x points east, y north.
+
+    Returns:
+        A map of 403 x 344 cells with the layers `elevation` [m], above its lowest point, and
+        `color`; both NaN in round holes.
+    """
+    with np.load(path) as model:
+        posts = model["elevation"].astype(np.float32)
+    heights = (posts - posts.min()) * np.float32(resolution / METRES_PER_POST)
+    # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
+    elevation = heights[:, ::-1].T
+    grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
+    grid_map["elevation"] = elevation
+    grid_map["color"] = color_vector_to_value(_hypsometric_tints(elevation))
+    _punch_holes(grid_map)
+    return grid_map
+
+
+def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    """Return (rows, cols, 3) colours of (rows, cols) heights: green valleys, white summits."""
+    share = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-9)
+    tints = [(0.18, 0.42, 0.24), (0.62, 0.68, 0.38), (0.62, 0.47, 0.32), (0.96, 0.95, 0.94)]
+    stops = np.linspace(0.0, 1.0, len(tints))
+    return np.stack(
+        [np.interp(share, stops, channel) for channel in zip(*tints, strict=True)], axis=-1
+    )
+
+
+def _punch_holes(grid_map: GridMap) -> None:
+    """Set discs to NaN; always the same ones."""
+    random = np.random.default_rng(7)
+    centres = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
+    radii = random.uniform(0.5, LARGEST_HOLE, HOLES) * grid_map.resolution
+    for centre, radius in zip(centres, radii, strict=True):
+        cells = tuple(circle_cells(grid_map, centre, radius).T)
+        for layer in grid_map:
+            grid_map[layer][cells] = np.nan
