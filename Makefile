@@ -1,0 +1,50 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+
+SHELL := /bin/bash
+PACKAGES := grid_map_core_py grid_map_filters_py grid_map_ros_py
+ENTER := . tools/env.sh &&
+empty :=
+SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test test-oldest check format bench clean distclean
+
+help:  ## Show the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
+
+setup:  ## Make the Python environment .venv (PYTHON=... chooses the Python)
+	@tools/workspace setup
+
+build:  ## Build with colcon what has changed
+	@tools/workspace build
+
+demo: build  ## Publish a terrain, filter it, write pictures to demo_output/
+	@tools/run grid_map_demos_py filters_demo --report demo_output
+
+test: build  ## Run all tests
+	@tools/test
+
+test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy, SciPy and OpenCV
+	@tools/workspace oldest
+	@for package in grid_map_core_py grid_map_filters_py; do \
+	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \
+	        $(CURDIR)/.venv-oldest/bin/python -m pytest --ignore-glob='*/test_node_*.py') || exit 1; \
+	done
+
+check: setup  ## Check style, types, imports and licence headers
+	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \
+	    export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && \
+	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports
+
+format:  ## Format the code and repair what can be repaired
+	@$(ENTER) ruff check --fix . ; ruff format .
+
+bench: build  ## Run the benchmarks
+	@$(ENTER) python3 -m pytest benchmarks --benchmark-only
+
+clean:  ## Remove what was built
+	rm -rf build install log demo_output
+
+distclean: clean  ## Remove the Python environments as well
+	rm -rf .venv .venv-oldest .lock

@@ -1,0 +1,66 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`. tools/env.sh` puts a shell into the environment, and `tools/run` starts executables."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from scratch import PYTHON_PACKAGES, ROOT, run
+
+SHELLS = [shell for shell in ("bash", "zsh") if shutil.which(shell)]
+IMPORTS = "import rclpy, grid_map_msgs.msg, " + ", ".join(path.name for path in PYTHON_PACKAGES)
+
+
+@pytest.fixture
+def environ() -> dict[str, str]:
+    """The environment in which the tests were started, for a sourced ROS belongs to it."""
+    return dict(os.environ)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_shell_anywhere_finds_python_colcon_and_our_packages(shell, environ, tmp_path):
+    script = f". {ROOT}/tools/env.sh && command -v colcon && python -c '{IMPORTS}'"
+    done = run(shell, "-c", script, environ=environ, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_sourcing_twice_changes_nothing(shell, environ):
+    show = "env | grep -E '^(PATH|.*_PATH|PYTHONPATH)=' | sort"
+    script = f". {ROOT}/tools/env.sh; {show}; echo --; . {ROOT}/tools/env.sh; {show}"
+    once, twice = run(shell, "-c", script, environ=environ).stdout.split("--\n")
+    assert once == twice
+    path = next(line for line in once.splitlines() if line.startswith("PYTHONPATH="))
+    entries = path.removeprefix("PYTHONPATH=").split(":")
+    assert len(entries) == len(set(entries))
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+@pytest.mark.parametrize("options", ["set -eu", "set +eu"])
+def test_the_shell_keeps_its_options_arguments_and_functions(shell, options, environ):
+    script = f'{options}; b=$-; . {ROOT}/tools/env.sh; echo "$b $- $*"; typeset -f | grep _grid_map'
+    done = run(shell, "-c", script, "name", "one", "two", environ=environ)
+    before, after, *arguments = done.stdout.split()
+    assert before == after
+    assert arguments == ["one", "two"]
+
+
+def test_an_unknown_executable_is_answered_with_those_that_exist(environ, tmp_path):
+    started = run(ROOT / "tools/run", "grid_map_filters_py", "x", environ=environ, cwd=tmp_path)
+    assert started.returncode == 1
+    assert "no executable 'x'" in started.stderr.lower()
+    assert "filter_chain" in started.stderr
+
+
+def test_an_executable_gets_its_arguments_and_gives_its_exit_code(environ, tmp_path):
+    program = tmp_path / "lib" / "some_package" / "tell"
+    program.parent.mkdir(parents=True)
+    program.write_text('#!/bin/sh\necho "$2"\nexit 7\n')
+    program.chmod(0o755)
+    script = f'. tools/env.sh; export AMENT_PREFIX_PATH="{tmp_path}:$AMENT_PREFIX_PATH"; exec "$@"'
+    command = ("tools/run", "some_package", "tell", "a", "b c")
+    done = run("bash", "-c", script, "bash", *command, environ=environ, cwd=Path(ROOT))
+    assert (done.returncode, done.stdout) == (7, "b c\n")

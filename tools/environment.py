@@ -1,0 +1,167 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The Python environments of the workspace, and the shell environment around them."""
+
+import importlib.metadata
+import platform
+import re
+import shutil
+import sys
+import sysconfig
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from machine import BOOTSTRAP_GUARD
+from steps import ROOT, digest, run, say, write_at_once
+
+VENV = ROOT / ".venv"
+VENV_OLDEST = ROOT / ".venv-oldest"
+PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
+SITE_PACKAGES = VENV / "lib" / PYTHON / "site-packages"
+
+REQUIREMENTS = ROOT / "tools" / "requirements.txt"
+REQUIREMENTS_OLDEST = ROOT / "tools" / "requirements-oldest.txt"
+CONSTRAINTS = ROOT / "tools" / "constraints.txt"
+
+RECIPE = "1"
+"""Change it when a change of this program must remake the environments that exist."""
+
+ADDED_TO_ROS = (
+    "hypothesis",
+    "import-linter",
+    "lark",
+    "mcap",
+    "mypy",
+    "pytest-benchmark",
+    "pytest-timeout",
+    "ruff",
+    "types-PyYAML",
+)
+"""Distributions that `.venv` adds to a sourced ROS where they are missing."""
+
+
+def setup(outer: Mapping[str, str], ros: bool) -> str:
+    """Make `.venv` unless it is there, and return the fingerprint of what it was made of."""
+    fill = _add_to_ros if ros else _install_ros
+    fingerprint = _fingerprint(fill.__name__, REQUIREMENTS, CONSTRAINTS)
+    options = ["--system-site-packages"] if ros else []
+    _ensure_venv(VENV, fingerprint, outer, options, lambda: fill(outer))
+    return fingerprint
+
+
+def setup_oldest(outer: Mapping[str, str]) -> None:
+    """Make `.venv-oldest`, without ROS, unless it is there."""
+    fingerprint = _fingerprint("oldest", REQUIREMENTS_OLDEST)
+    install = ("-r", REQUIREMENTS_OLDEST)
+    _ensure_venv(VENV_OLDEST, fingerprint, outer, [], lambda: _pip(VENV_OLDEST, outer, *install))
+
+
+def is_set_up() -> bool:
+    return _stamp(VENV).exists()
+
+
+def _fingerprint(kind: str, *sources: Path) -> str:
+    # The path counts because an environment cannot be moved.
+    python = (sys.version, sys.base_prefix)
+    return digest(RECIPE, kind, str(ROOT), *python, *(path.read_bytes() for path in sources))
+
+
+def _stamp(venv: Path) -> Path:
+    return venv / ".complete"
+
+
+def _ensure_venv(
+    venv: Path,
+    fingerprint: str,
+    outer: Mapping[str, str],
+    options: Iterable[str],
+    fill: Callable[[], None],
+) -> None:
+    """Make `venv` anew unless it is complete and carries `fingerprint`."""
+    stamp = _stamp(venv)
+    if stamp.exists() and stamp.read_text() == fingerprint:
+        return
+    say(f"Making {venv.name} with Python {platform.python_version()}; this takes minutes, once ...")
+    # The stamp goes first, so that a removal that is cut short leaves none behind.
+    stamp.unlink(missing_ok=True)
+    if venv.exists():
+        shutil.rmtree(venv)
+    run(sys.executable, "-m", "venv", *options, venv, environ=outer)
+    # The wheels bring package.xml files, which colcon would take for packages of ours, and lack
+    # the set-up files that it expects of every prefix.
+    for name in ("COLCON_IGNORE", "local_setup.sh", "local_setup.bash", "local_setup.zsh"):
+        (venv / name).touch()
+    fill()
+    write_at_once(stamp, fingerprint)
+
+
+def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
+    install = ("-m", "pip", "install", "-qq", "--no-input", "--disable-pip-version-check")
+    environ = {**outer, BOOTSTRAP_GUARD: "1"}
+    run(venv / "bin" / "python", *install, *arguments, environ=environ)
+
+
+def _install_ros(outer: Mapping[str, str]) -> None:
+    _pip(VENV, outer, "-r", REQUIREMENTS, "-c", CONSTRAINTS)
+    # A requirement of ROS brings the outdated lark-parser, whose files lie on top of lark's.
+    _pip(VENV, outer, "--force-reinstall", "--no-deps", *_pins_of(["lark"]))
+    _point_cmake_here()
+
+
+def _point_cmake_here() -> None:
+    """Replace, in the CMake files of the wheels, the Python paths of the machine they are from."""
+    there = r"/opt/python/cp\d+-cp\d+"
+    numpy = SITE_PACKAGES / "numpy" / "_core" / "include"
+    for path in (VENV / "share").rglob("*.cmake"):
+        text = path.read_text()
+        here = re.sub(rf"{there}/lib/{PYTHON}/site-packages/numpy/_core/include", str(numpy), text)
+        here = re.sub(rf"{there}/include/{PYTHON}", sysconfig.get_path("include"), here)
+        if here != text:
+            path.write_text(here)
+
+
+def _add_to_ros(outer: Mapping[str, str]) -> None:
+    """Add the tools that are missing, holding whatever is installed at the version it has."""
+    installed = {dist.name: dist.version for dist in importlib.metadata.distributions()}
+    known = {str(name).lower() for name in installed}
+    missing = [name for name in ADDED_TO_ROS if name.lower() not in known]
+    if not missing:
+        return
+    held = VENV / "installed-with-ros.txt"
+    # pip refuses whole files for one version that is not plain, as Debian's sometimes are not.
+    plain = re.compile(r"[\w.-]+==\d+(\.\d+)*")
+    lines = [f"{name}=={version}" for name, version in installed.items()]
+    held.write_text("\n".join(filter(plain.fullmatch, lines)))
+    _pip(VENV, outer, "-c", held, *_pins_of(missing))
+
+
+def _pins_of(names: Iterable[str]) -> list[str]:
+    lines = REQUIREMENTS.read_text().splitlines()
+    pins = {line.partition("==")[0]: line.strip() for line in lines}
+    return [pins[name] for name in names]
+
+
+def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
+    """Return what to build in, and with `install/local_setup.*` on top what to run in."""
+    if ros:  # What ROS brings comes first, ours fills the gaps.
+        ours = {
+            "PATH": _path_list(outer.get("PATH"), VENV / "bin"),
+            "PYTHONPATH": _path_list(outer.get("PYTHONPATH"), SITE_PACKAGES),
+        }
+    else:
+        # Complete and in a fixed order, or each start of Python would put it together once more,
+        # in random order.
+        libraries = [VENV / "lib", *sorted(SITE_PACKAGES.glob("ros_*.libs"))]
+        ours = {
+            "PATH": _path_list(VENV / "bin", outer.get("PATH")),
+            "AMENT_PREFIX_PATH": _path_list(outer.get("AMENT_PREFIX_PATH"), VENV),
+            "LD_LIBRARY_PATH": _path_list(*libraries, outer.get("LD_LIBRARY_PATH")),
+            "VIRTUAL_ENV": str(VENV),
+            BOOTSTRAP_GUARD: "1",
+            "RMW_IMPLEMENTATION": outer.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
+        }
+    return {**outer, **ours, "GRID_MAP_PY_ROOT": str(ROOT)}
+
+
+def _path_list(*entries: str | Path | None) -> str:
+    return ":".join(str(entry) for entry in entries if entry)

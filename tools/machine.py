@@ -1,0 +1,117 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What this machine and the calling shell offer, and what they lack."""
+
+import importlib.util
+import platform
+import shutil
+import sys
+import sysconfig
+from collections.abc import Mapping
+from pathlib import Path
+
+from steps import ROOT, Refusal
+
+PATH_LISTS = (
+    "PATH",
+    "PYTHONPATH",
+    "LD_LIBRARY_PATH",
+    "AMENT_PREFIX_PATH",
+    "CMAKE_PREFIX_PATH",
+)
+
+BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+"""Set, it keeps the wheels of ROS from starting every Python a second time."""
+
+BESIDE_ROS = {
+    "cv2": "python3-opencv",
+    "matplotlib": "python3-matplotlib",
+    "numpy": "python3-numpy",
+    "pytest": "python3-pytest",
+    "scipy": "python3-scipy",
+    "yaml": "python3-yaml",
+}
+"""Modules that must come with a sourced ROS, each with its Debian package, and never from pip:
+ROS is compiled against their versions, and a second copy would shadow them."""
+
+
+def outer_environment(environ: Mapping[str, str]) -> dict[str, str]:
+    """Return `environ` as it was before tools/env.sh, here or of another checkout, was sourced."""
+    outer = dict(environ)
+    roots = {str(ROOT), outer.pop("GRID_MAP_PY_ROOT", str(ROOT))}
+    for name in PATH_LISTS:
+        entries = [entry for entry in outer.pop(name, "").split(":") if entry]
+        if foreign := [entry for entry in entries if not _is_below(entry, roots)]:
+            outer[name] = ":".join(foreign)
+    if _is_below(outer.get("VIRTUAL_ENV", ""), roots):
+        del outer["VIRTUAL_ENV"]
+        outer.pop(BOOTSTRAP_GUARD, None)
+    return outer
+
+
+def _is_below(path: str, roots: set[str]) -> bool:
+    return any(path.startswith(root + "/") for root in roots)
+
+
+def ros_is_sourced(outer: Mapping[str, str]) -> bool:
+    """Tell whether a ROS that we can use is sourced; refuse one that we cannot use."""
+    distro = outer.get("ROS_DISTRO")
+    if distro not in (None, "jazzy"):
+        raise Refusal(
+            f"ROS 2 Jazzy is needed, but the ROS distribution '{distro}' is sourced: source Jazzy"
+            " instead, or use a shell without ROS."
+        )
+    if distro is None or "AMENT_PREFIX_PATH" not in outer:
+        return False
+    if importlib.util.find_spec("rclpy") is None:
+        raise Refusal(
+            f"ROS 2 Jazzy is sourced, but {sys.executable} cannot import its rclpy: install"
+            " ros-jazzy-rclpy, or leave the Python environment that hides the Python of ROS."
+        )
+    return True
+
+
+def check(outer: Mapping[str, str], ros: bool) -> None:
+    """Refuse, before any work, a machine on which the set-up or the build would fail."""
+    if " " in str(ROOT):
+        raise Refusal(f"Move the workspace out of '{ROOT}' to a path without spaces.")
+    system = f"{platform.system()} {platform.machine()}"
+    if not ros and system != "Linux x86_64":
+        raise Refusal(
+            f"Wheels of ROS 2 exist for x86-64 Linux only, and this is {system}: install ROS 2"
+            " Jazzy and source it, or work in a container that has it."
+        )
+    lacking = _lacking_programs(outer, ros) | (_lacking_modules() if ros else {})
+    if lacking:
+        raise Refusal(
+            f"This machine lacks {', '.join(lacking)}: install what is missing (Debian and Ubuntu:"
+            f" apt install {' '.join(lacking.values())})."
+        )
+
+
+def _lacking_programs(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
+    """Return what is needed for building and missing, each with its Debian package."""
+
+    def absent(*programs: str) -> bool:
+        return not any(shutil.which(program, path=outer.get("PATH", "")) for program in programs)
+
+    headers = Path(sysconfig.get_path("include"), "Python.h")
+    python = f"python{sys.version_info.major}"
+    needs = {
+        "cmake": ("cmake", absent("cmake")),
+        "make": ("make", absent("make")),
+        "a C compiler": ("gcc", absent(outer.get("CC", "cc"), "gcc", "clang")),
+        "a C++ compiler": ("g++", absent(outer.get("CXX", "c++"), "g++", "clang++")),
+        "the Python headers": (f"{python}-dev", not headers.exists()),
+        "venv": (f"{python}-venv", importlib.util.find_spec("ensurepip") is None),
+        "colcon": ("python3-colcon-common-extensions", ros and absent("colcon")),
+    }
+    return {what: package for what, (package, missing) in needs.items() if missing}
+
+
+def _lacking_modules() -> dict[str, str]:
+    return {
+        module: package
+        for module, package in BESIDE_ROS.items()
+        if importlib.util.find_spec(module) is None
+    }

@@ -1,0 +1,61 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Remove old test results (`clear`), or count the new ones (`count`) and name what did not pass.
+
+`count` fails when a test failed, and when a Python package or the workspace reports no test.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def result_files() -> list[Path]:
+    return sorted((ROOT / "build").glob("*/pytest.xml"))
+
+
+def suites() -> list[str]:
+    """Return all that must report tests: `test/`, as `workspace`, and every Python package."""
+    return ["workspace", *(path.parent.name for path in sorted(ROOT.glob("*/setup.py")))]
+
+
+def cases(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield outcome and name of every test in a JUnit file."""
+    for case in ElementTree.parse(path).iter("testcase"):
+        yield outcome(case), f"{path.parent.name}: {case.get('classname')}.{case.get('name')}"
+
+
+def outcome(case: ElementTree.Element) -> str:
+    tags = {child.tag for child in case}
+    if tags & {"failure", "error"}:
+        return "failed"
+    return "skipped" if "skipped" in tags else "passed"
+
+
+def count() -> int:
+    results = {path.parent.name: list(cases(path)) for path in result_files()}
+    silent = [suite for suite in suites() if not results.get(suite)]
+    every = [case for suite in results.values() for case in suite]
+    for result, name in every:
+        if result != "passed":
+            print(f"{result}: {name}")
+    for suite in silent:
+        print(f"failed: {suite} ran no test")
+    totals = Counter(result for result, _ in every)
+    failed = totals["failed"] + len(silent)
+    print(f"{totals['passed']} passed, {failed} failed, {totals['skipped']} skipped")
+    return 1 if failed else 0
+
+
+def clear() -> int:
+    for path in result_files():
+        path.unlink()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit({"clear": clear, "count": count}[sys.argv[1]]())

@@ -1,0 +1,114 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Set up and build this workspace.
+
+Usage: tools/workspace setup|build|oldest|exports
+
+    setup       make the Python environment `.venv`
+    build       the same, then `colcon build` of what has changed
+    oldest      make `.venv-oldest` with the oldest supported versions of what we require
+    exports     print the assignments that tools/env.sh evaluates
+
+Two worlds are possible. A sourced ROS 2 Jazzy is used as it is, and `.venv` adds the few tools
+that it lacks. Everywhere else `.venv` holds ROS 2 Jazzy itself, from PyPI wheels.
+
+Whatever is finished carries a stamp, written last, that says what it was made of. Work that was
+cut short has none and is done again.
+"""
+
+import json
+import os
+import shlex
+import shutil
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import environment
+import machine
+from steps import ROOT, Refusal, digest, only_one, run, say, write_at_once
+
+BUILT = ROOT / "install" / ".built.json"
+"""The stamp of the build: a hash of its sources for each package that is installed."""
+
+
+def build(inner: Mapping[str, str], fingerprint: str) -> None:
+    """Run `colcon build` for the packages whose sources differ from what is installed."""
+    packages = sorted(path.parent for path in ROOT.glob("*/package.xml"))
+    wanted = {package.name: _source_digest(package, fingerprint) for package in packages}
+    built = _read_built()
+    current = {name: value for name, value in built.items() if wanted.get(name) == value}
+    if wanted == built:
+        return
+    BUILT.parent.mkdir(exist_ok=True)
+    write_at_once(BUILT, json.dumps(current))
+    # From scratch, because colcon leaves installed what has gone from the sources.
+    for name in (wanted | built).keys() - current.keys():
+        shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
+        shutil.rmtree(ROOT / "install" / name, ignore_errors=True)
+    if outdated := [name for name in wanted if name not in current]:
+        say(f"Building {', '.join(outdated)} ...")
+        run("colcon", "build", "--packages-select", *outdated, environ=inner)
+    write_at_once(BUILT, json.dumps(wanted))
+
+
+def _read_built() -> dict[str, str]:
+    return dict(json.loads(BUILT.read_text())) if BUILT.exists() else {}
+
+
+def _source_digest(package: Path, fingerprint: str) -> str:
+    """Return a hash over all that is installed of a package and over what builds it."""
+    parts: list[str | bytes] = [fingerprint]
+    for path in sorted(package.rglob("*")):
+        inside = path.relative_to(package)
+        transient = any(part.startswith((".", "__pycache__")) for part in inside.parts)
+        if path.is_file() and inside.parts[0] != "test" and not transient:
+            parts += [str(inside), path.read_bytes()]
+    return digest(*parts)
+
+
+def exports(outer: Mapping[str, str], inner: Mapping[str, str]) -> None:
+    """Print how the shell, set back to `outer`, becomes `inner`."""
+    if not environment.is_set_up():
+        raise Refusal(f"{ROOT} is not set up: run `make build` there first.")
+    for name in machine.PATH_LISTS:
+        if name not in inner:
+            print(f"unset {name}")
+    for name, value in inner.items():
+        if name in machine.PATH_LISTS or outer.get(name) != value:
+            print(f"export {name}={shlex.quote(value)}")
+
+
+def carry_out(command: str) -> None:
+    outer = machine.outer_environment(os.environ)
+    ros = machine.ros_is_sourced(outer)
+    if command == "exports":
+        exports(outer, environment.inner_environment(outer, ros))
+        return
+    machine.check(outer, ros)
+    with only_one():
+        if command == "oldest":
+            environment.setup_oldest(outer)
+            return
+        fingerprint = environment.setup(outer, ros)
+        if command == "build":
+            build(environment.inner_environment(outer, ros), fingerprint)
+
+
+def main(arguments: list[str]) -> int:
+    if len(arguments) != 1 or arguments[0] not in ("setup", "build", "oldest", "exports"):
+        say(str(__doc__))
+        return 2
+    try:
+        carry_out(arguments[0])
+    except Refusal as refusal:
+        say(str(refusal))
+        return 1
+    except KeyboardInterrupt:
+        say("Interrupted; the next run takes it up again.")
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
