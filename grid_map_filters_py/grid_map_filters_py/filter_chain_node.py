@@ -27,13 +27,12 @@ from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
+from grid_map_ros_py.throttle import LogThrottle
 
 from .chain import FilterChain, Step
 from .filter import FilterWarning
 
 NODE_NAME = "grid_map_filters"
-LOG_PERIOD = 5.0
-"""Seconds between repetitions of a message in the log."""
 
 
 @dataclass
@@ -75,6 +74,7 @@ class FilterChainNode(Node):
         chain_name = read_parameter(self, "filter_chain_parameter_name", str, "filters")
         self._chain = FilterChain.from_config(read_parameter_tree(self, chain_name))
         self._statistics = Statistics()
+        self._throttle = LogThrottle()
         self._publisher = self.create_publisher(
             GridMapMessage, read_parameter(self, "output_topic", str, "/filtered_map"), map_qos()
         )
@@ -92,7 +92,9 @@ class FilterChainNode(Node):
             result = self._filter(from_message(message))
         except GridMapError as error:
             self._statistics.maps_dropped += 1
-            self.get_logger().error(f"dropped a map: {error}", throttle_duration_sec=LOG_PERIOD)
+            text = f"dropped a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().error(text)
         else:
             self._publisher.publish(to_message(result))
             self._statistics.maps_out += 1
@@ -104,7 +106,9 @@ class FilterChainNode(Node):
             warnings.simplefilter("always", FilterWarning)
             result = self._chain(grid_map, self._statistics.record)
         for warning in caught:
-            self.get_logger().warning(str(warning.message), throttle_duration_sec=LOG_PERIOD)
+            text = str(warning.message)
+            if self._throttle.allow(text):
+                self.get_logger().warning(text)
         return result
 
     def _publish_diagnostics(self) -> None:

@@ -160,7 +160,7 @@ def with_params(type_name, **params):
             with_params(DUPLICATION, input_layer="a", output_layer=3),
             (
                 f"filter 1 'n' ({DUPLICATION}): parameter 'output_layer': "
-                "expected a string, found 3 (int)"
+                "expected a string (quote it), found 3 (int)"
             ),
         ),
         (

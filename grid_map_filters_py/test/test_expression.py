@@ -508,8 +508,14 @@ def test_only_text_can_be_an_expression():
 
 
 def test_a_layer_needs_rows_and_columns():
-    with pytest.raises(ExpressionError, match=r"the layer 'm' must have rows and columns"):
-        value("m + 1", m=np.ones(3, np.float32))
+    with pytest.raises(ExpressionError) as caught:
+        value("1 + m", m=np.ones(3, np.float32))
+    message = "the layer 'm' must have rows and columns, its shape is (3,)"
+    assert_points_at(caught.value, "1 + m", 4, message)
+
+
+def test_brackets_may_be_nested_as_deeply_as_anybody_likes():
+    assert Expression("(" * 3000 + "7" + ")" * 3000)({}) == 7
 
 
 @given(st.text(alphabet="ab1.+-*/^()[],:;<>=! \"'end", max_size=20))

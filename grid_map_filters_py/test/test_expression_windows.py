@@ -33,6 +33,7 @@ EXPRESSIONS = [
     "meanOfFinites(cwiseMin(e, 0.5))",
     "where(numberOfFinites(e) > 4, meanOfFinites(e), 0)",
     "sumOfFinites(e .* e - e / 2)",
+    "sum(e .* (e - meanOfFinites(e)))",
     # what makes something of NaN, so that cropping is not padding
     "sumOfFinites(2^e)",
     "meanOfFinites(e^0)",
@@ -217,6 +218,14 @@ def test_numbers_are_float32_as_in_whole_layers():
     layer = np.full((3, 3), 0.1, np.float32)
     assert Expression("sum(e > 0.1)")({"e": layer}) == 0
     assert Expression("sum(e > 0.1)").over_windows("e", layer, 3, "inside")[1, 1] == 0
+
+
+@pytest.mark.parametrize("edge_handling", EDGES)
+def test_layers_of_whole_numbers_have_windows(edge_handling):
+    result = Expression("meanOfFinites(e)").over_windows(
+        "e", np.eye(5, dtype=int), 3, edge_handling
+    )
+    assert result[2, 2] == pytest.approx(1 / 3)
 
 
 def test_memory_does_not_grow_with_the_window():

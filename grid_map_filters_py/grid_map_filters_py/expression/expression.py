@@ -44,7 +44,7 @@ class Expression:
 
     _root: Node = field(init=False, repr=False, compare=False)
     _repeated: frozenset[int] = field(init=False, repr=False, compare=False)
-    _known_names: frozenset[str] = field(init=False, repr=False, compare=False)
+    _places: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -56,12 +56,12 @@ class Expression:
         except Fault as fault:
             raise to_error(fault, self.text) from None
         nodes = list(descendants(root))
-        names = {node.name for node in nodes if isinstance(node, Name)}
-        functions = {node.function for node in nodes if isinstance(node, Call)}
-        object.__setattr__(self, "names", frozenset(names - CONSTANTS.keys()))
+        names = {node.name: node.position for node in nodes if isinstance(node, Name)}
+        functions = {node.function: node.position for node in nodes if isinstance(node, Call)}
+        object.__setattr__(self, "names", frozenset(names.keys() - CONSTANTS.keys()))
         object.__setattr__(self, "_root", root)
         object.__setattr__(self, "_repeated", repeated)
-        object.__setattr__(self, "_known_names", frozenset(functions | names))
+        object.__setattr__(self, "_places", functions | names)
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
         return Expression, (self.text,)
@@ -83,10 +83,10 @@ class Expression:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
         """
         available = ", ".join(sorted(layers)) or "none"
-        used = self._known_names & layers.keys()
+        used = self._places.keys() & layers.keys()
         try:
             with np.errstate(all="ignore"):
-                values = {name: _bind(name, layers[name]) for name in used}
+                values = {name: _bind(name, layers[name], self._places[name]) for name in used}
                 interpreter = Interpreter(Matrices(), values, available, self._repeated)
                 result = interpreter(self._root)
         except Fault as fault:
@@ -105,6 +105,8 @@ class Expression:
         compute_empty_cells: bool = True,
     ) -> NDArray[np.float32]:
         """Evaluate for the window around every cell; see `over_windows` in this package."""
+        if not np.issubdtype(np.asarray(layer).dtype, np.floating):
+            layer = np.asarray(layer, np.float32)
         try:
             with np.errstate(all="ignore"):
                 result = evaluate_over_windows(
@@ -117,10 +119,11 @@ class Expression:
         return result
 
 
-def _bind(name: str, layer: NDArray[Any]) -> NDArray[np.float32]:
+def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
     """Give a read-only float32 view (or copy, of another type) of a layer."""
     values = np.asarray(layer).astype(np.float32, copy=False).view()
     if values.ndim != 2:
-        raise Fault(f"the layer {name!r} must have rows and columns, its shape is {values.shape}")
+        message = f"the layer {name!r} must have rows and columns, its shape is {values.shape}"
+        raise Fault(message, position=position)
     values.flags.writeable = False
     return values

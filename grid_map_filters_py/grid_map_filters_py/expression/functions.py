@@ -269,10 +269,17 @@ def _trace(algebra: Algebra[V], value: V) -> V:
     return algebra.fold(algebra.stack([diagonal]), None, SUM)[0]
 
 
+def _known(algebra: Algebra[V], value: V, argument: int) -> Plain:
+    try:
+        return algebra.known(value)
+    except Fault as fault:
+        raise Fault(fault.message, argument=argument) from None
+
+
 def _axis(algebra: Algebra[V], axis: V | None) -> int | None:
     if axis is None:
         return None
-    value = algebra.known(axis)
+    value = _known(algebra, axis, 1)
     if np.size(value) != 1 or float(np.max(value)) not in (0.0, 1.0):
         raise Fault(_WRONG_AXIS, argument=1)
     return int(np.max(value))
@@ -299,8 +306,8 @@ def _conjugate(_: Algebra[V], value: V) -> V:
 
 def _maker(make: Callable[[int, int], NDArray[np.float32]]) -> Callable[..., Any]:
     def made(algebra: Algebra[V], rows: V, columns: V | None = None) -> V:
-        height = _length(algebra.known(rows), 0)
-        width = height if columns is None else _length(algebra.known(columns), 1)
+        height = _length(_known(algebra, rows, 0), 0)
+        width = height if columns is None else _length(_known(algebra, columns, 1), 1)
         if height * width > LARGEST:
             raise Fault(f"a matrix of {describe((height, width))} is too large")
         matrix = make(height, width)

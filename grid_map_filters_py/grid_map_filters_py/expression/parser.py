@@ -53,7 +53,7 @@ _EXPECTED = {
 
 _VALUE = ", expected a value"
 
-# Terminals that no operator may stand before.
+# What is meant by a terminal that stands where a value has just ended.
 _MISPLACED = {
     "COMPARE": "comparisons cannot be chained: write (a < b) .* (b < c)",
     "COLON": "a range has at most first:step:last",
@@ -130,10 +130,8 @@ class _Builder(Transformer_NonRecursive):
         return kind(position, structure, *parts)
 
     def _unique(self, kind: Callable[[int, int], _N], token: Token) -> _N:
-        structure = self._structures.setdefault(
-            (kind, len(self._structures)), len(self._structures)
-        )
-        return kind(_start(token), structure)
+        new = len(self._structures)
+        return kind(_start(token), self._structures.setdefault((kind, new), new))
 
     def number(self, token: Token) -> Node:
         return self._make(Number, _start(token), float(token))

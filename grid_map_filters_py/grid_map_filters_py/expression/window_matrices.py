@@ -108,7 +108,7 @@ class WeightedWindow(WindowMatrix):
 
 
 class PaddedWindow(WindowMatrix):
-    """A sliding window that fills only a part of the whole; the rest is one value per cell.
+    """A matrix of which only a part has elements of its own; all others are the same.
 
     Args:
         window: the part.
@@ -117,9 +117,7 @@ class PaddedWindow(WindowMatrix):
         shape: (rows, columns) of the whole.
     """
 
-    def __init__(
-        self, window: SlidingWindow, padding: Element, corner: Shape, shape: Shape
-    ) -> None:
+    def __init__(self, window: WindowMatrix, padding: Element, corner: Shape, shape: Shape) -> None:
         super().__init__(shape, self._inside_or_padding)
         _protect(padding)
         self.window = window
@@ -136,13 +134,6 @@ class PaddedWindow(WindowMatrix):
         row, column = row - self.corner[0], column - self.corner[1]
         inside = 0 <= row < self.window.shape[0] and 0 <= column < self.window.shape[1]
         return self.window.at(row, column) if inside else self.padding
-
-    def map(self, function: Callable[..., Any], values: Sequence[Value]) -> "PaddedWindow":
-        """Apply an elementwise function to this window among numbers."""
-        parts = [value.window if value is self else value for value in values]
-        paddings = [self.padding if value is self else _element(value, 0, 0) for value in values]
-        window = _slide(function, parts, self.window.shape)
-        return PaddedWindow(window, apply(function, paddings, np.float64), self.corner, self.shape)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
         """Fold the part, and the padding as often as it stands in the whole."""
@@ -186,12 +177,39 @@ class WindowMatrices:
         if not windows:
             return _PLAIN.elementwise(function, *plain)
         shape = common_shape(map(self.shape, values))
-        return _shortcut(function, values, windows, plain) or _matrix(
+        return self._shortcut(function, values) or _matrix(
             shape,
             lambda row, column: apply(
                 function, [_element(value, row, column) for value in values], np.float64
             ),
         )
+
+    def _shortcut(
+        self, function: Callable[..., Any], values: Sequence[Value]
+    ) -> WindowMatrix | None:
+        """Find a way to compute less than every element for itself."""
+        if all(isinstance(value, SlidingWindow | float) for value in values):
+            return _slide(function, values)
+        kinds = {type(value) for value in values if self.shape(value) != SCALAR}
+        if kinds == {PaddedWindow}:
+            return self._pad(function, values)
+        if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
+            (kernel,) = (value for value in values if isinstance(value, np.ndarray))
+            (window,) = (value for value in values if isinstance(value, SlidingWindow))
+            return WeightedWindow(kernel, window)
+        return None
+
+    def _pad(self, function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix:
+        padded = [value for value in values if isinstance(value, PaddedWindow)]
+        parts = [value.window if isinstance(value, PaddedWindow) else value for value in values]
+        window = self.elementwise(function, *parts)
+        assert isinstance(window, WindowMatrix)
+        paddings = [
+            value.padding if isinstance(value, PaddedWindow) else _element(value, 0, 0)
+            for value in values
+        ]
+        padding = apply(function, paddings, np.float64)
+        return PaddedWindow(window, padding, padded[0].corner, padded[0].shape)
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
         """Reduce every cell's matrix; results are remembered."""
@@ -291,7 +309,7 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
 
 def _own(values: Any, count: int) -> Any:
     """Give a copy to accumulate in; truth values are counted in the smallest sufficient type."""
-    if not isinstance(values, np.ndarray):
+    if np.ndim(values) == 0:
         return float(values)
     return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
 
@@ -332,27 +350,9 @@ def _element(value: Value, row: int, column: int) -> Element:
     return value.at(row, column) if isinstance(value, WindowMatrix) else float(value[row, column])
 
 
-def _shortcut(
-    function: Callable[..., Any],
-    values: Sequence[Value],
-    windows: Sequence[WindowMatrix],
-    plain: Sequence[Plain],
-) -> WindowMatrix | None:
-    """Find a way to compute less than every element for itself."""
-    first = windows[0]
-    among_numbers = all(isinstance(value, float) for value in plain)
-    if among_numbers and all(isinstance(window, SlidingWindow) for window in windows):
-        return _slide(function, values, first.shape)
-    if len(windows) > 1:
-        return None
-    if among_numbers and isinstance(first, PaddedWindow):
-        return first.map(function, values)
-    if function is np.multiply and isinstance(first, SlidingWindow):
-        return WeightedWindow(np.broadcast_to(plain[0], first.shape), first)
-    return None
-
-
-def _slide(function: Callable[..., Any], values: Sequence[Value], shape: Shape) -> SlidingWindow:
+def _slide(function: Callable[..., Any], values: Sequence[Value]) -> SlidingWindow:
+    """Apply a function to the sources, which all lie under the same windows."""
+    shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
     return SlidingWindow(apply(function, list(map(_source, values)), np.float64), shape)
 
 

@@ -89,8 +89,10 @@ def evaluate_over_windows(
         return np.asfortranarray(result[inner])
     evaluation = _Evaluation(root, repeated, name, layer, window_size, edge_handling)
     result = np.full(layer.shape, np.nan, np.float32, order="F")
+    evaluation.check()
     for rows, columns in evaluation.tiles():
-        result[rows.cells, columns.cells] = evaluation.at(rows, columns)
+        window = evaluation.window(rows, columns)
+        result[rows.cells, columns.cells] = evaluation.number(window)
     return result
 
 
@@ -136,8 +138,6 @@ class _Evaluation:
     def tiles(self) -> Iterator[tuple[_Span, _Span]]:
         """Give rectangles of cells whose windows are all alike, and small enough for the cache."""
         rows, columns = (self._spans(length) for length in self.layer.shape)
-        if not rows or not columns:
-            yield _nowhere(self.window_size), _nowhere(self.window_size)
         for row_span, column_span in product(rows, columns):
             step = max(1, _BLOCK // (row_span.stop - row_span.start))
             yield from ((row_span, part) for part in column_span.split(step))
@@ -154,9 +154,15 @@ class _Evaluation:
             return [span for span in spans if span.length == size]
         return spans
 
-    def at(self, rows: _Span, columns: _Span) -> Any:
-        """Give the value in the cells of a tile: their array, or one number for all."""
-        names: dict[str, Value] = {self.name: self._window(rows, columns)}
+    def check(self) -> None:
+        """Evaluate for no cell at all, so that a wrong expression fails where no window fits."""
+        if self.edge_handling == "inside":
+            size = self.window_size
+            self.number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
+
+    def number(self, window: WindowMatrix) -> Any:
+        """Give the value of windows: an array over their cells, or one number for all."""
+        names: dict[str, Value] = {self.name: window}
         available = f"{self.name} (a window expression knows only its input layer)"
         value = Interpreter(_ALGEBRA, names, available, self.repeated)(self.root)
         shape = _ALGEBRA.shape(value)
@@ -167,7 +173,8 @@ class _Evaluation:
             )
         return value.at(0, 0) if isinstance(value, WindowMatrix) else value
 
-    def _window(self, rows: _Span, columns: _Span) -> WindowMatrix:
+    def window(self, rows: _Span, columns: _Span) -> WindowMatrix:
+        """Give the windows of the cells of a tile."""
         margin, shape = self.window_size // 2, (rows.length, columns.length)
         under = self.layer[rows.source(margin), columns.source(margin)]
         window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
@@ -175,11 +182,6 @@ class _Evaluation:
         if self.edge_handling == "mean" and shape != whole:
             return PaddedWindow.with_mean(window, (rows.first, columns.first), whole)
         return window
-
-
-def _nowhere(window_size: int) -> _Span:
-    """Give no cell at all; evaluated so that a wrong expression fails on any map."""
-    return _Span(window_size // 2, window_size // 2, 0, window_size)
 
 
 def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) -> None:

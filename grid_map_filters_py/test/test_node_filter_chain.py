@@ -1,0 +1,303 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node `filter_chain` in a process of its own, over DDS."""
+
+import copy
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_filters_py import FilterChain
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.testing import Peer, peer, running_node, start_node, wait_until
+
+MODULE = "grid_map_filters_py.filter_chain_node"
+FILTERS = {
+    "filter1": {"name": "normalise", "type": "gridMapFilters/BufferNormalizerFilter"},
+    "filter2": {
+        "name": "inpaint",
+        "type": "gridMapCv/InpaintFilter",
+        "params": {"input_layer": "elevation", "output_layer": "filled", "radius": 1},
+    },
+    "filter3": {
+        "name": "mean",
+        "type": "gridMapFilters/MeanInRadiusFilter",
+        "params": {"input_layer": "filled", "output_layer": "smooth", "radius": 1},
+    },
+    "filter4": {
+        "name": "roughness",
+        "type": "gridMapFilters/MathExpressionFilter",
+        "params": {"output_layer": "roughness", "expression": "abs(filled - smooth)"},
+    },
+}
+
+
+@pytest.fixture
+def parameters(tmp_path):
+    """Return a function that writes a parameter file and returns the arguments that load it."""
+
+    def write(filters=FILTERS, **others):
+        path = tmp_path / "parameters.yaml"
+        content = {"grid_map_filters": {"ros__parameters": {"filters": filters, **others}}}
+        path.write_text(yaml.safe_dump(content))
+        return ["--ros-args", "--params-file", str(path)]
+
+    return write
+
+
+@pytest.fixture
+def other_side():
+    with peer() as other:
+        yield other
+
+
+def terrain(
+    size=(12, 7), start=(0, 0), holes=((3, 4), (11, 6)), timestamp=1_500_000_001
+) -> GridMap:
+    """A slope with holes; the same world whatever the start index."""
+    values = np.fromfunction(lambda i, j: 0.3 * i + np.sin(j), size).astype(np.float32)
+    for hole in holes:
+        values[hole] = np.nan
+    grid_map = GridMap(
+        np.multiply(size, 0.5),
+        0.5,
+        (3.0, -2.0),
+        {"elevation": values},
+        frame_id="odom",
+        timestamp=timestamp,
+    )
+    return moved_in_buffer(grid_map, start)
+
+
+def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
+    """Send a map and return what comes back as the message number `count`."""
+    publisher = other.publish("/grid_map", message)
+    result = from_message(other.expect("/filtered_map", count))
+    other.node.destroy_publisher(publisher)
+    return result
+
+
+def test_maps_moved_or_not_square_or_empty_come_back_with_the_same_result(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    empty = GridMap((2.0, 3.0), 0.5, layers=["elevation"], frame_id="odom")
+    worlds = [terrain(), terrain((5, 16), holes=[(0, 0)]), empty]
+    with running_node(MODULE, *parameters()):
+        count = 0
+        for world in worlds:
+            expected = FilterChain.from_config(FILTERS)(world)
+            for start in [(0, 0), tuple(np.subtract(world.size, 1)), (2, 3)]:
+                count += 1
+                sent = to_message(moved_in_buffer(world, start))
+                result = filtered(other_side, sent, count)
+                assert_maps_equal(result, expected)
+                assert result.layers == ("elevation", "filled", "smooth", "roughness")
+
+
+def test_a_late_subscriber_gets_the_last_map(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    with running_node(MODULE, *parameters()):
+        filtered(other_side, to_message(terrain(timestamp=1)), 1)
+        filtered(other_side, to_message(terrain(timestamp=2)), 2)
+        with peer() as late:
+            late.listen("/filtered_map", GridMapMessage)
+            assert from_message(late.expect("/filtered_map")).timestamp == 2
+
+
+def test_a_late_node_gets_the_last_map(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    latched = other_side.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+    latched.publish(to_message(terrain()))
+    with running_node(MODULE, *parameters()):
+        other_side.expect("/filtered_map")
+
+
+def break_layer_count(message):
+    message.layers = [*message.layers, "more"]
+
+
+def break_dimensions(message):
+    message.data[0].layout.dim = message.data[0].layout.dim[:1]
+
+
+def break_labels(message):
+    message.data[0].layout.dim[0].label = "rows"
+
+
+def break_dimension_size(message):
+    message.data[0].layout.dim[0].size = 8
+
+
+def break_short_data(message):
+    message.data[0].data = message.data[0].data[:-1]
+
+
+def break_long_data(message):
+    message.data[0].data.append(0.0)
+
+
+def break_offset(message):
+    message.data[0].layout.data_offset = 10**6
+
+
+def break_resolution(message):
+    message.info.resolution = 0.0
+
+
+def break_length(message):
+    message.info.length_x = float("nan")
+
+
+def break_start_index(message):
+    message.outer_start_index = 12
+
+
+def break_names(message):
+    message.layers = ["elevation", "elevation"]
+    message.data = [message.data[0], copy.deepcopy(message.data[0])]
+
+
+def break_basic_layers(message):
+    message.basic_layers = ["nothing"]
+
+
+def break_position(message):
+    message.info.pose.position.y = float("inf")
+
+
+def break_size(message):
+    message.info.length_x = 1e12
+
+
+def break_layer_name(message):
+    message.layers = [""]
+
+
+MALFORMED = {
+    break_layer_count: "data: expected 2 arrays, one for each of layers",
+    break_dimensions: "dim: expected 2 dimensions, found 1",
+    break_labels: "dim[0].label: expected 'column_index' or 'row_index', found 'rows'",
+    break_dimension_size: "dim[0].size: expected 7",
+    break_short_data: "data[0].data: expected 84 values (12 x 7 cells), found 83",
+    break_long_data: "data[0].data: expected 84 values (12 x 7 cells), found 85",
+    break_offset: "data[0].data: expected 1000084 values",
+    break_resolution: "info.resolution: expected a positive finite number, found 0.0",
+    break_length: "info.length_x: expected a positive finite number, found nan",
+    break_start_index: "outer_start_index: expected 0 to 11, found 12",
+    break_names: "layers: expected every name once, found",
+    break_basic_layers: "basic_layers[0]: expected one of ['elevation'], found 'nothing'",
+    break_position: "info.pose.position.y: expected a finite number, found inf",
+    break_size: "info.length_x: expected 1 to",
+    break_layer_name: "layers[0]: expected a name, found ''",
+}
+
+
+def test_the_node_names_every_kind_of_malformed_map_and_filters_the_next_good_one(
+    parameters, other_side
+):
+    other_side.listen("/filtered_map", GridMapMessage)
+    with running_node(MODULE, *parameters()) as node:
+        for spoil, text in MALFORMED.items():
+            message = to_message(terrain())
+            spoil(message)
+            publisher = other_side.publish("/grid_map", message)
+            wait_until(lambda text=text: text in node.text, f"{text!r} in the log")
+            other_side.node.destroy_publisher(publisher)
+        assert not other_side.received["/filtered_map"]
+        result = filtered(other_side, to_message(terrain()), 1)
+        assert_maps_equal(result, FilterChain.from_config(FILTERS)(terrain()))
+
+
+def test_a_map_without_the_layer_is_dropped_with_a_message_and_counted(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
+    wrong = GridMap((1.0, 1.0), 0.5, layers={"height": 1.0}, frame_id="odom")
+    with running_node(MODULE, *parameters()) as node:
+        publisher = other_side.publish("/grid_map", to_message(wrong))
+        text = (
+            "filter 2 'inpaint' (gridMapCv/InpaintFilter): no layer 'elevation'; available: height"
+        )
+        wait_until(lambda: text in node.text, "the message")
+        other_side.node.destroy_publisher(publisher)
+        filtered(other_side, to_message(terrain()), 1)
+        other_side.wait_until(
+            lambda: (
+                other_side.received["/diagnostics"]
+                and values(other_side.received["/diagnostics"][-1])["maps out"] == "1"
+            ),
+            "diagnostics",
+        )
+    status = values(other_side.received["/diagnostics"][-1])
+    assert (status["maps in"], status["maps dropped"]) == ("2", "1")
+    assert [key for key in status if key.startswith("ms ")] == [
+        "ms normalise",
+        "ms inpaint",
+        "ms mean",
+        "ms roughness",
+    ]
+    assert float(status["ms"]) > 0
+
+
+def values(message: DiagnosticArray) -> dict[str, str]:
+    return {value.key: value.value for value in message.status[0].values}
+
+
+def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
+    path = tmp_path / "parameters.yaml"
+    content = {
+        "input_topic": "/in",
+        "output_topic": "/out",
+        "filter_chain_parameter_name": "my_filters",
+        "my_filters": FILTERS,
+    }
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": content}}))
+    other_side.listen("/out", GridMapMessage)
+    with running_node(MODULE, "--ros-args", "--params-file", str(path)):
+        other_side.publish("/in", to_message(terrain()))
+        other_side.expect("/out")
+
+
+def test_maps_of_a_volatile_publisher_are_received_on_request(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    with running_node(MODULE, *parameters(transient_local=False)):
+        volatile = other_side.node.create_publisher(GridMapMessage, "/grid_map", 1)
+        other_side.wait_until(volatile.get_subscription_count, "the node")
+        volatile.publish(to_message(terrain()))
+        other_side.expect("/filtered_map")
+
+
+def changed(**step):
+    return {"filter1": {**FILTERS["filter2"], **step}}
+
+
+@pytest.mark.parametrize(
+    ("filters", "message"),
+    [
+        ({}, "filters: expected at least one filter, found none"),
+        (
+            changed(params={"input_layer": "a", "output_layer": "b", "radius": "wide"}),
+            ("filter 1 'inpaint' (gridMapCv/InpaintFilter): parameter 'radius': "
+            "expected a number, found 'wide' (str)"),
+        ),
+        (
+            changed(params={"input_layer": "a", "radius": 1.0}),
+            "filter 1 'inpaint' (gridMapCv/InpaintFilter): missing parameter 'output_layer'",
+        ),
+        (
+            {"filter1": FILTERS["filter1"], "filter3": FILTERS["filter3"]},
+            "filters: filter2 is missing before filter3",
+        ),
+    ],
+    ids=["no filter", "wrong type", "missing parameter", "gap"],
+)
+def test_a_chain_that_cannot_be_built_ends_the_node_with_one_message(parameters, filters, message):
+    node = start_node(MODULE, *parameters(filters))
+    assert node.wait() == 1
+    assert node.text.count(message) == 1
+    assert "Traceback" not in node.text
+    assert len(node.text.strip().splitlines()) == 1, node.text

@@ -1,0 +1,118 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The traversability chain on a map that the C++ nodes recorded, and their result.
+
+C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the rim
+of a disc belong to it. Ours does neither (contract 6 and 3), so the layers are compared in three ways:
+each step with C++'s own input, where they are equal; the inpainted layer, in steps of 8 bits; and the
+whole chain, as far as the quantisation lets it.
+"""
+
+import gzip
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain
+from grid_map_filters_py.config import parse_steps, read_chain
+from grid_map_filters_py.disc import Disc, correlate, finite
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+
+DATA = Path(__file__).parent / "data"
+CHAIN = DATA / "traversability.yaml"
+
+
+def recorded(name: str) -> GridMap:
+    data = gzip.decompress((DATA / f"{name}.cdr.gz").read_bytes())
+    return from_message(deserialize_message(data, GridMapMessage))
+
+
+@pytest.fixture(scope="module")
+def source() -> GridMap:
+    return recorded("grid_map")
+
+
+@pytest.fixture(scope="module")
+def theirs() -> GridMap:
+    return recorded("filtered_map")
+
+
+@pytest.fixture(scope="module")
+def ours(source) -> GridMap:
+    return FilterChain.from_yaml(CHAIN)(source)
+
+
+def difference(ours, theirs, layer) -> np.ndarray:
+    """Absolute differences in steps of 8 bits over the layer's range."""
+    expected = theirs[layer]
+    return np.abs(ours[layer] - expected) / (np.ptp(expected[np.isfinite(expected)]) / 255)
+
+
+def test_the_chain_gives_the_recorded_layers(ours, theirs):
+    assert ours.layers == theirs.layers
+    assert ours.geometry == theirs.geometry
+    assert (ours.frame_id, ours.timestamp) == (theirs.frame_id, theirs.timestamp)
+    for layer in theirs:
+        np.testing.assert_array_equal(np.isnan(ours[layer]), np.isnan(theirs[layer]))
+
+
+def test_from_the_layers_of_cpp_every_other_step_gives_what_cpp_recorded(theirs):
+    layers = ("elevation", "elevation_inpainted", "elevation_smooth")
+    given = theirs.without_layers(name for name in theirs if name not in layers)
+    steps = parse_steps(read_chain(CHAIN, "filters"))
+    first = next(number for number, step in enumerate(steps) if step.name == "surface_normals")
+    rest = [{"name": s.name, "type": s.type, "params": s.params} for s in steps[first:]]
+    result = FilterChain.from_config(rest)(given)
+    assert set(result.layers) == set(theirs.layers)
+    for layer in theirs:
+        span = np.nanmax(theirs[layer]) - np.nanmin(theirs[layer])
+        np.testing.assert_allclose(result[layer], theirs[layer], rtol=0, atol=1e-5 * span)
+
+
+def test_the_mean_differs_from_cpp_only_by_the_rim_of_the_disc(theirs):
+    """0.06 m are three cells of 0.02 m: four centres lie exactly on the rim."""
+    mask, values, offset = finite(theirs["elevation_inpainted"])
+    kernel = Disc(0.06, theirs.resolution).kernel
+    rim = [(0, 3), (6, 3), (3, 0), (3, 6)]
+    closest = np.full(theirs.size, np.inf)
+    for taken in itertools.product((0.0, 1.0), repeat=4):
+        chosen = kernel.copy()
+        for cell, weight in zip(rim, taken, strict=True):
+            chosen[cell] = weight
+        mean = correlate(values, chosen) / correlate(mask.astype(float), chosen) + offset
+        closest = np.minimum(closest, np.abs(mean - theirs["elevation_smooth"]))
+    assert closest.max() <= 1e-6
+
+
+def test_the_inpainted_layer_is_within_a_step_of_8_bits(source, ours, theirs):
+    """Beside holes, where C++ has quantised the cells it fills from, a few cells are further off."""
+    holes = ~np.isfinite(source["elevation"])
+    steps = difference(ours, theirs, "elevation_inpainted")
+    assert holes.sum() == 589
+    assert steps[~holes].max() <= 1.0
+    assert (steps[holes] <= 1.0).mean() >= 0.85
+    assert (steps <= 1.0).mean() >= 0.99
+
+
+@pytest.mark.parametrize(
+    ("layer", "steps"),
+    [
+        ("elevation_smooth", 1.0),
+        ("normal_vectors_x", 1.0),
+        ("normal_vectors_y", 1.0),
+        ("normal_vectors_z", 2.0),
+        ("slope", 2.0),
+        ("roughness", 2.0),
+        ("edges", 2.0),
+        ("traversability", 3.0),
+    ],
+)
+def test_the_derived_layers_follow(ours, theirs, layer, steps):
+    difference_in_steps = difference(ours, theirs, layer)
+    assert np.median(difference_in_steps) <= steps
+    assert np.quantile(difference_in_steps, 0.9) <= 4 * steps

@@ -1,0 +1,184 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests of nodes: real processes, and a peer that talks to them over DDS.
+
+All processes that one test process starts share a ROS domain with its peers and with nobody else.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from .qos import map_qos
+
+DOMAIN = 1 + os.getpid() % 100
+"""Ids of processes that run tests at the same time lie close together, so their domains differ."""
+
+TIMEOUT = 30.0
+"""Seconds to wait for anything before a test fails."""
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of processes that see each other and nobody else."""
+    return {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(DOMAIN),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def wait_until(
+    condition: Callable[[], object],
+    what: str,
+    *,
+    step: Callable[[], object] = lambda: time.sleep(0.02),
+    timeout: float = TIMEOUT,
+) -> None:
+    """Do `step` until the condition holds; fail after `timeout` seconds, naming what it was."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        step()
+
+
+class Process:
+    """A process whose output is collected while it runs.
+
+    Attributes:
+        lines: what it has written so far, standard output and error together.
+    """
+
+    def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
+        self.lines: list[str] = []
+        self._popen = subprocess.Popen(
+            list(command),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            # Interrupts meant for the tests are not meant for the process.
+            start_new_session=True,
+            env={**environment(), **(overrides or {})},
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def text(self) -> str:
+        """What it has written so far."""
+        return "".join(self.lines)
+
+    @property
+    def pid(self) -> int:
+        """Id of the process, and of the process group that it leads."""
+        return self._popen.pid
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._popen.poll() is None
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to the process alone."""
+        self._popen.send_signal(number)
+
+    def wait(self, timeout: float = TIMEOUT) -> int:
+        """Wait for its end and return the exit code."""
+        code = self._popen.wait(timeout)
+        self._reader.join(timeout)
+        return code
+
+    def kill(self) -> None:
+        """End the process and its children at once, if they still run."""
+        if self.is_running:
+            os.killpg(self.pid, signal.SIGKILL)
+        self.wait()
+
+    def _read(self) -> None:
+        assert self._popen.stdout is not None
+        with self._popen.stdout as output:
+            for line in output:
+                self.lines.append(line)
+
+
+def start_node(module: str, *arguments: str) -> Process:
+    """Start `python -m module arguments`."""
+    return Process([sys.executable, "-m", module, *arguments])
+
+
+@contextmanager
+def running_node(module: str, *arguments: str) -> Iterator[Process]:
+    """Run a node; an interrupt must end it with exit code 0 and without a traceback."""
+    process = start_node(module, *arguments)
+    try:
+        yield process
+        assert process.is_running, process.text
+        process.send(signal.SIGINT)
+        assert process.wait() == 0, process.text
+        assert "Traceback" not in process.text, process.text
+    finally:
+        process.kill()
+
+
+class Peer:
+    """A plain rclpy node that publishes to and listens to the processes under test.
+
+    Attributes:
+        node: the node.
+        received: messages by topic, in the order in which they came.
+    """
+
+    def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
+        self.node = node
+        self.received: dict[str, list[Any]] = {}
+        self._executor = executor
+
+    def listen(self, topic: str, message_type: type, qos: QoSProfile | int | None = None) -> None:
+        """Collect the messages of a topic; without `qos` as those of a map, last one included."""
+        messages = self.received.setdefault(topic, [])
+        self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
+
+    def publish(self, topic: str, message: Any) -> Any:
+        """Publish a message as a latched map, once somebody listens; return the publisher."""
+        publisher = self.node.create_publisher(type(message), topic, map_qos())
+        self.wait_until(publisher.get_subscription_count, f"a subscriber of {topic}")
+        publisher.publish(message)
+        return publisher
+
+    def wait_until(self, condition: Callable[[], object], what: str) -> None:
+        """Spin until the condition holds; fail after a while, naming what was awaited."""
+        wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
+
+    def expect(self, topic: str, count: int = 1) -> Any:
+        """Wait until a topic has brought `count` messages; return the last one."""
+        messages = self.received[topic]
+        self.wait_until(lambda: len(messages) >= count, f"message {count} on {topic}")
+        return messages[-1]
+
+
+@contextmanager
+def peer() -> Iterator[Peer]:
+    """Make a `Peer`, with a context of its own."""
+    context = Context()
+    rclpy.init(context=context, domain_id=DOMAIN)
+    node = Node("peer", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        yield Peer(node, executor)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
