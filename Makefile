@@ -19,8 +19,9 @@ setup:  ## Make the Python environment .venv (PYTHON=... chooses the Python)
 build:  ## Build with colcon what has changed
 	@tools/workspace build
 
+# The demo handles Ctrl-C itself; before it has begun to, an interrupt would only end Python with a traceback.
 demo: build  ## Publish a terrain, filter it, write pictures to demo_output/
-	@tools/run grid_map_demos_py filters_demo --report demo_output
+	@trap '' INT; tools/run grid_map_demos_py filters_demo --report demo_output
 
 test: build  ## Run all tests
 	@tools/test

@@ -23,9 +23,9 @@ def save_picture(
     shade_by: str,
     title: str,
     label: str,
-    color_map: str = "terrain",
+    color_map: str = "gist_earth",
     limits: tuple[float, float] | None = None,
-    exaggeration: float = 3.0,
+    exaggeration: float = 1.5,
 ) -> None:
     """Write a layer as a hill-shaded picture with axes in metres and a colour bar.
 
@@ -41,7 +41,7 @@ def save_picture(
         exaggeration: factor on the heights for the shading.
     """
     values = upright(grid_map, layer)
-    low, high = limits or (float(np.nanmin(values)), float(np.nanmax(values)))
+    low, high = limits or _range(values)
     normalize = Normalize(low, high)
     colors = matplotlib.colormaps[color_map](normalize(np.nan_to_num(values, nan=low)))
     shaded = LIGHT.shade_rgb(
@@ -62,6 +62,11 @@ def save_picture(
     temporary = path.with_name(f".{path.name}.part")
     figure.savefig(temporary, format="png")
     Path(temporary).replace(path)
+
+
+def _range(values: npt.NDArray[np.float32]) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
 
 
 def upright(grid_map: GridMap, layer: str) -> npt.NDArray[np.float32]:

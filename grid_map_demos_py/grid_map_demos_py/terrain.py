@@ -12,6 +12,9 @@ from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
 METRES_PER_POST = 84.0
 """Of the elevation model: 3 arc seconds at 36.6 degrees of latitude, averaged over x and y."""
 
+EXAGGERATION = 2.0
+"""Of the heights, so that a robot finds some of the slopes too steep."""
+
 HOLES = 120
 LARGEST_HOLE = 6.0
 """Radius in cells."""
@@ -23,7 +26,7 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     Args:
         path: the elevation model, an .npz file with `elevation` (rows to the south, columns to the
             east) [m].
-        resolution: side of a cell [m]; heights are to the same scale.
+        resolution: side of a cell [m]; heights are to the same scale, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
 
     Returns:
@@ -32,7 +35,8 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     """
     with np.load(path) as model:
         posts = model["elevation"].astype(np.float32)
-    heights = (posts - posts.min()) * np.float32(resolution / METRES_PER_POST)
+    scale = EXAGGERATION * resolution / METRES_PER_POST
+    heights = (posts - posts.min()) * np.float32(scale)
     # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
     elevation = heights[:, ::-1].T
     grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)

@@ -16,7 +16,10 @@ _SMALLEST_SPREAD = 1e-8
 """Variance [m^2] across a line of points below which they span no plane."""
 
 _SMALLEST_GAP = 1e-6
-"""Relative distance between two eigenvalues below which the closed formula loses its digits."""
+"""Product of the relative gaps between eigenvalues below which the formula loses digits."""
+
+_SMALLEST_SHARE = 1e-4
+"""Square of the z component of a normal below which the formula loses digits."""
 
 
 def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
@@ -114,45 +117,45 @@ def _smallest_eigenvectors(
 ) -> tuple[tuple[Field, Field, Field], Field]:
     """Return unit eigenvectors of the smallest eigenvalue of symmetric 3 x 3 matrices.
 
-    The eigenvalues are the trigonometric roots of the characteristic polynomial (O. K. Smith,
-    1961); the eigenvector is the largest column of the adjugate of the matrix minus its smallest
-    eigenvalue.
+    The adjugate of a matrix minus its smallest eigenvalue is the eigenvector times itself, up to a
+    factor. Its last column is taken; the few matrices where that loses digits, those of vertical
+    walls and of two eigenvalues close together, are left to LAPACK.
 
     Returns:
         The x, y and z components, and the second eigenvalue.
     """
     smallest, middle = _eigenvalues(xx, xy, xz, yy, yz, zz)
     a, b, c = xx - smallest, yy - smallest, zz - smallest
-    columns = (
-        (b * c - yz * yz, xz * yz - xy * c, xy * yz - xz * b),
-        (xz * yz - xy * c, a * c - xz * xz, xy * xz - a * yz),
-        (xy * yz - xz * b, xy * xz - a * yz, a * b - xy * xy),
-    )
-    largest = np.argmax([column[axis] for axis, column in enumerate(columns)], axis=0)
-    vectors = np.stack(
-        [np.choose(largest, [column[axis] for column in columns]) for axis in range(3)]
-    )
-    length = np.sqrt(np.square(vectors).sum(axis=0))
-    vectors /= length
-    close = length <= _SMALLEST_GAP * np.square(xx + yy + zz)
-    matrices = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[:, :, close]
-    vectors[:, close] = np.linalg.eigh(np.moveaxis(matrices, 2, 0))[1][:, :, 0].T
+    x, y, z = xy * yz - xz * b, xy * xz - a * yz, a * b - xy * xy
+    # The product of the distances to the other two eigenvalues, and the factor.
+    gaps = (b * c - yz * yz) + (a * c - xz * xz) + z
+    length = np.sqrt(x * x + y * y + z * z)
+    vectors = np.stack([x, y, z]) / length
+    weak = (gaps <= _SMALLEST_GAP * np.square(xx + yy + zz)) | (z <= _SMALLEST_SHARE * gaps)
+    matrices = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[:, :, weak]
+    vectors[:, weak] = np.linalg.eigh(np.moveaxis(matrices, 2, 0))[1][:, :, 0].T
     return (vectors[0], vectors[1], vectors[2]), middle
 
 
 def _eigenvalues(
     xx: Field, xy: Field, xz: Field, yy: Field, yz: Field, zz: Field
 ) -> tuple[Field, Field]:
-    """Return the smallest and the middle eigenvalue of symmetric 3 x 3 matrices."""
+    """Return the smallest and the middle eigenvalue of symmetric 3 x 3 matrices.
+
+    The smallest is a trigonometric root of the characteristic polynomial (O. K. Smith, 1961).
+    """
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     off_diagonal = xy * xy + xz * xz + yz * yz
     radius = np.sqrt((a * a + b * b + c * c + 2.0 * off_diagonal) / 6.0)
     determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
     angle = np.arccos(np.clip(determinant / (2.0 * radius**3), -1.0, 1.0)) / 3.0
-    largest = mean + 2.0 * radius * np.cos(angle)
     smallest = mean + 2.0 * radius * np.cos(angle + 2.0 * np.pi / 3.0)
-    return smallest, 3.0 * mean - largest - smallest
+    # The other two follow from their sum and their product.
+    half_sum = 0.5 * (3.0 * mean - smallest)
+    product = xx * yy + xx * zz + yy * zz - off_diagonal - 2.0 * smallest * half_sum
+    middle = half_sum - np.sqrt(np.maximum(half_sum * half_sum - product, 0.0))
+    return smallest, middle
 
 
 def _store(normals: tuple[Field, Field, Field], flat: Mask, mask: Mask) -> Normals:

@@ -225,6 +225,15 @@ def with_params(type_name, **params):
             "parameter 'window_length': expected a length > 0 [m], found 0.0",
         ),
         (
+            with_params(
+                "gridMapFilters/SlidingWindowMathExpressionFilter",
+                input_layer="a",
+                output_layer="b",
+                expression="sum(c)",
+            ),
+            "parameter 'expression': expected no layer but the input layer 'a', found 'sum(c)'",
+        ),
+        (
             with_params(MATH, expression="1 +", output_layer="b"),
             f"filter 1 'n' ({MATH}): ",
         ),

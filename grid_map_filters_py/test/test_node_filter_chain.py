@@ -77,10 +77,8 @@ def terrain(
 
 def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
     """Send a map and return what comes back as the message number `count`."""
-    publisher = other.publish("/grid_map", message)
-    result = from_message(other.expect("/filtered_map", count))
-    other.node.destroy_publisher(publisher)
-    return result
+    other.publish("/grid_map", message)
+    return from_message(other.expect("/filtered_map", count))
 
 
 def test_maps_moved_or_not_square_or_empty_come_back_with_the_same_result(parameters, other_side):
@@ -205,9 +203,8 @@ def test_the_node_names_every_kind_of_malformed_map_and_filters_the_next_good_on
         for spoil, text in MALFORMED.items():
             message = to_message(terrain())
             spoil(message)
-            publisher = other_side.publish("/grid_map", message)
+            other_side.publish("/grid_map", message)
             wait_until(lambda text=text: text in node.text, f"{text!r} in the log")
-            other_side.node.destroy_publisher(publisher)
         assert not other_side.received["/filtered_map"]
         result = filtered(other_side, to_message(terrain()), 1)
         assert_maps_equal(result, FilterChain.from_config(FILTERS)(terrain()))
@@ -218,12 +215,11 @@ def test_a_map_without_the_layer_is_dropped_with_a_message_and_counted(parameter
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     wrong = GridMap((1.0, 1.0), 0.5, layers={"height": 1.0}, frame_id="odom")
     with running_node(MODULE, *parameters()) as node:
-        publisher = other_side.publish("/grid_map", to_message(wrong))
+        other_side.publish("/grid_map", to_message(wrong))
         text = (
             "filter 2 'inpaint' (gridMapCv/InpaintFilter): no layer 'elevation'; available: height"
         )
         wait_until(lambda: text in node.text, "the message")
-        other_side.node.destroy_publisher(publisher)
         filtered(other_side, to_message(terrain()), 1)
         other_side.wait_until(
             lambda: (
@@ -265,9 +261,7 @@ def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
 def test_maps_of_a_volatile_publisher_are_received_on_request(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     with running_node(MODULE, *parameters(transient_local=False)):
-        volatile = other_side.node.create_publisher(GridMapMessage, "/grid_map", 1)
-        other_side.wait_until(volatile.get_subscription_count, "the node")
-        volatile.publish(to_message(terrain()))
+        other_side.publish("/grid_map", to_message(terrain()), 1)
         other_side.expect("/filtered_map")
 
 
@@ -281,8 +275,10 @@ def changed(**step):
         ({}, "filters: expected at least one filter, found none"),
         (
             changed(params={"input_layer": "a", "output_layer": "b", "radius": "wide"}),
-            ("filter 1 'inpaint' (gridMapCv/InpaintFilter): parameter 'radius': "
-            "expected a number, found 'wide' (str)"),
+            (
+                "filter 1 'inpaint' (gridMapCv/InpaintFilter): parameter 'radius': "
+                "expected a number, found 'wide' (str)"
+            ),
         ),
         (
             changed(params={"input_layer": "a", "radius": 1.0}),

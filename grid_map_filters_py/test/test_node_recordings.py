@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The traversability chain on a map that the C++ nodes recorded, and their result.
 
-C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the rim
-of a disc belong to it. Ours does neither (contract 6 and 3), so the layers are compared in three ways:
-each step with C++'s own input, where they are equal; the inpainted layer, in steps of 8 bits; and the
-whole chain, as far as the quantisation lets it.
+C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the
+rim of a disc belong to it. Ours does neither (contract 6 and 3), so the layers are compared in
+three ways: each step with C++'s own input, where they are equal; the inpainted layer, in steps of 8
+bits; and the whole chain, as far as the quantisation lets it.
 """
 
 import gzip
@@ -84,13 +84,14 @@ def test_the_mean_differs_from_cpp_only_by_the_rim_of_the_disc(theirs):
         chosen = kernel.copy()
         for cell, weight in zip(rim, taken, strict=True):
             chosen[cell] = weight
-        mean = correlate(values, chosen) / correlate(mask.astype(float), chosen) + offset
+        count = correlate(mask.astype(float), chosen)
+        mean = correlate(values, chosen) / count + offset
         closest = np.minimum(closest, np.abs(mean - theirs["elevation_smooth"]))
     assert closest.max() <= 1e-6
 
 
 def test_the_inpainted_layer_is_within_a_step_of_8_bits(source, ours, theirs):
-    """Beside holes, where C++ has quantised the cells it fills from, a few cells are further off."""
+    """A few filled cells are further off: C++ fills from cells that it has quantised."""
     holes = ~np.isfinite(source["elevation"])
     steps = difference(ours, theirs, "elevation_inpainted")
     assert holes.sum() == 589

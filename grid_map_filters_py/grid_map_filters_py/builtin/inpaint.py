@@ -61,7 +61,7 @@ def _fill(layer: Layer, holes: Mask, radius: float) -> npt.NDArray[np.float64]:
 def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> npt.NDArray[np.float64]:
     # On images with sides of one or two pixels OpenCV reads beyond the border.
     margins = [(1, 1) if side < 3 else (0, 0) for side in image.shape]
-    image, mask = (np.pad(array, margins, mode="edge") for array in (image, mask))
+    image, mask = np.pad(image, margins, mode="edge"), np.pad(mask, margins, mode="edge")
     filled = cv2.inpaint(
         np.ascontiguousarray(image), np.ascontiguousarray(mask), radius, cv2.INPAINT_NS
     )

@@ -43,7 +43,11 @@ class SlidingWindowMathExpression:
         length = self.window_length
         positive = length is None or (math.isfinite(length) and length > 0)
         check(positive, "window_length", "a length > 0 [m]", length)
-        object.__setattr__(self, "_parsed", Expression(self.expression))
+        parsed = Expression(self.expression)
+        known = parsed.names <= {self.input_layer}
+        expected = f"no layer but the input layer {self.input_layer!r}"
+        check(known, "expression", expected, self.expression)
+        object.__setattr__(self, "_parsed", parsed)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         result = over_windows(

@@ -299,11 +299,11 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
         values = values.astype(np.min_scalar_type(shape[0] * shape[1]))
     for axis, length in enumerate(shape):
         size = values.shape[axis] - length + 1
-        lines = [np.moveaxis(values, axis, 0)[shift : shift + size] for shift in range(length)]
-        total = lines[0] if length == 1 else fold.combine(lines[0], lines[1])
+        parts = [slice(shift, shift + size) for shift in range(length)]
+        lines = [values[part] if axis == 0 else values[:, part] for part in parts]
+        values = lines[0] if length == 1 else fold.combine(lines[0], lines[1])
         for line in lines[2:]:
-            fold.combine(total, line, out=total)
-        values = np.moveaxis(total, 0, axis)
+            fold.combine(values, line, out=values)
     return _as_element(values)
 
 

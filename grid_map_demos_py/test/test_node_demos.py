@@ -1,0 +1,153 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The demos as users start them: real processes over DDS."""
+
+import os
+import re
+import signal
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
+
+FILTERS_DEMO = "grid_map_demos_py.filters_demo"
+PNG = b"\x89PNG\r\n"
+
+
+def living(mark: str) -> list[str]:
+    """Return the command lines of the processes that carry a mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if mark.encode() in (process / "environ").read_bytes():
+                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
+        except OSError:
+            continue
+    return found
+
+
+def start_marked(*arguments: str) -> tuple[Process, str]:
+    mark = uuid.uuid4().hex
+    command = [sys.executable, "-m", FILTERS_DEMO, *arguments]
+    return Process(command, {"GRID_MAP_DEMO_MARK": mark}), mark
+
+
+def test_the_simple_demo_publishes_a_wave_that_moves():
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node("grid_map_demos_py.simple_demo_node"):
+            other.expect("/grid_map", 10)
+        maps = [from_message(message) for message in other.received["/grid_map"]]
+    assert maps[0].size == (40, 67)
+    assert maps[0].layers == ("elevation",)
+    assert maps[0].frame_id == "map"
+    periods = np.diff([grid_map.timestamp for grid_map in maps])
+    assert 10e6 < np.median(periods) < 100e6
+    assert not np.array_equal(maps[0]["elevation"], maps[-1]["elevation"])
+    # Along x the wave is a straight line through -0.04 m in the middle.
+    middle = maps[-1].get_submap((0.0, 0.0), (0.06, 2.0))["elevation"]
+    np.testing.assert_allclose(middle.mean(axis=0), -0.04, atol=1e-6)
+
+
+def test_the_terrain_is_published_alone_with_its_parameters(terrain):
+    parameters = ["resolution:=1", "topic:=/ground", "frame_id:=odom"]
+    arguments = ["--ros-args", *(word for pair in parameters for word in ("-p", pair))]
+    with peer() as other:
+        other.listen("/ground", GridMapMessage)
+        with running_node("grid_map_demos_py.terrain_publisher_node", *arguments):
+            grid_map = from_message(other.expect("/ground"))
+    assert (grid_map.resolution, grid_map.frame_id) == (1.0, "odom")
+    grid_map = grid_map.with_layers({"elevation": grid_map["elevation"] * np.float32(0.03)})
+    np.testing.assert_allclose(grid_map["elevation"], terrain["elevation"], rtol=1e-5)
+    assert grid_map.timestamp > 0
+
+
+@pytest.mark.parametrize("parameter", ["publish_rate:=0.0", "resolution:=-1", "topic:=7"])
+def test_a_parameter_that_makes_no_sense_ends_the_terrain_with_one_message(parameter):
+    node = start_node("grid_map_demos_py.terrain_publisher_node", "--ros-args", "-p", parameter)
+    assert node.wait() == 1
+    assert f"parameter '{parameter.partition(':')[0]}': expected" in node.text
+    assert "Traceback" not in node.text
+
+
+def test_the_filters_demo_delivers_every_topic_two_pictures_and_a_table(tmp_path):
+    demo, mark = start_marked("--report", str(tmp_path))
+    assert demo.wait(90) == 0, demo.text
+    assert living(mark) == []
+    assert "Traceback" not in demo.text
+    assert {path.name for path in tmp_path.iterdir()} == {"elevation.png", "traversability.png"}
+    for path in tmp_path.iterdir():
+        assert path.read_bytes().startswith(PNG)
+        assert path.stat().st_size > 50_000
+    lines = [" ".join(line.split()) for line in demo.text.splitlines()]
+    assert "cells 403 x 344 = 138632" in lines
+    assert "layers 11" in lines
+    for name in ["inpaint", "surface_normals", "traversability", "whole chain"]:
+        assert any(re.fullmatch(rf"{name} \d+\.\d\d", line) for line in lines), name
+    assert any(re.fullmatch(r"published to filtered \d+ ms", line) for line in lines)
+    for topic in ["/grid_map", "/filtered_map", "/elevation_points", "/surface_normals"]:
+        assert any(re.fullmatch(rf"{topic} [1-9]\d*", line) for line in lines), topic
+
+
+def test_the_filters_demo_runs_until_it_is_interrupted():
+    with peer() as other:
+        other.listen("/filtered_map", GridMapMessage)
+        demo, mark = start_marked()
+        first = from_message(other.expect("/filtered_map", 1))
+        second = from_message(other.expect("/filtered_map", 2))
+        assert first.timestamp < second.timestamp
+        first.timestamp = second.timestamp
+        assert_maps_equal(first, second)
+        demo.send(signal.SIGINT)
+        assert demo.wait() == 0
+    assert living(mark) == []
+    assert "Traceback" not in demo.text
+
+
+@pytest.mark.parametrize("seconds", [0.3, 0.8, 1.5, 3.0])
+def test_an_interrupt_at_any_time_leaves_no_process_and_no_traceback(tmp_path, seconds):
+    demo, mark = start_marked("--report", str(tmp_path))
+    # How far the demo has come is the very thing that varies here.
+    time.sleep(seconds)
+    demo.send(signal.SIGINT)
+    assert demo.wait(10) == 1
+    assert living(mark) == []
+    assert "Traceback" not in demo.text, demo.text
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_nothing_survives_a_demo_that_is_killed():
+    demo, mark = start_marked()
+    wait_until(lambda: len(living(mark)) == 4, "the processes of the demo")
+    os.kill(demo.pid, signal.SIGKILL)
+    wait_until(lambda: not living(mark), "the end of the processes")
+    demo.wait()
+
+
+def test_a_demo_that_does_not_deliver_fails_and_names_the_topics(tmp_path):
+    arguments = f"--ros-args -p timeout:=1.0 -p output_directory:={tmp_path}".split()
+    report = start_node("grid_map_demos_py.demo_report_node", *arguments)
+    assert report.wait() == 1
+    assert "after 1 s too few messages on /grid_map, /filtered_map, /diagnostics" in report.text
+    assert "Traceback" not in report.text
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_node_of_the_demo_that_fails_ends_the_demo(tmp_path):
+    with_bad_parameter = (
+        "import sys; from grid_map_demos_py import filters_demo as demo; "
+        "demo.NODES = {**demo.NODES, 'grid_map_filters_py.filter_chain_node': 'simple_demo.yaml'}; "
+        f"sys.exit(demo.main(['--report', {str(tmp_path)!r}]))"
+    )
+    demo = Process([sys.executable, "-c", with_bad_parameter])
+    assert demo.wait(60) == 1
+    assert "grid_map_filters_py.filter_chain_node ended with exit code 1" in demo.text
+    assert "filters: expected at least one filter, found none" in demo.text

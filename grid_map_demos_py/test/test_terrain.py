@@ -1,0 +1,33 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The ground that the demos stand on."""
+
+import numpy as np
+from conftest import MODEL
+
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_demos_py.terrain import EXAGGERATION, METRES_PER_POST, load_terrain
+
+
+def test_the_terrain_is_large_not_square_and_has_holes(terrain):
+    assert min(terrain.size) >= 300
+    assert terrain.size[0] != terrain.size[1]
+    share = np.isnan(terrain["elevation"]).mean()
+    assert 0.01 < share < 0.1
+    np.testing.assert_array_equal(np.isnan(terrain["color"]), np.isnan(terrain["elevation"]))
+
+
+def test_x_points_east_and_y_north(terrain):
+    with np.load(MODEL) as model:
+        posts = model["elevation"]
+    scale = EXAGGERATION * terrain.resolution / METRES_PER_POST
+    half = 0.5 * (terrain.length - terrain.resolution)
+    corners = {(-1, 1): posts[0, 0], (1, 1): posts[0, -1], (-1, -1): posts[-1, 0]}
+    for side, height in corners.items():
+        index = terrain.get_index(terrain.position + np.multiply(side, half))
+        expected = (height - posts.min()) * scale
+        np.testing.assert_allclose(terrain["elevation"][index], expected, rtol=1e-5)
+
+
+def test_the_terrain_is_always_the_same(terrain):
+    assert_maps_equal(load_terrain(MODEL), terrain)
