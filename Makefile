@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 
 SHELL := /bin/bash
-PACKAGES := grid_map_core_py grid_map_filters_py grid_map_ros_py
+PACKAGES := grid_map_core_py grid_map_demos_py grid_map_filters_py grid_map_ros_py grid_map_visualization_py
 ENTER := . tools/env.sh &&
 empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
@@ -19,9 +19,9 @@ setup:  ## Make the Python environment .venv (PYTHON=... chooses the Python)
 build:  ## Build with colcon what has changed
 	@tools/workspace build
 
-# The demo handles Ctrl-C itself; before it has begun to, an interrupt would only end Python with a traceback.
+# Ctrl-C waits until the demo has its handler; before that it would end a starting Python with a traceback.
 demo: build  ## Publish a terrain, filter it, write pictures to demo_output/
-	@trap '' INT; tools/run grid_map_demos_py filters_demo --report demo_output
+	@env --block-signal=INT tools/run grid_map_demos_py filters_demo --report demo_output
 
 test: build  ## Run all tests
 	@tools/test

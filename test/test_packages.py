@@ -26,9 +26,6 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-WITHOUT_KEY = {"mcap"}
-"""Modules for tests alone that rosdep does not know; tools/requirements.txt brings them."""
-
 
 def by_name(path: Path) -> str:
     return path.name
@@ -65,7 +62,7 @@ def test_a_package_declares_what_its_modules_import(package):
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
 def test_a_package_declares_what_its_tests_import(package):
-    needed = keys(imports(package / "test") - WITHOUT_KEY, package)
+    needed = keys(imports(package / "test"), package)
     assert needed - declared(package, "depend", "exec_depend", "test_depend") == set()
 
 

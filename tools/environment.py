@@ -30,7 +30,6 @@ ADDED_TO_ROS = (
     "hypothesis",
     "import-linter",
     "lark",
-    "mcap",
     "mypy",
     "pytest-benchmark",
     "pytest-timeout",

@@ -20,6 +20,7 @@ import json
 import os
 import shlex
 import shutil
+import signal
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -100,6 +101,8 @@ def main(arguments: list[str]) -> int:
         say(str(__doc__))
         return 2
     try:
+        # tools/workspace has blocked it while Python was starting.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         carry_out(arguments[0])
     except Refusal as refusal:
         say(str(refusal))

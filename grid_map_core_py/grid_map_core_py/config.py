@@ -8,7 +8,7 @@ and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer,
 
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -20,8 +20,8 @@ T = TypeVar("T")
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     """Return the dataclass `cls` with the parameters as its fields.
 
-    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` of those, or
-    optional.
+    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` or `list[X]` of
+    those, or optional.
 
     Raises:
         ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused
@@ -47,7 +47,8 @@ def cast(name: str, value: object, hint: Any) -> Any:
 
     Args:
         name: of the parameter, for the error.
-        value: as YAML gave it.
+        value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
+            empty tuple or list where one is wanted.
         hint: one of the types that `build` knows.
 
     Raises:
@@ -55,9 +56,15 @@ def cast(name: str, value: object, hint: Any) -> Any:
     """
     result = _try_cast(value, hint)
     if result is MISSING:
-        found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
-        raise ConfigError(f"parameter {name!r}: expected {describe(hint)}, found {found}")
+        unquoted = hint is str and isinstance(value, bool | int | float)
+        raise mismatch(name, describe(hint) + (" (quote it)" if unquoted else ""), value)
     return result
+
+
+def mismatch(name: str, expected: str, value: object) -> ConfigError:
+    """Return the error that a parameter's value is not what was expected, in words."""
+    found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+    return ConfigError(f"parameter {name!r}: expected {expected}, found {found}")
 
 
 def _try_cast(value: object, hint: Any) -> object:
@@ -68,19 +75,19 @@ def _try_cast(value: object, hint: Any) -> object:
     if origin in (types.UnionType, typing.Union):
         casts = (_try_cast(value, option) for option in get_args(hint))
         return next((cast for cast in casts if cast is not MISSING), MISSING)
-    if origin is tuple:
-        return _try_cast_all(value, get_args(hint)[0])
+    if origin in (tuple, list):
+        return _try_cast_all(value, origin, get_args(hint)[0])
     return _try_cast_scalar(value, hint)
 
 
-def _try_cast_all(value: object, hint: Any) -> object:
+def _try_cast_all(value: object, sequence: Callable[..., object], hint: Any) -> object:
     if value is None:
         # ROS parameters have no type for an empty list.
-        return ()
+        return sequence()
     if not isinstance(value, list | tuple):
         return MISSING
-    cast = tuple(_try_cast(item, hint) for item in value)
-    return MISSING if MISSING in cast else cast
+    items = [_try_cast(item, hint) for item in value]
+    return MISSING if MISSING in items else sequence(items)
 
 
 def _try_cast_scalar(value: object, hint: Any) -> object:
@@ -101,7 +108,7 @@ def describe(hint: Any) -> str:
         return "one of " + ", ".join(map(repr, get_args(hint)))
     if origin in (types.UnionType, typing.Union):
         return " or ".join(describe(option) for option in get_args(hint))
-    if origin is tuple:
+    if origin in (tuple, list):
         return f"a list, each item {describe(get_args(hint)[0])}"
     names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
     return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)

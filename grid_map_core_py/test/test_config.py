@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Dataclasses from parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import pytest
 
-from grid_map_core_py.config import build
+from grid_map_core_py.config import build, cast, describe
 from grid_map_core_py.errors import ConfigError
 
 
@@ -19,6 +19,7 @@ class Example:
     flag: bool = False
     mode: Literal["area", "raster"] = "area"
     layers: tuple[str, ...] = ()
+    weights: list[float] = field(default_factory=list)
     limit: float | None = None
 
 
@@ -31,9 +32,37 @@ def test_yaml_numbers_are_cast_to_the_type_of_the_field():
     assert build(Example, {"radius": 1.0, "limit": None}).limit is None
 
 
-def test_an_empty_list_without_a_type_is_an_empty_tuple():
-    assert build(Example, {"radius": 1.0, "layers": None}).layers == ()
-    assert build(Example, {"radius": 1.0, "layers": []}).layers == ()
+@pytest.mark.parametrize("empty", [None, [], ()])
+def test_an_empty_list_may_come_without_a_type(empty):
+    example = build(Example, {"radius": 1.0, "layers": empty, "weights": empty})
+    assert example.layers == ()
+    assert example.weights == []
+
+
+@pytest.mark.parametrize("given", [[1, 2.5], (1, 2.5)])
+def test_lists_and_tuples_are_cast_to_the_one_that_is_declared_item_by_item(given):
+    assert cast("weights", given, list[float]) == [1.0, 2.5]
+    assert cast("weights", given, tuple[float, ...]) == (1.0, 2.5)
+    assert all(isinstance(item, float) for item in cast("weights", given, list[float]))
+
+
+def test_a_list_that_was_given_is_not_the_one_that_is_kept():
+    given = [1.0]
+    assert cast("weights", given, list[float]) is not given
+
+
+def test_types_have_words():
+    assert describe(list[float]) == "a list, each item a number"
+    assert describe(tuple[str, ...]) == "a list, each item a string"
+    assert describe(int | None) == "an integer or nothing"
+
+
+@pytest.mark.parametrize("text", ["", "map", "1"])
+def test_a_string_is_never_taken_for_something_else(text):
+    assert cast("frame_id", text, str) == text
+    for hint in (int, float, bool, list[str]):
+        with pytest.raises(ConfigError, match="parameter 'frame_id': expected "):
+            cast("frame_id", text, hint)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +71,10 @@ def test_an_empty_list_without_a_type_is_an_empty_tuple():
         ({}, "missing parameter 'radius'"),
         (
             {"radius": 1, "radus": 2},
-            "unknown parameter 'radus'; known: radius, name, count, flag, mode, layers, limit",
+            (
+                "unknown parameter 'radus'; "
+                "known: radius, name, count, flag, mode, layers, weights, limit"
+            ),
         ),
         ({"radius": "1"}, "parameter 'radius': expected a number, found '1' (str)"),
         ({"radius": True}, "parameter 'radius': expected a number, found True (bool)"),
@@ -52,7 +84,16 @@ def test_an_empty_list_without_a_type_is_an_empty_tuple():
             {"radius": 1, "count": float("nan")},
             "parameter 'count': expected an integer, found nan (float)",
         ),
-        ({"radius": 1, "name": 3}, "parameter 'name': expected a string, found 3 (int)"),
+        (
+            {"radius": 1, "name": 3},
+            "parameter 'name': expected a string (quote it), found 3 (int)",
+        ),
+        (
+            {"radius": 1, "name": True},
+            "parameter 'name': expected a string (quote it), found True (bool)",
+        ),
+        ({"radius": 1, "name": None}, "parameter 'name': expected a string, found nothing"),
+        ({"radius": None}, "parameter 'radius': expected a number, found nothing"),
         ({"radius": 1, "flag": 1}, "parameter 'flag': expected true or false, found 1 (int)"),
         (
             {"radius": 1, "mode": "rastr"},
@@ -65,6 +106,14 @@ def test_an_empty_list_without_a_type_is_an_empty_tuple():
         (
             {"radius": 1, "layers": ["a", 1]},
             "parameter 'layers': expected a list, each item a string, found ['a', 1] (list)",
+        ),
+        (
+            {"radius": 1, "weights": [1, True]},
+            "parameter 'weights': expected a list, each item a number, found [1, True] (list)",
+        ),
+        (
+            {"radius": 1, "weights": [[1.0]]},
+            "parameter 'weights': expected a list, each item a number, found [[1.0]] (list)",
         ),
         (
             {"radius": 1, "limit": "low"},

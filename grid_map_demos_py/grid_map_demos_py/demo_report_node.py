@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_demo_report`: collects what the filters demo publishes and reports on it.
 
-Waits for maps and for a message on every other topic, writes two pictures, prints a table and ends.
+Waits for some messages on every topic, writes two pictures, prints a table and ends.
 The exit code is 0 only if every topic delivered in time.
 
 Parameters:
     output_directory: where the pictures go (`demo_output`).
-    maps: number of filtered maps to wait for (5).
+    messages: number of messages to wait for on every topic (3).
     timeout: how long to wait [s] (60.0).
 """
 
@@ -56,9 +56,9 @@ class DemoReportNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
         self._directory = Path(read_parameter(self, "output_directory", str, "demo_output"))
-        self._maps = read_parameter(self, "maps", int, 5)
-        if self._maps < 1:
-            raise ConfigError(f"parameter 'maps': expected at least 1, found {self._maps}")
+        self._needed = read_parameter(self, "messages", int, 3)
+        if self._needed < 1:
+            raise ConfigError(f"parameter 'messages': expected at least 1, found {self._needed}")
         self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
         self._filtered: GridMap | None = None
         self._latencies: list[float] = []
@@ -101,7 +101,7 @@ class DemoReportNode(Node):
             )
 
     def _finish_if_complete(self) -> None:
-        if self._filtered is None or self._report.missing({OUTPUT: self._maps}):
+        if self._filtered is None or self._report.missing(self._needed):
             return
         self._write_pictures(self._filtered)
         self._report.latency = statistics.median(self._latencies)
@@ -133,7 +133,7 @@ class DemoReportNode(Node):
         self._report.files = [elevation, traversability]
 
     def _give_up(self) -> None:
-        missing = self._report.missing({OUTPUT: self._maps})
+        missing = self._report.missing(self._needed)
         raise IncompleteDemoError(
             f"after {self._timeout:g} s too few messages on {', '.join(missing)}; "
             f"received: {self._report.counts}"

@@ -18,6 +18,9 @@ PATIENCE = 5.0
 
 POLL_PERIOD = 0.05
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What asks a group to stop."""
+
 
 class ProcessGroup:
     """Starts Python modules as processes and stops them all on exit.
@@ -32,8 +35,10 @@ class ProcessGroup:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> "ProcessGroup":
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in SIGNALS:
             signal.signal(number, self._stop)
+        # Whoever started this process may have made them wait until now.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         return self
 
     def __exit__(self, *_: object) -> None:

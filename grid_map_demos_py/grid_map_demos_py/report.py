@@ -28,9 +28,9 @@ class Report:
         for name, value in milliseconds.items():
             self.times.setdefault(name, []).append(value)
 
-    def missing(self, needed: Mapping[str, int]) -> list[str]:
-        """Return the topics with fewer messages than needed; one where `needed` says nothing."""
-        return [topic for topic, count in self.counts.items() if count < needed.get(topic, 1)]
+    def missing(self, needed: int) -> list[str]:
+        """Return the topics with fewer messages than needed."""
+        return [topic for topic, count in self.counts.items() if count < needed]
 
     def to_text(self, grid_map: GridMap) -> str:
         """Return the report on the demo, whose last filtered map is given."""

@@ -35,6 +35,6 @@ def test_the_report_tells_cells_layers_times_latency_and_messages():
 def test_topics_without_enough_messages_are_missing():
     report = Report(["/in", "/out"])
     report.counts["/out"] = 4
-    assert report.missing({"/out": 5}) == ["/in", "/out"]
-    report.counts.update({"/in": 1, "/out": 5})
-    assert report.missing({"/out": 5}) == []
+    assert report.missing(5) == ["/in", "/out"]
+    report.counts.update({"/in": 5, "/out": 6})
+    assert report.missing(5) == []

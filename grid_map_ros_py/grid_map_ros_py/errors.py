@@ -3,12 +3,10 @@
 """Every error of this package.
 
 GridMapError (grid_map_core_py)
-├── MessageError (ValueError)
-└── ConfigError (grid_map_core_py)
-    └── ParameterError
+└── MessageError (ValueError)
 """
 
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import GridMapError
 
 
 class MessageError(GridMapError, ValueError):
@@ -28,22 +26,3 @@ class MessageError(GridMapError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.field}: expected {self.expected}, found {self.found!r}"
-
-
-class ParameterError(ConfigError):
-    """A parameter of a node is missing or has a value of the wrong type.
-
-    Attributes:
-        name: full name of the parameter.
-        expected: what it must be, in words.
-        found: what it is, in words.
-    """
-
-    def __init__(self, name: str, expected: str, found: str) -> None:
-        self.name = name
-        self.expected = expected
-        self.found = found
-        super().__init__(name, expected, found)
-
-    def __str__(self) -> str:
-        return f"parameter {self.name!r}: expected {self.expected}, found {self.found}"

@@ -8,18 +8,16 @@ read-only: nodes configure themselves once, when they start.
 
 import array
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
 from rcl_interfaces.msg import ParameterDescriptor
 
-from .errors import ParameterError
+from grid_map_core_py.config import cast, describe, mismatch
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
 T = TypeVar("T")
-
-_WORDS = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
 
 
 def read_parameter(
@@ -37,15 +35,15 @@ def read_parameter(
         description: what `ros2 param describe` shows.
 
     Raises:
-        ParameterError: the parameter is required but not given, or has another type.
+        ConfigError: the parameter is required but not given, or has another type.
     """
     given = _given(node, (name,))
     value = given.get(name)
-    if value is None and not (name in given and _is_list(kind)):
-        value = default
+    if value is None and not (name in given and get_origin(kind) is list):
         if default is None:
-            raise ParameterError(name, _in_words(kind), "nothing")
-    typed = cast_parameter(name, value, kind)
+            raise mismatch(name, describe(kind), None)
+        value = default
+    typed: T = cast(name, value, kind)
     _declare(node, name, typed, description)
     return typed
 
@@ -55,12 +53,12 @@ def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
     `{"filter1": {"params": {"radius": 1}}}`. Names may hold any character but the separating dot,
-    so `min/value` stays one name. Values keep the type that the file gave them (`cast_parameter`
-    makes another of it); arrays become lists. An empty list, an empty mapping and null all arrive
-    without type, as None.
+    so `min/value` stays one name. Values keep the type that the file gave them, which
+    `grid_map_core_py.config` casts; arrays become lists. An empty list, an empty mapping and null
+    all arrive without type, as None.
 
     Raises:
-        ParameterError: a name is given both a value and parameters below it.
+        ConfigError: a name is given both a value and parameters below it.
     """
     tree: dict[str, Any] = {}
     names = [name for name in _known_names(node) if _is_below(name, prefix)]
@@ -68,54 +66,6 @@ def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
         _declare(node, name, value)
         _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
     return tree
-
-
-def cast_parameter(name: str, value: object, kind: type[T]) -> T:
-    """Return `value` as `kind`; a plain function, which needs no node.
-
-    Args:
-        name: what to call the parameter in an error.
-        value: int and float are converted into each other where nothing is lost; None becomes the
-            empty list for list kinds.
-        kind: bool, int, float, str, or a list of one of them.
-
-    Raises:
-        ParameterError: `value` has another type.
-    """
-    cast = _cast_list if _is_list(kind) else _cast_scalar
-    return cast(name, value, kind)  # type: ignore[return-value]
-
-
-def _cast_list(name: str, value: object, kind: type) -> list[object]:
-    (element,) = get_args(kind)
-    if value is None:
-        return []
-    if not isinstance(value, list | tuple | array.array):
-        raise ParameterError(name, _in_words(kind), _described(value))
-    return [_cast_scalar(f"{name}[{i}]", entry, element) for i, entry in enumerate(value)]
-
-
-def _cast_scalar(name: str, value: object, kind: type) -> object:
-    if type(value) is kind:
-        return value
-    if kind is float and type(value) is int:
-        return float(value)
-    if kind is int and type(value) is float and value.is_integer():
-        return int(value)
-    hint = " (quote it in the parameter file)" if kind is str and value is not None else ""
-    raise ParameterError(name, _WORDS[kind] + hint, _described(value))
-
-
-def _is_list(kind: object) -> bool:
-    return get_origin(kind) is list
-
-
-def _in_words(kind: Any) -> str:
-    return f"a list, each {_WORDS[get_args(kind)[0]]}" if _is_list(kind) else _WORDS[kind]
-
-
-def _described(value: object) -> str:
-    return "nothing" if value is None else f"{value!r} ({type(value).__name__})"
 
 
 def _known_names(node: "Node") -> Iterable[str]:
@@ -159,13 +109,13 @@ def _declare(node: "Node", name: str, value: object, description: str = "") -> N
 def _insert(tree: dict[str, Any], path: list[str], value: object, name: str) -> None:
     if not path:
         if value is not None:
-            raise ParameterError(name, "parameters below it", _described(value))
+            raise mismatch(name, "parameters below it", value)
         return
     *parents, leaf = path
     for parent in parents:
         tree = tree.setdefault(parent, {})
         if not isinstance(tree, dict):
-            raise ParameterError(name, f"no value for {parent!r} itself", _described(tree))
+            raise mismatch(name, f"no value for {parent!r} itself", tree)
     if leaf in tree:
-        raise ParameterError(name, "no parameters below it", _described(tree[leaf]))
+        raise mismatch(name, "no parameters below it", tree[leaf])
     tree[leaf] = value

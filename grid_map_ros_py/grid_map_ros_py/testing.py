@@ -5,36 +5,66 @@
 All processes that one test process starts share a ROS domain with its peers and with nobody else.
 """
 
+import atexit
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 from typing import Any
+from unittest.mock import patch
 
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from rclpy.utilities import try_shutdown
 
 from .qos import map_qos
 
-DOMAIN = 1 + os.getpid() % 100
-"""Ids of processes that run tests at the same time lie close together, so their domains differ."""
+DOMAINS = 100
+"""Domains from 1 to this number are safe on every system."""
+
+LOCK_PORTS = 32768
+"""A domain is reserved by the TCP port of this number plus its own."""
 
 TIMEOUT = 30.0
 """Seconds to wait for anything before a test fails."""
+
+
+@cache
+def reserved_domain() -> tuple[int, socket.socket]:
+    """Return a ROS domain that this process has for itself, and the lock that it holds on it.
+
+    The lock is a port, as ROS's own test tools use it to keep out of each other's domains; it falls
+    when the process ends.
+    """
+    for k in range(DOMAINS):
+        # Processes that end leave their domain in peace for a while.
+        domain = 1 + (os.getpid() + k) % DOMAINS
+        lock = socket.socket()
+        try:
+            lock.bind(("", LOCK_PORTS + domain))
+        except OSError:
+            lock.close()
+        else:
+            atexit.register(lock.close)
+            return domain, lock
+    raise RuntimeError(f"all {DOMAINS} ROS domains are taken by other tests")
 
 
 def environment() -> dict[str, str]:
     """Return the environment of processes that see each other and nobody else."""
     return {
         **os.environ,
-        "ROS_DOMAIN_ID": str(DOMAIN),
+        "ROS_DOMAIN_ID": str(reserved_domain()[0]),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PYTHONUNBUFFERED": "1",
     }
@@ -118,10 +148,14 @@ def start_node(module: str, *arguments: str) -> Process:
     return Process([sys.executable, "-m", module, *arguments])
 
 
+def running_node(module: str, *arguments: str) -> AbstractContextManager[Process]:
+    """Run `python -m module arguments` as `running` does."""
+    return running(start_node(module, *arguments))
+
+
 @contextmanager
-def running_node(module: str, *arguments: str) -> Iterator[Process]:
-    """Run a node; an interrupt must end it with exit code 0 and without a traceback."""
-    process = start_node(module, *arguments)
+def running(process: Process) -> Iterator[Process]:
+    """Let a node run; an interrupt must end it with exit code 0 and without a traceback."""
     try:
         yield process
         assert process.is_running, process.text
@@ -144,18 +178,24 @@ class Peer:
         self.node = node
         self.received: dict[str, list[Any]] = {}
         self._executor = executor
+        self._publishers: dict[str, Any] = {}
 
-    def listen(self, topic: str, message_type: type, qos: QoSProfile | int | None = None) -> None:
+    def listen(
+        self, topic: str, message_type: type, qos: QoSProfile | int | None = None
+    ) -> Subscription:
         """Collect the messages of a topic; without `qos` as those of a map, last one included."""
         messages = self.received.setdefault(topic, [])
-        self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
+        return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 
-    def publish(self, topic: str, message: Any) -> Any:
-        """Publish a message as a latched map, once somebody listens; return the publisher."""
-        publisher = self.node.create_publisher(type(message), topic, map_qos())
+    def publish(self, topic: str, message: Any, qos: QoSProfile | int | None = None) -> None:
+        """Publish a message, once somebody listens; without `qos` latched as a map."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(
+                type(message), topic, qos or map_qos()
+            )
+        publisher = self._publishers[topic]
         self.wait_until(publisher.get_subscription_count, f"a subscriber of {topic}")
         publisher.publish(message)
-        return publisher
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
         """Spin until the condition holds; fail after a while, naming what was awaited."""
@@ -172,7 +212,8 @@ class Peer:
 def peer() -> Iterator[Peer]:
     """Make a `Peer`, with a context of its own."""
     context = Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
+    with patch.dict(os.environ, environment()):
+        rclpy.init(context=context)
     node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -181,4 +222,4 @@ def peer() -> Iterator[Peer]:
     finally:
         executor.shutdown()
         node.destroy_node()
-        rclpy.try_shutdown(context=context)
+        try_shutdown(context=context)

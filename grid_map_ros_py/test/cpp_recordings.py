@@ -3,16 +3,14 @@
 """Messages that the C++ nodes published, from `data/`."""
 
 import array
-import importlib
+import gzip
 import sqlite3
 import struct
-from collections.abc import Iterator
 from contextlib import closing
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 
 DATA = Path(__file__).parent / "data"
@@ -24,17 +22,12 @@ class Recorded(NamedTuple):
 
 
 @cache
-def recorded(file: str, topic: str) -> list[Recorded]:
+def recorded(recording: str, topic: str, message_type: type) -> list[Recorded]:
     """Return the messages of a topic in time order, serialized and deserialized."""
-    path = DATA / file
-    assert path.is_file(), path
-    read = _read_sqlite if path.suffix == ".db3" else _read_mcap
-    found = [
-        Recorded(raw, deserialize_message(raw, _message_class(name)))
-        for name, raw in read(path, topic)
-    ]
-    assert found, f"no message on {topic} in {file}"
-    return found
+    bag = DATA / f"{recording}.db3"
+    messages = _stored(bag, topic) if bag.is_file() else [_extracted(DATA / recording, topic)]
+    assert messages, f"no message on {topic} in {bag}"
+    return [Recorded(raw, deserialize_message(raw, message_type)) for raw in messages]
 
 
 def bits(value: Any) -> Any:
@@ -52,23 +45,14 @@ def bits(value: Any) -> Any:
     return struct.pack("d", value) if isinstance(value, float) else value
 
 
-def _read_mcap(path: Path, topic: str) -> Iterator[tuple[str, bytes]]:
-    with path.open("rb") as stream:
-        for schema, _, message in make_reader(stream).iter_messages(topics=[topic]):
-            assert schema is not None
-            yield schema.name, message.data
+def _extracted(folder: Path, topic: str) -> bytes:
+    return gzip.decompress((folder / f"{topic}.cdr.gz").read_bytes())
 
 
-def _read_sqlite(path: Path, topic: str) -> Iterator[tuple[str, bytes]]:
+def _stored(bag: Path, topic: str) -> list[bytes]:
     query = (
-        "SELECT type, data FROM messages JOIN topics ON topics.id = topic_id"
+        "SELECT data FROM messages JOIN topics ON topics.id = topic_id"
         " WHERE name = ? ORDER BY timestamp"
     )
-    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
-        yield from database.execute(query, (topic,))
-
-
-def _message_class(name: str) -> type:
-    package, _, message = name.split("/")
-    found: type = getattr(importlib.import_module(f"{package}.msg"), message)
-    return found
+    with closing(sqlite3.connect(f"file:{bag}?mode=ro", uri=True)) as database:
+        return [raw for (raw,) in database.execute(query, (f"/{topic}",))]

@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.testing import grid_maps
-from grid_map_ros_py import to_grid_cells
+from grid_map_ros_py import to_grid_cells, to_serialized_grid_cells
 
 
 def centres(message: GridCells) -> list[list[float]]:
@@ -41,6 +41,14 @@ def test_cells_are_those_with_finite_values_between_the_bounds(grid_map: GridMap
     assert centres(to_grid_cells(grid_map, "elevation", -200.0, 300.0)) == expected
 
 
+@settings(max_examples=40)
+@given(grid_maps())
+def test_serialized_cells_are_the_same_message(grid_map: GridMap) -> None:
+    bounds = ("elevation", -200.0, 300.0)
+    serialized = to_serialized_grid_cells(grid_map, *bounds)
+    assert deserialize_message(serialized, GridCells) == to_grid_cells(grid_map, *bounds)
+
+
 def test_infinite_bounds_take_all_finite_cells() -> None:
     values = [[1.0, math.inf], [-math.inf, math.nan]]
     grid_map = GridMap((2, 2), 1.0, layers={"elevation": values})
@@ -54,5 +62,6 @@ def test_bounds_are_included_although_the_layer_is_rounded_to_float32() -> None:
 
 
 def test_an_unknown_layer_is_named() -> None:
-    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
-        to_grid_cells(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
+    for convert in (to_grid_cells, to_serialized_grid_cells):
+        with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
+            convert(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)

@@ -25,8 +25,7 @@ def test_a_signal_ends_the_node_in_peace_whatever_it_does(
     wait_until_alive(process)
     process.send_signal(number)
     out, errors = process.communicate(timeout=TIMEOUT)
-    assert (process.returncode, errors) == (0, "")
-    assert out == ("" if habit == "slow" else "destroyed\n")
+    assert (process.returncode, out, errors) == (0, "destroyed\n", "")
 
 
 def test_interrupts_while_the_node_ends_change_nothing(start: Start) -> None:

@@ -6,10 +6,13 @@ from typing import Any
 
 import pytest
 from cpp_recordings import Recorded, bits, recorded
+from nav_msgs.msg import GridCells, OccupancyGrid
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     from_message,
     to_grid_cells,
@@ -18,17 +21,17 @@ from grid_map_ros_py import (
     to_point_cloud,
 )
 
-TUTORIAL, FILTERS, MOVE = "cpp_tutorial_outputs.mcap", "cpp_filters_outputs.mcap", "cpp_move.db3"
+TUTORIAL, FILTERS, MOVE = "cpp_tutorial", "cpp_filters", "cpp_move"
 MAPS = [
-    (TUTORIAL, "/grid_map"),
-    (FILTERS, "/grid_map"),
-    (FILTERS, "/filtered_map"),
-    (MOVE, "/grid_map"),
+    (TUTORIAL, "grid_map"),
+    (FILTERS, "grid_map"),
+    (FILTERS, "filtered_map"),
+    (MOVE, "grid_map"),
 ]
 
 
 def only_map(file: str, topic: str) -> GridMap:
-    (one,) = recorded(file, topic)
+    (one,) = recorded(file, topic, GridMapMessage)
     return from_message(one.message, unwrap=False)
 
 
@@ -40,7 +43,7 @@ def assert_is_recorded(message: Any, published: Recorded) -> None:
 
 @pytest.mark.parametrize(("file", "topic"), MAPS)
 def test_every_map_is_sent_again_as_it_was_received(file: str, topic: str) -> None:
-    for published in recorded(file, topic):
+    for published in recorded(file, topic, GridMapMessage):
         sent = to_message(from_message(published.message, unwrap=False))
         assert_is_recorded(sent, published)
         for ours, theirs in zip(sent.data, published.message.data, strict=True):
@@ -50,7 +53,9 @@ def test_every_map_is_sent_again_as_it_was_received(file: str, topic: str) -> No
 
 
 def test_the_move_demo_stored_its_maps_all_over_the_buffer() -> None:
-    maps = [from_message(r.message, unwrap=False) for r in recorded(MOVE, "/grid_map")]
+    maps = [
+        from_message(r.message, unwrap=False) for r in recorded(MOVE, "grid_map", GridMapMessage)
+    ]
     starts = {grid_map.start_index for grid_map in maps}
     assert len(starts) > 10
     assert max(row for row, _ in starts) > 35
@@ -58,7 +63,7 @@ def test_the_move_demo_stored_its_maps_all_over_the_buffer() -> None:
 
 
 def test_a_map_is_the_same_world_unwrapped_or_not() -> None:
-    for published in recorded(MOVE, "/grid_map"):
+    for published in recorded(MOVE, "grid_map", GridMapMessage):
         unwrapped = from_message(published.message)
         assert unwrapped.start_index == (0, 0)
         assert_maps_equal(unwrapped, from_message(published.message, unwrap=False))
@@ -67,14 +72,14 @@ def test_a_map_is_the_same_world_unwrapped_or_not() -> None:
 @pytest.mark.parametrize(
     ("topic", "layer"),
     [
-        ("/elevation_points", "elevation"),
-        ("/noisy_points", "elevation_noisy"),
-        ("/filtered_points", "elevation_filtered"),
+        ("elevation_points", "elevation"),
+        ("noisy_points", "elevation_noisy"),
+        ("filtered_points", "elevation_filtered"),
     ],
 )
 def test_point_clouds_are_those_that_cpp_published(topic: str, layer: str) -> None:
-    (published,) = recorded(TUTORIAL, topic)
-    cloud = to_point_cloud(only_map(TUTORIAL, "/grid_map"), layer)
+    (published,) = recorded(TUTORIAL, topic, PointCloud2)
+    cloud = to_point_cloud(only_map(TUTORIAL, "grid_map"), layer)
     assert_is_recorded(cloud, published)
 
 
@@ -82,9 +87,9 @@ def test_point_clouds_are_those_that_cpp_published(topic: str, layer: str) -> No
 @pytest.mark.parametrize(
     ("file", "map_topic", "topic", "layer", "data_min", "data_max"),
     [
-        (TUTORIAL, "/grid_map", "/elevation_grid", "elevation", 0.08, -0.16),
-        (TUTORIAL, "/grid_map", "/error_grid", "error", -0.15, 0.15),
-        (FILTERS, "/filtered_map", "/traversability_grid", "traversability", 0.0, 1.0),
+        (TUTORIAL, "grid_map", "elevation_grid", "elevation", 0.08, -0.16),
+        (TUTORIAL, "grid_map", "error_grid", "error", -0.15, 0.15),
+        (FILTERS, "filtered_map", "traversability_grid", "traversability", 0.0, 1.0),
     ],
 )
 def test_occupancy_grids_are_those_that_cpp_published(
@@ -96,7 +101,7 @@ def test_occupancy_grids_are_those_that_cpp_published(
     data_max: float,
     start_index: tuple[int, int],
 ) -> None:
-    (published,) = recorded(file, topic)
+    (published,) = recorded(file, topic, OccupancyGrid)
     grid_map = moved_in_buffer(only_map(file, map_topic), start_index)
     grid = to_occupancy_grid(grid_map, layer, data_min, data_max)
     assert_is_recorded(grid, published)
@@ -105,11 +110,11 @@ def test_occupancy_grids_are_those_that_cpp_published(
 def test_occupancy_grids_of_the_moving_map_are_those_that_cpp_published() -> None:
     maps = {
         (stamp.sec, stamp.nanosec): from_message(r.message, unwrap=False)
-        for r in recorded(MOVE, "/grid_map")
+        for r in recorded(MOVE, "grid_map", GridMapMessage)
         for stamp in [r.message.header.stamp]
     }
     compared = 0
-    for published in recorded(MOVE, "/occupancy_grid"):
+    for published in recorded(MOVE, "occupancy_grid", OccupancyGrid):
         stamp = published.message.header.stamp
         grid_map = maps.get((stamp.sec, stamp.nanosec))
         if grid_map is not None:
@@ -120,6 +125,6 @@ def test_occupancy_grids_of_the_moving_map_are_those_that_cpp_published() -> Non
 
 
 def test_grid_cells_are_those_that_cpp_published() -> None:
-    (published,) = recorded(TUTORIAL, "/elevation_cells")
-    cells = to_grid_cells(only_map(TUTORIAL, "/grid_map"), "elevation", -0.08, 0.0)
+    (published,) = recorded(TUTORIAL, "elevation_cells", GridCells)
+    cells = to_grid_cells(only_map(TUTORIAL, "grid_map"), "elevation", -0.08, 0.0)
     assert_is_recorded(cells, published)

@@ -8,9 +8,8 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, color_value_to_vector
 from grid_map_core_py.errors import ConfigError
+from grid_map_ros_py.cdr import serialize
 from grid_map_ros_py.time import to_header
-
-from .cdr import serialize
 
 
 def check_color(color: int) -> None:

@@ -16,7 +16,6 @@ Parameters:
 
 import math
 import sys
-import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -34,12 +33,10 @@ from grid_map_ros_py.grid_map import from_message
 from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
+from grid_map_ros_py.throttle import LogThrottle
 
 from .registry import create
 from .visualization import Visualization
-
-REPEAT_PERIOD = 5.0
-"""Seconds after which a problem that persists is logged again."""
 
 
 class GridMapVisualizationNode(Node):
@@ -53,7 +50,7 @@ class GridMapVisualizationNode(Node):
         super().__init__("grid_map_visualization")
         self._topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
         self._qos = map_qos(transient_local=read_parameter(self, "transient_local", bool, False))
-        self._errors = Repetitions()
+        self._throttle = LogThrottle()
         self._subscription: Subscription | None = None
         self._map: GridMap | None = None
         self._outputs = [
@@ -89,7 +86,7 @@ class GridMapVisualizationNode(Node):
             self._map = from_message(message, unwrap=False)
         except GridMapError as error:
             text = f"cannot use the map on {self._topic!r}: {error}"
-            if self._errors.allow(text):
+            if self._throttle.allow(text):
                 self.get_logger().error(text)
             return
         for output in self._outputs:
@@ -124,7 +121,7 @@ class Output:
         self._listeners = 0
         self._visualization = visualization
         self._on_match = on_match
-        self._warnings = Repetitions()
+        self._throttle = LogThrottle()
         self._logger = node.get_logger()
         events = PublisherEventCallbacks(matched=self._match)
         try:
@@ -150,7 +147,7 @@ class Output:
             message = self._visualization(grid_map)
         except Exception as error:  # Plugins may raise anything, and the other outputs go on.
             text = f"visualization {self.name!r}: {_text(error)}"
-            if self._warnings.allow(text):
+            if self._throttle.allow(text):
                 self._logger.warning(text)
         else:
             self._publisher.publish(message)
@@ -160,22 +157,6 @@ class Output:
         # not enough for those who come: by default RViz asks for a volatile topic.
         self.is_due |= status.total_count_change > 0
         self._on_match()
-
-
-class Repetitions:
-    """Tells which texts to log: a new one at once, the same one again only after a while."""
-
-    def __init__(self) -> None:
-        self._text = ""
-        self._time = -math.inf
-
-    def allow(self, text: str) -> bool:
-        """Tell whether to log `text`, and take it as logged if so."""
-        now = time.monotonic()
-        if text == self._text and now - self._time < REPEAT_PERIOD:
-            return False
-        self._text, self._time = text, now
-        return True
 
 
 def _read_visualizations(node: Node) -> Mapping[str, Visualization]:

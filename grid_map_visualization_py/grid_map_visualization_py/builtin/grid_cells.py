@@ -9,7 +9,7 @@ from typing import ClassVar
 from nav_msgs import msg
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py.grid_cells import to_grid_cells
+from grid_map_ros_py.grid_cells import to_serialized_grid_cells
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +27,8 @@ class GridCells:
     lower_threshold: float = -math.inf
     upper_threshold: float = math.inf
 
-    def __call__(self, grid_map: GridMap) -> msg.GridCells:
-        """Return the cells."""
-        return to_grid_cells(grid_map, self.layer, self.lower_threshold, self.upper_threshold)
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the cells, serialized."""
+        return to_serialized_grid_cells(
+            grid_map, self.layer, self.lower_threshold, self.upper_threshold
+        )

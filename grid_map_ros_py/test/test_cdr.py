@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState, Range
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from grid_map_visualization_py.cdr import serialize
+from grid_map_ros_py.cdr import serialize
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 

@@ -1,0 +1,55 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Tests that run at the same time do not hear each other."""
+
+import socket
+import subprocess
+import sys
+from contextlib import ExitStack, suppress
+
+import pytest
+
+from grid_map_ros_py import testing
+
+RESERVE = """
+import os
+os.getpid = lambda: {}
+from grid_map_ros_py.testing import reserved_domain
+print(reserved_domain()[0], flush=True)
+input()
+"""
+
+
+def test_processes_that_want_the_same_domain_get_different_ones() -> None:
+    with ExitStack() as stack:
+        processes = [
+            stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-c", RESERVE.format(41)],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    text=True,
+                )
+            )
+            for _ in range(3)
+        ]
+        domains = {int(process.stdout.readline()) for process in processes if process.stdout}
+        for process in processes:
+            process.communicate("\n", timeout=testing.TIMEOUT)
+    assert len(domains) == 3
+    assert domains <= set(range(1, testing.DOMAINS + 1))
+
+
+def test_a_process_keeps_its_domain() -> None:
+    assert testing.reserved_domain() is testing.reserved_domain()
+    assert testing.environment()["ROS_DOMAIN_ID"] == str(testing.reserved_domain()[0])
+
+
+def test_a_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(testing, "DOMAINS", 1)
+    with socket.socket() as taken:
+        # Whoever else has this port is as good as this test.
+        with suppress(OSError):
+            taken.bind(("", testing.LOCK_PORTS + 1))
+        with pytest.raises(RuntimeError, match="all 1 ROS domains are taken by other tests"):
+            testing.reserved_domain.__wrapped__()
