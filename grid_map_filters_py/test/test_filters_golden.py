@@ -107,6 +107,7 @@ def classify(case) -> str:
     return "deviates" if deviates(case) else "equals"
 
 
+@pytest.mark.filterwarnings("ignore:.*to delete:grid_map_filters_py.FilterWarning")
 @pytest.mark.parametrize("case", cases("equals"))
 def test_the_result_equals_cpp(case):
     description = golden()["maps"][case["map"]]

@@ -1,0 +1,38 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The package as a whole."""
+
+import doctest
+import importlib
+import pkgutil
+import subprocess
+import sys
+
+import grid_map_filters_py
+
+MODULES = [
+    module.name
+    for module in pkgutil.walk_packages(grid_map_filters_py.__path__, "grid_map_filters_py.")
+    if not module.name.endswith("_node")
+]
+
+
+def test_no_module_but_the_node_needs_ros():
+    blocked = "rclpy", "grid_map_msgs", "grid_map_ros_py", "diagnostic_msgs", "std_msgs"
+    code = f"""
+import sys
+for name in {blocked!r}:
+    sys.modules[name] = None
+for name in {MODULES!r}:
+    __import__(name)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_the_examples_in_the_docstrings_are_true():
+    attempted = 0
+    for name in MODULES:
+        result = doctest.testmod(importlib.import_module(name))
+        assert result.failed == 0, name
+        attempted += result.attempted
+    assert attempted > 0
