@@ -12,9 +12,10 @@ from .config import StepConfig
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 from .filter import Filter, FilterWarning
-from .registry import filter_class, filter_types
+from .registry import FILTERS
 
 __all__ = [
+    "FILTERS",
     "Expression",
     "ExpressionError",
     "Filter",
@@ -24,6 +25,4 @@ __all__ = [
     "FilterWarning",
     "Step",
     "StepConfig",
-    "filter_class",
-    "filter_types",
 ]

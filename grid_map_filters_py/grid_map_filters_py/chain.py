@@ -16,7 +16,7 @@ from grid_map_core_py.errors import GridMapError
 from .config import StepConfig, parse_steps, read_chain
 from .errors import FilterConfigError, FilterError
 from .filter import Filter, FilterWarning
-from .registry import filter_class
+from .registry import FILTERS
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class FilterChain:
 
 def _build(config: StepConfig) -> Filter:
     try:
-        return build(filter_class(config.type), config.params)
+        return build(FILTERS[config.type], config.params)
     except GridMapError as error:
         raise FilterConfigError(f"{config}: {error}") from error
 

@@ -144,7 +144,7 @@ def with_params(type_name, **params):
                 "'gridMapFilters/TresholdFilter'; did you mean gridMapFilters/ThresholdFilter"
             ),
         ),
-        (with_params("nothing"), "unknown type 'nothing'; available: gridMapCv/InpaintFilter"),
+        (with_params("nothing"), "unknown type 'nothing'; known: gridMapCv/InpaintFilter"),
         (
             with_params(DUPLICATION, input_layer="a", ouput_layer="b"),
             (

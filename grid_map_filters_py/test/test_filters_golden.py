@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py import FilterChain, FilterConfigError, FilterError, filter_types
+from grid_map_filters_py import FILTERS, FilterChain, FilterConfigError, FilterError
 
 NAMESPACES = {"InpaintFilter": "gridMapCv"}
 ELSEWHERE = "gridMapFilters/SlidingWindowMathExpressionFilter"
@@ -94,7 +94,7 @@ def cases(outcome: str) -> list[Any]:
 
 
 def is_compared(case) -> bool:
-    return type_of(case) in filter_types() and type_of(case) != ELSEWHERE
+    return type_of(case) in FILTERS.types and type_of(case) != ELSEWHERE
 
 
 def classify(case) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from grid_map_filters_py import FilterConfigError, filter_class, filter_types
+from grid_map_core_py.errors import ConfigError
+from grid_map_filters_py import FILTERS
 from grid_map_filters_py.builtin.threshold import Threshold
 
 MODULE = """
@@ -55,30 +56,8 @@ def test_a_filter_of_a_third_party_is_found_by_its_type(tmp_path):
     assert result.stdout.strip() == "5.0", result.stderr
 
 
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        (
-            "gridMapFilters/ThresholdFilter = lift_filters:Lift",
-            (
-                "type 'gridMapFilters/ThresholdFilter' is registered by this package "
-                "and by lift_filters:Lift"
-            ),
-        ),
-        ("lift/LiftFilter = lift_filters:Lost", "cannot load 'lift_filters:Lost'"),
-        ("lift/LiftFilter = nowhere:Lift", "cannot load 'nowhere:Lift'"),
-    ],
-)
-def test_an_entry_point_that_cannot_serve_is_named(tmp_path, entry, message):
-    install(tmp_path, entry)
-    result = run_python(tmp_path, USE)
-    assert result.returncode == 1
-    assert message in result.stderr
-    assert "FilterConfigError" in result.stderr
-
-
 def test_built_in_filters_are_found_and_listed():
-    assert filter_class("gridMapFilters/ThresholdFilter") is Threshold
-    assert "gridMapCv/InpaintFilter" in filter_types()
-    with pytest.raises(FilterConfigError, match="unknown type ''"):
-        filter_class("")
+    assert FILTERS["gridMapFilters/ThresholdFilter"] is Threshold
+    assert "gridMapCv/InpaintFilter" in FILTERS.types
+    with pytest.raises(ConfigError, match="unknown type ''; known: gridMapCv/InpaintFilter, "):
+        FILTERS[""]

@@ -6,7 +6,7 @@ A visualization is a dataclass that is called with a map and returns a message; 
 by its YAML name. `visualization_node` publishes what somebody listens to; it alone needs rclpy.
 """
 
-from .registry import create, visualization_type
+from .registry import VISUALIZATIONS, create
 from .visualization import Visualization
 
-__all__ = ["Visualization", "create", "visualization_type"]
+__all__ = ["VISUALIZATIONS", "Visualization", "create"]

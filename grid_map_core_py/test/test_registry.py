@@ -1,0 +1,83 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Types of this package and of others, through entry points of distributions on the path."""
+
+import itertools
+
+import pytest
+
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.registry import Registry
+
+GROUP = "grid_map_core_py.test_types"
+NUMBERS = itertools.count()
+
+
+class BuiltIn:
+    pass
+
+
+@pytest.fixture
+def registry() -> Registry:
+    return Registry({"built_in": BuiltIn, "other": object}, GROUP)
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """Return a function that puts a distribution with one entry point on the path."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def install(type_name: str, code: str = "class Plugin: pass") -> str:
+        package = f"registry_plugin_{next(NUMBERS)}"
+        (tmp_path / f"{package}.py").write_text(code)
+        information = tmp_path / f"{package}-1.0.dist-info"
+        information.mkdir()
+        (information / "METADATA").write_text(f"Name: {package}\nVersion: 1.0\n")
+        entry = f"[{GROUP}]\n{type_name} = {package}:Plugin\n"
+        (information / "entry_points.txt").write_text(entry)
+        return f"{package}:Plugin"
+
+    return install
+
+
+def test_built_in_types_are_found_and_listed(registry):
+    assert registry["built_in"] is BuiltIn
+    assert registry.types == ("built_in", "other")
+
+
+def test_an_unknown_type_is_named_with_what_was_meant_or_what_there_is(registry):
+    with pytest.raises(ConfigError, match=r"unknown type 'built-in'; did you mean built_in\?"):
+        registry["built-in"]
+    with pytest.raises(ConfigError, match="unknown type ''; known: built_in, other"):
+        registry[""]
+
+
+def test_other_packages_add_types(registry, install):
+    install("their/Type", "class Plugin: answer = 42")
+    assert registry["their/Type"].answer == 42
+    assert registry.types == ("built_in", "other", "their/Type")
+
+
+@pytest.mark.parametrize("type_name", ["built_in", "other"])
+def test_a_type_that_is_built_in_cannot_be_registered_again(registry, install, type_name):
+    where = install(type_name)
+    with pytest.raises(ConfigError) as caught:
+        registry["built_in"]
+    assert str(caught.value) == (
+        f"the type {type_name!r} is registered twice: as {where} and as a built-in"
+    )
+
+
+def test_two_packages_cannot_register_one_type(registry, install):
+    install("sparkles")
+    install("sparkles")
+    with pytest.raises(ConfigError, match=r"'sparkles' is registered twice: as registry_plugin_.*"):
+        registry["built_in"]
+
+
+@pytest.mark.parametrize("code", ["import no_such_module", "1 / 0", "class Other: pass"])
+def test_a_plugin_that_cannot_be_loaded_spoils_only_its_own_type(registry, install, code):
+    where = install("broken", code)
+    assert registry["built_in"] is BuiltIn
+    with pytest.raises(ConfigError, match=f"cannot load '{where}': "):
+        registry["broken"]
