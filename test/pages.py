@@ -106,7 +106,7 @@ def table(section: str) -> Iterator[list[str]]:
         if line.startswith("|") and not line.startswith(
             ("| parameter ", "| type ", "| functions ")
         ):
-            yield [cell.strip() for cell in line.strip("|").split(" | ")]
+            yield [cell.strip() for cell in line.strip("|").split("|")]
 
 
 PAGES = [Page(path) for pattern in PATTERNS for path in sorted(ROOT.glob(pattern))]

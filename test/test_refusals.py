@@ -102,4 +102,6 @@ def test_a_path_with_spaces(tmp_path):
 def test_a_shell_of_a_workspace_that_is_not_set_up(workspace):
     done = run("bash", "-c", f". {workspace}/tools/env.sh", environ=fresh_environment())
     assert done.returncode == 1
-    assert done.stderr == f"{workspace} is not set up: run `make build` there first.\n"
+    assert done.stderr == (
+        f"{workspace} is not set up for a shell without ROS: run `make build` there first.\n"
+    )

@@ -42,10 +42,9 @@ ADDED_TO_ROS = (
 def setup(outer: Mapping[str, str], ros: bool) -> str:
     """Make `.venv` unless it is there, and return the fingerprint of what it was made of."""
     fill = _add_to_ros if ros else _install_ros
-    fingerprint = _fingerprint(fill.__name__, REQUIREMENTS, CONSTRAINTS)
     options = ["--system-site-packages"] if ros else []
-    _ensure_venv(VENV, fingerprint, outer, options, lambda: fill(outer))
-    return fingerprint
+    _ensure_venv(VENV, _wanted(ros), outer, options, lambda: fill(outer))
+    return _wanted(ros)
 
 
 def setup_oldest(outer: Mapping[str, str]) -> None:
@@ -55,8 +54,13 @@ def setup_oldest(outer: Mapping[str, str]) -> None:
     _ensure_venv(VENV_OLDEST, fingerprint, outer, [], lambda: _pip(VENV_OLDEST, outer, *install))
 
 
-def is_set_up() -> bool:
-    return _stamp(VENV).exists()
+def is_set_up(ros: bool) -> bool:
+    """Tell whether `.venv` is complete, of today's requirements, and of this one of the worlds."""
+    return _is_complete(VENV, _wanted(ros))
+
+
+def _wanted(ros: bool) -> str:
+    return _fingerprint("beside ROS" if ros else "with ROS", REQUIREMENTS, CONSTRAINTS)
 
 
 def _fingerprint(kind: str, *sources: Path) -> str:
@@ -69,6 +73,10 @@ def _stamp(venv: Path) -> Path:
     return venv / ".complete"
 
 
+def _is_complete(venv: Path, fingerprint: str) -> bool:
+    return _stamp(venv).exists() and _stamp(venv).read_text() == fingerprint
+
+
 def _ensure_venv(
     venv: Path,
     fingerprint: str,
@@ -77,9 +85,9 @@ def _ensure_venv(
     fill: Callable[[], None],
 ) -> None:
     """Make `venv` anew unless it is complete and carries `fingerprint`."""
-    stamp = _stamp(venv)
-    if stamp.exists() and stamp.read_text() == fingerprint:
+    if _is_complete(venv, fingerprint):
         return
+    stamp = _stamp(venv)
     say(f"Making {venv.name} with Python {platform.python_version()}; this takes minutes, once ...")
     # The stamp goes first, so that a removal that is cut short leaves none behind.
     stamp.unlink(missing_ok=True)

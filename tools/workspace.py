@@ -68,10 +68,12 @@ def _source_digest(package: Path, fingerprint: str) -> str:
     return digest(*parts)
 
 
-def exports(outer: Mapping[str, str], inner: Mapping[str, str]) -> None:
-    """Print how the shell, set back to `outer`, becomes `inner`."""
-    if not environment.is_set_up():
-        raise Refusal(f"{ROOT} is not set up: run `make build` there first.")
+def exports(outer: Mapping[str, str], ros: bool) -> None:
+    """Print how the shell, set back to `outer`, becomes the inner environment."""
+    if not environment.is_set_up(ros):
+        world = "a sourced ROS" if ros else "a shell without ROS"
+        raise Refusal(f"{ROOT} is not set up for {world}: run `make build` there first.")
+    inner = environment.inner_environment(outer, ros)
     for name in machine.PATH_LISTS:
         if name not in inner:
             print(f"unset {name}")
@@ -84,7 +86,7 @@ def carry_out(command: str) -> None:
     outer = machine.outer_environment(os.environ)
     ros = machine.ros_is_sourced(outer)
     if command == "exports":
-        exports(outer, environment.inner_environment(outer, ros))
+        exports(outer, ros)
         return
     machine.check(outer, ros)
     with only_one():

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Colours in layers: one float32 whose bits are 0x00RRGGBB."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,34 @@ def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
     components = np.asarray(rgb)
     if components.ndim == 0 or components.shape[-1] != 3:
         raise GeometryError(f"rgb: expected shape (..., 3), got {components.shape}")
+    channels = np.moveaxis(components, -1, 0)
     if components.dtype.kind == "f":
-        return _pack(_as_bytes(components), np.isnan(components).any(axis=-1))
-    return _pack(np.clip(components, 0, 255).astype(np.uint32), np.False_)
+        return color_channels_to_value(*channels)
+    return _pack(np.clip(channel, 0, 255) for channel in channels)
+
+
+def color_channels_to_value(
+    red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]
+) -> npt.NDArray[np.float32]:
+    """Pack colours, given as three arrays, into layer values.
+
+    Args:
+        red, green, blue: (...) floats in [0, 1], as in `color_vector_to_value`.
+
+    Returns:
+        (...) float32, in the memory order of the arrays; NaN where a component is NaN.
+    """
+    channels = (red, green, blue)
+    missing = np.isnan(red) | np.isnan(green) | np.isnan(blue)
+    with np.errstate(invalid="ignore"):
+        values = _pack(np.clip(255 * channel, 0, 255) for channel in channels)
+    return np.where(missing, np.float32(np.nan), values)
+
+
+def _pack(channels: Iterable[npt.NDArray[Any]]) -> npt.NDArray[np.float32]:
+    """Pack red, green and blue in [0, 255]; fractions are cut off."""
+    red, green, blue = (channel.astype(np.uint32) for channel in channels)
+    return np.asarray(red << 16 | green << 8 | blue, dtype=np.uint32).view(np.float32)
 
 
 def color_value_to_vector(value: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -45,17 +71,3 @@ def color_value_to_vector(value: npt.ArrayLike) -> npt.NDArray[np.float32]:
     rgb = (bits & 0xFF).astype(np.float32) / np.float32(255)
     rgb[np.isnan(values)] = np.nan
     return rgb
-
-
-def _as_bytes(components: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
-    scaled: npt.NDArray[np.floating[Any]] = 255 * np.clip(np.nan_to_num(components, nan=0.0), 0, 1)
-    return scaled.astype(np.uint32)
-
-
-def _pack(
-    components: npt.NDArray[np.uint32], missing: npt.NDArray[np.bool_] | np.bool_
-) -> npt.NDArray[np.float32]:
-    red, green, blue = (components[..., channel] for channel in range(3))
-    bits = np.asarray(red << 16 | green << 8 | blue, dtype=np.uint32)
-    values = bits.view(np.float32)
-    return np.where(missing, np.float32(np.nan), values)

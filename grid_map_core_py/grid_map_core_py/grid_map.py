@@ -220,6 +220,15 @@ class GridMap:
         result._basic_layers = self._basic_layers
         return result
 
+    def normalized(self) -> "GridMap":
+        """Return a copy with start index (0, 0): every layer in map order, with data of its own."""
+        if self._start == (0, 0):
+            return self.copy()
+        result = self._with({name: self.unwrapped(name) for name in self._layers})
+        result._basic_layers = self._basic_layers
+        result._start = (0, 0)
+        return result
+
     def __copy__(self) -> "GridMap":
         return self.copy()
 

@@ -311,6 +311,18 @@ def test_the_default_start_index_shows_the_same_world(grid_map):
         np.testing.assert_array_equal(grid_map[layer], before.unwrapped(layer))
 
 
+@given(grid_maps(("a", "b")))
+def test_a_normalized_map_is_a_copy_in_map_order(grid_map):
+    before = grid_map.copy()
+    result = grid_map.normalized()
+    assert_maps_equal(result, grid_map)
+    assert result.start_index == (0, 0)
+    for layer in result:
+        result[layer][...] = 7.0
+    assert_maps_equal(grid_map, before)
+    assert grid_map.start_index == before.start_index
+
+
 @given(grid_maps(), st.data())
 def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     unmoved = grid_map.copy()

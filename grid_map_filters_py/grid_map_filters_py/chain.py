@@ -84,8 +84,7 @@ class FilterChain:
         """
         # The copy keeps filters, which share what they leave alone, from sharing it with the
         # caller.
-        result = grid_map.copy()
-        result.convert_to_default_start_index()
+        result = grid_map.normalized()
         for step in self.steps:
             begin = time.perf_counter()
             result = _run(step, result)

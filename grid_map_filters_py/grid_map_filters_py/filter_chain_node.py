@@ -6,8 +6,6 @@ Parameters:
     input_topic: maps come from here (`/grid_map`).
     output_topic: filtered maps go there (`/filtered_map`).
     filter_chain_parameter_name: which parameter holds the chain (`filters`).
-    transient_local: ask for the last map that was published before this node started (true); maps
-        of a volatile publisher are received with false only.
 
 Besides the map it publishes `diagnostic_msgs/DiagnosticArray` on `/diagnostics` while somebody
 listens: maps in, out and dropped, and the milliseconds of the last map, in all and by filter.
@@ -27,6 +25,7 @@ from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
 from grid_map_ros_py.throttle import LogThrottle
 
 from .chain import FilterChain, Step
@@ -79,11 +78,8 @@ class FilterChainNode(Node):
             GridMapMessage, read_parameter(self, "output_topic", str, "/filtered_map"), map_qos()
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        transient_local = read_parameter(self, "transient_local", bool, True)
         topic = read_parameter(self, "input_topic", str, "/grid_map")
-        self.create_subscription(
-            GridMapMessage, topic, self._on_map, map_qos(transient_local=transient_local)
-        )
+        self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {topic}")
 
     def _on_map(self, message: GridMapMessage) -> None:

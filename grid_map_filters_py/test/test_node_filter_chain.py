@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import qos_profile_sensor_data
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
@@ -258,11 +259,21 @@ def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
         other_side.expect("/out")
 
 
-def test_maps_of_a_volatile_publisher_are_received_on_request(parameters, other_side):
+def test_maps_of_a_volatile_publisher_are_filtered_too(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
-    with running_node(MODULE, *parameters(transient_local=False)):
+    with running_node(MODULE, *parameters()):
         other_side.publish("/grid_map", to_message(terrain()), 1)
         other_side.expect("/filtered_map")
+        with peer() as latched:
+            latched.publish("/grid_map", to_message(terrain(timestamp=7)))
+            assert from_message(other_side.expect("/filtered_map", 2)).timestamp == 7
+
+
+def test_a_publisher_that_is_not_reliable_is_named(parameters, other_side):
+    with running_node(MODULE, *parameters()) as node:
+        other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
+        text = "a publisher of /grid_map is not heard: its quality of service does not fit in"
+        wait_until(lambda: text in node.text, "the warning")
 
 
 def changed(**step):

@@ -15,6 +15,4 @@ class BufferNormalizer:
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        result = grid_map.copy()
-        result.convert_to_default_start_index()
-        return result
+        return grid_map if grid_map.start_index == (0, 0) else grid_map.normalized()

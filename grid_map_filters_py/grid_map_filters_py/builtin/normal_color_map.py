@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py import GridMap, color_vector_to_value
+from grid_map_core_py import GridMap
+from grid_map_core_py.color import color_channels_to_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +21,6 @@ class NormalColorMap:
     output_layer: str
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
-        rgb = np.stack(normals, axis=-1) * np.float32(0.5) + np.float32(0.5)
-        return grid_map.with_layers({self.output_layer: color_vector_to_value(rgb)})
+        half = np.float32(0.5)
+        channels = (grid_map[self.input_layers_prefix + axis] * half + half for axis in "xyz")
+        return grid_map.with_layers({self.output_layer: color_channels_to_value(*channels)})

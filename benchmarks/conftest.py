@@ -1,0 +1,58 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The fixture `measure`, and the table at the end."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cv2
+import pytest
+from measuring import Measurement, Result, to_table
+
+RESULTS = pytest.StashKey[list[Result]]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.stash[RESULTS] = []
+    # Its table knows no C++; --benchmark-verbose shows it all the same.
+    config.option.benchmark_quiet = True
+
+
+@pytest.fixture(autouse=True)
+def one_core() -> Iterator[None]:
+    """C++ was timed with one thread."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(threads)
+
+
+@pytest.fixture(params=[200, 400, 1000])
+def cells(request: pytest.FixtureRequest) -> int:
+    """Cells along a side of the map."""
+    return request.param
+
+
+@pytest.fixture
+def measure(benchmark: Any, request: pytest.FixtureRequest) -> Callable[..., Any]:
+    """Return a function that times an operation for a row of the table and returns its result."""
+
+    def run(row: str, cells: int, operation: Callable[..., Any], **options: Any) -> Any:
+        measurement = Measurement(operation, **options)
+        returned = benchmark.pedantic(
+            operation, setup=measurement.before_round, rounds=measurement.rounds
+        )
+        if not benchmark.disabled:
+            result = measurement.result(row, cells, benchmark.stats.stats.data)
+            benchmark.extra_info |= {"ratio": result.ratio, "yardsticks": result.yardsticks}
+            request.config.stash[RESULTS].append(result)
+        return returned
+
+    return run
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    if config.stash[RESULTS]:
+        terminalreporter.section("ours and C++ on this machine; a ratio below 1 is faster than C++")
+        for line in to_table(config.stash[RESULTS]):
+            terminalreporter.write_line(line)

@@ -1,0 +1,121 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Times of ours beside those of C++, each in units of a yardstick taken around it."""
+
+import json
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from yardstick import yardstick
+
+CPP = json.loads((Path(__file__).parent / "cpp_times.json").read_text())
+
+BLOCKS = 5
+"""So many times the operation is measured between two yardsticks."""
+
+DRIFT = 1.10
+"""Ratio of the yardsticks around a block above which the block does not count."""
+
+SECONDS_PER_BLOCK = 0.1
+MOST_ROUNDS = 40
+COLD = 0.02
+"""Seconds of an operation so long that it matters little what is in the caches before it."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One line of the table; times in milliseconds."""
+
+    row: str
+    cells: int
+    ours: float
+    yardstick: float
+    calm: bool
+
+    @property
+    def cpp(self) -> float | None:
+        """What C++ would take on this machine now; None where it was not timed."""
+        entry = CPP["rows"].get(self.row, {}).get(str(self.cells))
+        if entry is None:
+            return None
+        ms = entry["min_ms"] if entry.get("contended") else entry["ms"]
+        return ms * self.yardstick / CPP["yardstick_ms"]
+
+    @property
+    def ratio(self) -> float | None:
+        """Ours over C++; below 1 is faster than C++."""
+        return None if self.cpp is None else self.ours / self.cpp
+
+    @property
+    def yardsticks(self) -> float:
+        """Our time in yardsticks."""
+        return self.ours / self.yardstick
+
+
+@dataclass
+class Measurement:
+    """Runs an operation in blocks between yardsticks, as the set-up of pytest-benchmark's rounds.
+
+    Args:
+        operation: what is timed.
+        prepare: makes its arguments anew for every round, which is not timed.
+    """
+
+    operation: Callable[..., Any]
+    prepare: Callable[[], tuple[Any, ...]] = tuple
+    yardsticks: list[float] = field(default_factory=list)
+    rounds_per_block: int = field(init=False)
+    _round: int = 0
+
+    def __post_init__(self) -> None:
+        begin = time.perf_counter()
+        self.operation(*self.prepare())
+        self._seconds = time.perf_counter() - begin
+        wanted = int(SECONDS_PER_BLOCK / self._seconds)
+        self.rounds_per_block = max(1, min(MOST_ROUNDS, wanted))
+
+    @property
+    def rounds(self) -> int:
+        return BLOCKS * self.rounds_per_block
+
+    def before_round(self) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Take a yardstick where a block begins, and return the arguments of the operation."""
+        if self._round % self.rounds_per_block == 0:
+            self.yardsticks.append(yardstick())
+            if self._seconds < COLD:
+                self.operation(*self.prepare())
+        self._round += 1
+        return self.prepare(), {}
+
+    def result(self, row: str, cells: int, seconds: list[float]) -> Result:
+        """Return the block that took the median number of yardsticks, of the calm ones if any."""
+        self.yardsticks.append(yardstick())
+        blocks = [self._block(row, cells, seconds, number) for number in range(BLOCKS)]
+        chosen = [block for block in blocks if block.calm] or blocks
+        return sorted(chosen, key=lambda block: block.yardsticks)[(len(chosen) - 1) // 2]
+
+    def _block(self, row: str, cells: int, seconds: list[float], number: int) -> Result:
+        first = number * self.rounds_per_block
+        ours = 1e3 * statistics.median(seconds[first : first + self.rounds_per_block])
+        around = self.yardsticks[number : number + 2]
+        calm = max(around) <= DRIFT * min(around)
+        return Result(row, cells, ours, statistics.mean(around), calm)
+
+
+def to_table(results: list[Result]) -> list[str]:
+    """Return the lines of a table, one per result."""
+    width = max(len(result.row) for result in results)
+    lines = [f"{'':{width}}  cells    ours [ms]     C++ [ms]   ratio   yardsticks"]
+    for result in results:
+        cpp = "-" if result.cpp is None else f"{result.cpp:.4f}"
+        ratio = "-" if result.ratio is None else f"{result.ratio:.2f}"
+        noise = "" if result.calm else "  (the machine was busy)"
+        lines.append(
+            f"{result.row:{width}}  {result.cells:5}  {result.ours:11.4f}  {cpp:>11}  {ratio:>6}"
+            f"  {result.yardsticks:11.4f}{noise}"
+        )
+    return lines
