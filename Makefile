@@ -19,14 +19,15 @@ setup:  ## Make the Python environment .venv (PYTHON=... chooses the Python)
 build:  ## Build with colcon what has changed
 	@tools/workspace build
 
-# Ctrl-C waits until the demo has its handler; before that it would end a starting Python with a traceback.
+# Demos of two people on one network keep to their own computers, unless ROS is told otherwise.
 demo: build  ## Publish a terrain, filter it, write pictures to demo_output/
-	@env --block-signal=INT tools/run grid_map_demos_py filters_demo --report demo_output
+	@ROS_AUTOMATIC_DISCOVERY_RANGE=$${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST} \
+	    tools/run grid_map_demos_py filters_demo --report demo_output
 
 test: build  ## Run all tests
 	@tools/test
 
-test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy, SciPy and OpenCV
+test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy and OpenCV
 	@tools/workspace oldest
 	@for package in grid_map_core_py grid_map_filters_py; do \
 	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \

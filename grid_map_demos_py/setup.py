@@ -20,7 +20,6 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", glob("config/*")),
         (f"share/{PACKAGE}/data", glob("data/*")),
-        (f"share/{PACKAGE}/launch", glob("launch/*")),
     ],
     install_requires=["setuptools"],
     tests_require=["pytest"],

@@ -4,7 +4,9 @@
 
 import os
 import shutil
+import signal
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
@@ -55,12 +57,30 @@ def test_an_unknown_executable_is_answered_with_those_that_exist(environ, tmp_pa
     assert "filter_chain" in started.stderr
 
 
+def run_installed(
+    prefix: Path, package: str, program: str, *arguments: str, environ: dict[str, str]
+) -> CompletedProcess[str]:
+    """Let tools/run start a program as an executable of a package that is installed there."""
+    path = prefix / "lib" / package / "tell"
+    path.parent.mkdir(parents=True)
+    path.write_text(f"#!/bin/bash\n{program}\n")
+    path.chmod(0o755)
+    script = f'. tools/env.sh; export AMENT_PREFIX_PATH="{prefix}:$AMENT_PREFIX_PATH"; exec "$@"'
+    command = ("bash", "-c", script, "bash", "tools/run", package, "tell", *arguments)
+    return run(*command, environ=environ, cwd=Path(ROOT))
+
+
 def test_an_executable_gets_its_arguments_and_gives_its_exit_code(environ, tmp_path):
-    program = tmp_path / "lib" / "some_package" / "tell"
-    program.parent.mkdir(parents=True)
-    program.write_text('#!/bin/sh\necho "$2"\nexit 7\n')
-    program.chmod(0o755)
-    script = f'. tools/env.sh; export AMENT_PREFIX_PATH="{tmp_path}:$AMENT_PREFIX_PATH"; exec "$@"'
-    command = ("tools/run", "some_package", "tell", "a", "b c")
-    done = run("bash", "-c", script, "bash", *command, environ=environ, cwd=Path(ROOT))
+    program = 'echo "$2"\nexit 7'
+    done = run_installed(tmp_path, "some_package", program, "a", "b c", environ=environ)
     assert (done.returncode, done.stdout) == (7, "b c\n")
+
+
+@pytest.mark.parametrize(
+    ("package", "blocked"), [("grid_map_new_py", signal.SIGINT), ("some_package", None)]
+)
+def test_interrupts_wait_for_our_executables_alone(environ, tmp_path, package, blocked):
+    program = "sed -n 's/^SigBlk:\\t//p' /proc/self/status; env | grep GRID_MAP_PY_RUN"
+    done = run_installed(tmp_path, package, program, environ=environ)
+    expected = 1 << (blocked - 1) if blocked else 0
+    assert int(done.stdout, 16) == expected

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from machine import BOOTSTRAP_GUARD
-from steps import ROOT, digest, run, say, write_at_once
+from steps import ROOT, digest, run, say, write_atomically
 
 VENV = ROOT / ".venv"
 VENV_OLDEST = ROOT / ".venv-oldest"
@@ -99,7 +99,7 @@ def _ensure_venv(
     for name in ("COLCON_IGNORE", "local_setup.sh", "local_setup.bash", "local_setup.zsh"):
         (venv / name).touch()
     fill()
-    write_at_once(stamp, fingerprint)
+    write_atomically(stamp, fingerprint)
 
 
 def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:

@@ -20,7 +20,7 @@ class Refusal(Exception):
 
 
 @contextlib.contextmanager
-def only_one() -> Iterator[None]:
+def exclusive_lock() -> Iterator[None]:
     """Let one process at a time change this workspace.
 
     The programs that it starts inherit the lock. If it is killed while one of them goes on, the
@@ -50,7 +50,7 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def write_at_once(path: Path, text: str) -> None:
+def write_atomically(path: Path, text: str) -> None:
     partial = path.with_name(path.name + ".partial")
     partial.write_text(text)
     partial.replace(path)

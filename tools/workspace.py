@@ -27,7 +27,7 @@ from pathlib import Path
 
 import environment
 import machine
-from steps import ROOT, Refusal, digest, only_one, run, say, write_at_once
+from steps import ROOT, Refusal, digest, exclusive_lock, run, say, write_atomically
 
 BUILT = ROOT / "install" / ".built.json"
 """The stamp of the build: a hash of its sources for each package that is installed."""
@@ -42,7 +42,7 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
     if wanted == built:
         return
     BUILT.parent.mkdir(exist_ok=True)
-    write_at_once(BUILT, json.dumps(current))
+    write_atomically(BUILT, json.dumps(current))
     # From scratch, because colcon leaves installed what has gone from the sources.
     for name in (wanted | built).keys() - current.keys():
         shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
@@ -50,7 +50,7 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
     if outdated := [name for name in wanted if name not in current]:
         say(f"Building {', '.join(outdated)} ...")
         run("colcon", "build", "--packages-select", *outdated, environ=inner)
-    write_at_once(BUILT, json.dumps(wanted))
+    write_atomically(BUILT, json.dumps(wanted))
 
 
 def _read_built() -> dict[str, str]:
@@ -89,7 +89,7 @@ def carry_out(command: str) -> None:
         exports(outer, ros)
         return
     machine.check(outer, ros)
-    with only_one():
+    with exclusive_lock():
         if command == "oldest":
             environment.setup_oldest(outer)
             return
@@ -116,4 +116,7 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    exit_code = main(sys.argv[1:])
+    # From here on there is nothing to interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(exit_code)

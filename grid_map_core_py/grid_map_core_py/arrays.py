@@ -41,6 +41,22 @@ def as_pair(values: npt.ArrayLike, name: str) -> Positions:
     return pair.copy()
 
 
+def as_point(values: npt.ArrayLike, name: str) -> Positions:
+    """Return `values` as one position (2,), which may be NaN or infinite."""
+    point = as_positions(values, name)
+    if point.shape != (2,):
+        raise GeometryError(f"{name}: expected one x, y of shape (2,), got {point.shape}")
+    return point
+
+
+def as_number(value: object, name: str) -> float:
+    """Return `value` as a float."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"{name}: expected a number, got {value!r}") from error
+
+
 def as_size(values: npt.ArrayLike, name: str) -> Size:
     """Return `values` as a pair of Python integers."""
     size = _as_integers(values, name)
@@ -78,8 +94,14 @@ def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
 
 def _as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
     try:
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
+        given = np.asarray(values)
+        # NumPy would take None for NaN and the real part of complex numbers.
+        if given.dtype.kind not in "biuf" and given.size:
+            raise TypeError(given.dtype)
         # Values beyond float32 become infinities, as a cast in C++ makes them.
         with np.errstate(over="ignore"):
-            return np.asarray(values, dtype=dtype)
+            return given.astype(dtype, copy=False)
     except (TypeError, ValueError) as error:
         raise GeometryError(f"{name}: expected numbers, got {values!r}") from error

@@ -25,6 +25,8 @@ def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
         GeometryError: the last axis does not hold three components.
     """
     components = np.asarray(rgb)
+    if components.dtype.kind not in "biuf":
+        raise GeometryError(f"rgb: expected numbers, got {rgb!r}")
     if components.ndim == 0 or components.shape[-1] != 3:
         raise GeometryError(f"rgb: expected shape (..., 3), got {components.shape}")
     channels = np.moveaxis(components, -1, 0)

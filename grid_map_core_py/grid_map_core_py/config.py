@@ -67,6 +67,12 @@ def mismatch(name: str, expected: str, value: object) -> ConfigError:
     return ConfigError(f"parameter {name!r}: expected {expected}, found {found}")
 
 
+def check(condition: bool, name: str, expected: str, value: object) -> None:
+    """Raise the `ConfigError` for a parameter's value that makes no sense, unless `condition`."""
+    if not condition:
+        raise mismatch(name, expected, value)
+
+
 def _try_cast(value: object, hint: Any) -> object:
     """Return the value as the hinted type, or MISSING where it is none."""
     origin = get_origin(hint)

@@ -12,11 +12,17 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Cells, Mask, Positions, Size, as_cells, as_pair, as_positions
+from .arrays import Cells, Mask, Positions, Size, as_cells, as_number, as_pair, as_positions
 from .errors import GeometryError, OutOfMapError
 
 BORDER_TOLERANCE = 1e-9
 """Metres by which an edge or a rim may miss a border or a cell centre and still count as on it."""
+
+_LARGEST_SIDE = 2**31
+"""Cells; beyond it, layers could not be addressed anyway."""
+
+_LARGEST_SHIFT = 2.0**52
+"""Cells; beyond it, single cells make no difference to a coordinate any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +45,21 @@ class GridGeometry:
 
     def __post_init__(self) -> None:
         length = as_pair(self.length, "length")
-        resolution = float(self.resolution)
+        resolution = as_number(self.resolution, "resolution")
         if not (math.isfinite(resolution) and resolution > 0):
             raise GeometryError(f"resolution: expected a positive number, got {self.resolution!r}")
         if not (length > 0).all():
             raise GeometryError(f"length: expected positive numbers, got {tuple(length.tolist())}")
         # The quotient is positive: adding a half and flooring rounds half away from zero.
-        size = np.floor(length / resolution + 0.5)
+        with np.errstate(over="ignore"):
+            size = np.floor(length / resolution + 0.5)
         if not (size >= 1).all():
             raise GeometryError(
                 f"length {tuple(length.tolist())} m is less than half a cell of {resolution} m"
+            )
+        if not (size <= _LARGEST_SIDE).all():
+            raise GeometryError(
+                f"length {tuple(length.tolist())} m has too many cells of {resolution} m"
             )
         self._set("resolution", resolution)
         self._set("size", (int(size[0]), int(size[1])))
@@ -193,11 +204,17 @@ class GridGeometry:
         """
         cells = (as_pair(position, "position") - self.position) / self.resolution
         shift = -np.copysign(np.floor(np.abs(cells) + 0.5), cells)
+        if not (np.abs(shift) < _LARGEST_SHIFT).all():
+            raise GeometryError(f"position {tuple(np.asarray(position).tolist())} is too far away")
         return int(shift[0]), int(shift[1])
 
     def shifted(self, shift: Size) -> "GridGeometry":
         """Return the grid moved by whole cells, as counted by `index_shift`."""
         return self.at(self.position - self.resolution * np.array(shift))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Otherwise the arrays of a copy could be written into.
+        return GridGeometry, (self.length, self.resolution, self.position)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, GridGeometry) and self._key() == other._key()

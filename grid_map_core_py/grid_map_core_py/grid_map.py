@@ -2,13 +2,25 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The map: named layers over one grid."""
 
+import operator
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 from . import ring_buffer
-from .arrays import Cells, Layer, Mask, Positions, Size, as_cells, as_layer, as_positions, as_size
+from .arrays import (
+    Cells,
+    Layer,
+    Mask,
+    Positions,
+    Size,
+    as_cells,
+    as_layer,
+    as_pair,
+    as_point,
+    as_size,
+)
 from .errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
 from .geometry import GridGeometry
 from .ring_buffer import BufferRegion
@@ -60,7 +72,7 @@ class GridMap:
         self.frame_id = frame_id
         self.timestamp = timestamp
         self._add_all(layers)
-        self.basic_layers = tuple(basic_layers)
+        self.basic_layers = _names(basic_layers)
 
     @classmethod
     def from_geometry(
@@ -147,19 +159,43 @@ class GridMap:
         self._check_layers(names)
         self._basic_layers = names
 
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame that all positions refer to."""
+        return self._frame_id
+
+    @frame_id.setter
+    def frame_id(self, frame_id: str) -> None:
+        if not isinstance(frame_id, str):
+            raise GridMapError(f"frame_id: expected a string, got {frame_id!r}")
+        self._frame_id = frame_id
+
+    @property
+    def timestamp(self) -> int:
+        """Time of the data [ns]."""
+        return self._timestamp
+
+    @timestamp.setter
+    def timestamp(self, timestamp: int) -> None:
+        try:
+            self._timestamp = operator.index(timestamp)
+        except TypeError:
+            raise GridMapError(
+                f"timestamp: expected an integer of nanoseconds, got {timestamp!r}"
+            ) from None
+
     # Layers
 
     def __getitem__(self, layer: str) -> Layer:
         try:
             return self._layers[layer]
-        except KeyError:
+        except (KeyError, TypeError):
             raise LayerNotFoundError(layer, self._layers) from None
 
     def __setitem__(self, layer: str, value: npt.ArrayLike) -> None:
-        if not isinstance(layer, str) or not layer:
-            raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
+        _check_name(layer)
         # `map[layer] += 1` has already written into the layer.
-        if value is not self._layers.get(layer):
+        if layer not in self._layers or value is not self._layers[layer]:
             self._layers[layer] = as_layer(value, self.size, layer)
 
     def __delitem__(self, layer: str) -> None:
@@ -168,7 +204,7 @@ class GridMap:
         self._basic_layers = tuple(name for name in self._basic_layers if name != layer)
 
     def __contains__(self, layer: object) -> bool:
-        return layer in self._layers
+        return isinstance(layer, str) and layer in self._layers
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._layers)
@@ -188,17 +224,13 @@ class GridMap:
         The other layers are shared with this map: neither should be written into afterwards.
         Float32 arrays in Fortran order are adopted without a copy.
         """
-        result = self._with({**self._layers, **self._adopted(layers)})
-        result._basic_layers = self._basic_layers
-        return result
+        return self._with({**self._layers, **self._adopted(layers)})
 
     def without_layers(self, names: Iterable[str]) -> "GridMap":
         """Return a map without the named layers; the others are shared as in `with_layers`."""
         dropped = _names(names)
         self._check_layers(dropped)
-        result = self._with({n: data for n, data in self._layers.items() if n not in dropped})
-        result._basic_layers = tuple(name for name in self._basic_layers if name not in dropped)
-        return result
+        return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
     def clear(self, layer: str) -> None:
         """Set a layer to NaN."""
@@ -216,17 +248,25 @@ class GridMap:
 
     def copy(self) -> "GridMap":
         """Return a map with data of its own."""
-        result = self._with({name: data.copy("F") for name, data in self._layers.items()})
-        result._basic_layers = self._basic_layers
-        return result
+        return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
-    def normalized(self) -> "GridMap":
-        """Return a copy with start index (0, 0): every layer in map order, with data of its own."""
-        if self._start == (0, 0):
-            return self.copy()
-        result = self._with({name: self.unwrapped(name) for name in self._layers})
+    def stored_from(self, start_index: npt.ArrayLike) -> "GridMap":
+        """Return a copy of the same world that is stored from another start index.
+
+        `stored_from((0, 0))` has every layer in map order.
+
+        Args:
+            start_index: where in the buffer cell (0, 0) of the map is to be stored.
+        """
+        result = self._with({})
+        result.start_index = start_index
+        # Seen from the new start, the old data begins so many cells later.
+        first = ring_buffer.unwrap(self._start, result.start_index, self.size)
+        start = int(first[0]), int(first[1])
+        whole = slice(0, self.size[0]), slice(0, self.size[1])
+        for name, data in self._layers.items():
+            result._layers[name] = ring_buffer.block(data, start, *whole)
         result._basic_layers = self._basic_layers
-        result._start = (0, 0)
         return result
 
     def __copy__(self) -> "GridMap":
@@ -248,13 +288,13 @@ class GridMap:
         Raises:
             OutOfMapError: the position is not on the map.
         """
-        indices, inside = self.get_indices(as_positions(position).reshape(1, 2))
-        if not inside[0]:
+        index, inside = self.get_indices(as_point(position, "position"))
+        if not inside:
             raise OutOfMapError(
                 f"position {_text(position)} is outside the map: centre {_text(self.position)}, "
                 f"length {_text(self.length)}"
             )
-        return int(indices[0, 0]), int(indices[0, 1])
+        return int(index[0]), int(index[1])
 
     def get_indices(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
@@ -428,6 +468,7 @@ class GridMap:
         return {name: self._adopt(name, data) for name, data in layers.items()}
 
     def _adopt(self, name: str, data: npt.ArrayLike) -> Layer:
+        _check_name(name)
         if (
             isinstance(data, np.ndarray)
             and data.dtype == np.float32
@@ -443,6 +484,7 @@ class GridMap:
         )
         result._start = self._start
         result._layers = layers
+        result._basic_layers = tuple(name for name in self._basic_layers if name in layers)
         return result
 
     def _check_layers(self, names: Iterable[str]) -> None:
@@ -467,7 +509,7 @@ class GridMap:
         return positions
 
     def _overlapped(self, position: npt.ArrayLike, length: npt.ArrayLike) -> tuple[slice, slice]:
-        centre, sides = as_positions(position), as_positions(length, "length")
+        centre, sides = as_pair(position, "position"), as_pair(length, "length")
         if (sides < 0).any():
             raise GeometryError(f"length: expected no negative numbers, got {_text(length)}")
         rows, columns = self._geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
@@ -479,9 +521,17 @@ class GridMap:
         return rows, columns
 
 
+def _check_name(layer: object) -> None:
+    if not isinstance(layer, str) or not layer:
+        raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
+
+
 def _names(names: Iterable[str]) -> tuple[str, ...]:
     """Guard against a single name taken for a sequence of one-letter names."""
-    return (names,) if isinstance(names, str) else tuple(names)
+    try:
+        return (names,) if isinstance(names, str) else tuple(names)
+    except TypeError:
+        raise GridMapError(f"expected names of layers, got {names!r}") from None
 
 
 def _text(values: npt.ArrayLike) -> str:

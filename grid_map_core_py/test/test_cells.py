@@ -106,6 +106,10 @@ def test_cells_index_the_layers_directly(grid_map):
     )
 
 
+def test_a_huge_disc_holds_the_entire_map():
+    assert len(circle_cells(GridMap((1, 1), 0.1), (0, 0), 1e300)) == 100
+
+
 @pytest.mark.parametrize("radius", [-0.1, np.nan, np.inf])
 def test_a_disc_needs_a_finite_radius(radius):
     with pytest.raises(GeometryError, match="radius: expected a finite number >= 0"):

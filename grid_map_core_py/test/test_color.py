@@ -66,3 +66,5 @@ def test_nan_stays_nan_and_everything_else_is_clamped():
 def test_a_color_has_three_components():
     with pytest.raises(GeometryError, match=r"expected shape \(..., 3\), got \(2,\)"):
         color_vector_to_value([0.1, 0.2])
+    with pytest.raises(GeometryError, match="rgb: expected numbers"):
+        color_vector_to_value(["red", "green", "blue"])

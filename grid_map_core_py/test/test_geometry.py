@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Positions, cells and boxes of cells."""
 
+import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -193,8 +195,12 @@ def test_equal_geometries_are_equal_and_hash_alike():
     assert one != one.at((3, 5))
 
 
-def test_a_geometry_cannot_be_changed():
-    geometry = GridGeometry((1, 1), 0.1)
+@pytest.mark.parametrize(
+    "duplicate", [copy.copy, copy.deepcopy, lambda g: pickle.loads(pickle.dumps(g))]
+)
+def test_a_geometry_cannot_be_changed(duplicate):
+    geometry = duplicate(GridGeometry((1, 1), 0.1))
+    assert geometry == GridGeometry((1, 1), 0.1)
     with pytest.raises(ValueError, match="read-only"):
         geometry.position[0] = 1.0
     with pytest.raises(AttributeError):
@@ -214,6 +220,11 @@ def test_a_geometry_cannot_be_changed():
         (((0.04, 1), 0.1), "less than half a cell"),
         (((1, 1), 0.1, (np.nan, 0)), "position: expected two finite numbers"),
         (((1, 1), 0.1, "here"), "position: expected numbers"),
+        (((1, 1), "fine"), "resolution: expected a number, got 'fine'"),
+        (((1, 1), None), "resolution: expected a number, got None"),
+        (((1 + 2j, 1), 0.1), "length: expected numbers"),
+        (((1e300, 1), 1e-300), "has too many cells"),
+        (((1e12, 1), 0.1), "has too many cells"),
     ],
 )
 def test_a_grid_that_makes_no_sense_is_refused(arguments, message):

@@ -104,6 +104,46 @@ def test_every_access_to_a_missing_layer_raises(terrain, access):
 def test_a_layer_needs_a_name(terrain, name):
     with pytest.raises(GridMapError, match="non-empty string"):
         terrain[name] = 1.0
+    with pytest.raises(GridMapError, match="non-empty string"):
+        terrain.with_layers({name: terrain["elevation"]})
+
+
+@pytest.mark.parametrize("value", [None, "high", 1j, [[None] * 5] * 8, {}])
+@pytest.mark.parametrize("name", ["elevation", "new"])
+def test_what_is_no_number_is_no_layer(terrain, name, value):
+    before = terrain.copy()
+    with pytest.raises(GeometryError, match=f"layer '{name}': expected numbers, got"):
+        terrain[name] = value
+    with pytest.raises(GeometryError, match=f"layer '{name}': expected numbers, got"):
+        terrain.with_layers({name: value})
+    assert_maps_equal(terrain, before)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m: m.move((1e30, 0)), "position .* is too far away"),
+        (lambda m: m.move((np.nan, 0)), "position: expected two finite numbers"),
+        (lambda m: m.move("there"), "position: expected numbers"),
+        (lambda m: m.get_index([(0, 0), (1, 1)]), r"position: expected one x, y .* got \(2, 2\)"),
+        (lambda m: m.get_index(None), "position: expected numbers"),
+        (lambda m: m.get_position((0.5, 0)), "index: expected integers"),
+        (lambda m: m.get_submap((np.nan, 0), (1, 1)), "position: expected two finite numbers"),
+        (lambda m: m.get_submap((0, 0), (1, 1, 1)), "length: expected two finite numbers"),
+        (lambda m: setattr(m, "start_index", (0,)), "start_index: expected two integers"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(terrain, call, message):
+    before = terrain.copy()
+    with pytest.raises(GeometryError, match=message):
+        call(terrain)
+    assert_maps_equal(terrain, before)
+
+
+def test_a_move_far_beyond_the_map_empties_it(terrain):
+    assert len(terrain.move((1e9, -1e9))) == 1
+    assert np.isnan(terrain["elevation"]).all()
+    np.testing.assert_allclose(terrain.position, (1e9, -1e9), atol=0.51)
 
 
 def test_a_layer_of_another_shape_is_refused_and_nothing_changes(terrain):
@@ -311,12 +351,15 @@ def test_the_default_start_index_shows_the_same_world(grid_map):
         np.testing.assert_array_equal(grid_map[layer], before.unwrapped(layer))
 
 
-@given(grid_maps(("a", "b")))
-def test_a_normalized_map_is_a_copy_in_map_order(grid_map):
+@given(grid_maps(("a", "b")), st.data())
+def test_a_map_stored_from_elsewhere_is_a_copy_of_the_same_world(grid_map, data):
+    start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
     before = grid_map.copy()
-    result = grid_map.normalized()
+    result = grid_map.stored_from(start)
     assert_maps_equal(result, grid_map)
-    assert result.start_index == (0, 0)
+    assert_maps_equal(result, moved_in_buffer(grid_map, start))
+    assert result.start_index == start
+    np.testing.assert_array_equal(grid_map.stored_from((0, 0))["a"], grid_map.unwrapped("a"))
     for layer in result:
         result[layer][...] = 7.0
     assert_maps_equal(grid_map, before)
@@ -397,6 +440,39 @@ def test_maps_that_differ_are_told_apart(terrain):
         assert_maps_equal(other, terrain)
     with pytest.raises(AssertionError, match="size"):
         assert_maps_equal(terrain.get_submap((0, 0), (1, 1)), terrain)
+
+
+def test_masked_values_are_no_data(terrain):
+    values = np.ma.masked_greater(np.arange(40, dtype=np.int16).reshape(8, 5), 36)
+    terrain["elevation"] = values
+    assert np.isnan(terrain["elevation"]).sum() == 3
+    assert np.nanmax(terrain["elevation"]) == 36
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("timestamp", 1.5), ("timestamp", "now"), ("frame_id", 5)]
+)
+def test_time_and_frame_are_an_integer_and_a_string(terrain, name, value):
+    with pytest.raises(GridMapError, match=f"{name}: expected"):
+        setattr(terrain, name, value)
+    with pytest.raises(GridMapError, match=f"{name}: expected"):
+        GridMap((1, 1), 0.5, **{name: value})
+    terrain.timestamp = np.int64(5)
+    assert terrain.timestamp == 5
+
+
+@pytest.mark.parametrize("names", [5, None])
+def test_names_are_strings(names):
+    with pytest.raises(GridMapError, match="expected names of layers"):
+        GridMap((1, 1), 0.5, layers=names)
+    with pytest.raises(GridMapError, match="expected names of layers"):
+        GridMap((1, 1), 0.5, basic_layers=names)
+
+
+def test_what_is_no_name_is_no_layer(terrain):
+    assert ["elevation"] not in terrain
+    with pytest.raises(LayerNotFoundError):
+        terrain[["elevation"]]
 
 
 def test_the_text_of_a_map_tells_what_it_is(terrain):

@@ -13,21 +13,20 @@ Parameters:
 
 import statistics
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.config import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
-from grid_map_ros_py.parameters import read_parameter
+from grid_map_ros_py.errors import NodeFailedError
+from grid_map_ros_py.parameters import read_parameter, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 
@@ -37,6 +36,9 @@ from .report import Report
 INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
 DIAGNOSTICS = "/diagnostics"
+FILTER_CHAIN = "grid_map_filters: filter chain"
+"""Name of the status that the filter chain reports there."""
+
 SHOWN = {
     "/elevation_points": PointCloud2,
     "/traversability_grid": OccupancyGrid,
@@ -46,7 +48,7 @@ SHOWN = {
 """What the visualization publishes."""
 
 
-class IncompleteDemoError(GridMapError):
+class IncompleteDemoError(NodeFailedError):
     """A topic of the demo has not delivered what it should."""
 
 
@@ -57,48 +59,43 @@ class DemoReportNode(Node):
         super().__init__("grid_map_demo_report")
         self._directory = Path(read_parameter(self, "output_directory", str, "demo_output"))
         self._needed = read_parameter(self, "messages", int, 3)
-        if self._needed < 1:
-            raise ConfigError(f"parameter 'messages': expected at least 1, found {self._needed}")
+        check(self._needed >= 1, "messages", "at least 1", self._needed)
         self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
         self._filtered: GridMap | None = None
         self._latencies: list[float] = []
-        self._listen(INPUT, GridMapMessage, lambda _: None)
-        self._listen(OUTPUT, GridMapMessage, self._on_filtered, raw=False)
-        self._listen(DIAGNOSTICS, DiagnosticArray, self._on_diagnostics, raw=False, qos=10)
+        self._count_messages(INPUT, GridMapMessage)
         for topic, message_type in SHOWN.items():
-            self._listen(topic, message_type, lambda _: None)
-        self._timeout = read_parameter(self, "timeout", float, 60.0)
+            self._count_messages(topic, message_type)
+        self.create_subscription(GridMapMessage, OUTPUT, self._on_filtered, map_qos())
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
+        self._timeout = read_positive(self, "timeout", 60.0)
         self.create_timer(self._timeout, self._give_up)
 
-    def _listen(
-        self,
-        topic: str,
-        message_type: type,
-        use: Callable[[object], None],
-        *,
-        raw: bool = True,
-        qos: QoSProfile | int | None = None,
-    ) -> None:
-        """Count the messages of a topic and use them; raw ones cost no conversion to Python."""
-
-        def receive(message: object) -> None:
-            self._report.counts[topic] += 1
-            use(message)
-            self._finish_if_complete()
-
-        self.create_subscription(message_type, topic, receive, qos or map_qos(), raw=raw)
+    def _count_messages(self, topic: str, message_type: type) -> None:
+        """Count the messages of a topic, raw: they cost no conversion to Python."""
+        self.create_subscription(
+            message_type, topic, lambda _: self._count(topic), map_qos(), raw=True
+        )
 
     def _on_filtered(self, message: GridMapMessage) -> None:
         self._filtered = from_message(message)
         now = self.get_clock().now().nanoseconds
         self._latencies.append(1e-6 * (now - self._filtered.timestamp))
+        self._count(OUTPUT)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        # Every node of a robot reports on this topic.
         for status in message.status:
-            times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
-            self._report.add_times(
-                {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
-            )
+            if status.name == FILTER_CHAIN:
+                times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
+                self._report.add_times(
+                    {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
+                )
+                self._count(DIAGNOSTICS)
+
+    def _count(self, topic: str) -> None:
+        self._report.counts[topic] += 1
+        self._finish_if_complete()
 
     def _finish_if_complete(self) -> None:
         if self._filtered is None or self._report.missing(self._needed):

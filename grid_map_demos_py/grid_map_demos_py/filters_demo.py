@@ -12,6 +12,7 @@ table and ends the demo; the exit code is 0 only if every topic delivered.
 import argparse
 import sys
 from collections.abc import Sequence
+from itertools import takewhile
 
 from .processes import ProcessGroup
 
@@ -42,8 +43,9 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--report", metavar="DIRECTORY", help="write pictures there, print a table and end"
     )
+    words = sys.argv[1:] if arguments is None else arguments
     # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.
-    return parser.parse_known_args(arguments)[0]
+    return parser.parse_args(list(takewhile(lambda word: word != "--ros-args", words)))
 
 
 def _ros_arguments(parameter_file: str) -> list[str]:

@@ -60,8 +60,11 @@ def save_picture(
     mappable = matplotlib.cm.ScalarMappable(normalize, color_map)
     figure.colorbar(mappable, ax=axes, label=label, shrink=0.85)
     temporary = path.with_name(f".{path.name}.part")
-    figure.savefig(temporary, format="png")
-    Path(temporary).replace(path)
+    try:
+        figure.savefig(temporary, format="png")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _range(values: npt.NDArray[np.float32]) -> tuple[float, float]:

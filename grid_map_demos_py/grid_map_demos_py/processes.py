@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from types import FrameType
 
 PATIENCE = 5.0
@@ -37,7 +38,7 @@ class ProcessGroup:
     def __enter__(self) -> "ProcessGroup":
         for number in SIGNALS:
             signal.signal(number, self._stop)
-        # Whoever started this process may have made them wait until now.
+        # `tools/run` holds interrupts back until somebody handles them.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         return self
 
@@ -57,7 +58,7 @@ class ProcessGroup:
                 [sys.executable, "-m", module, *arguments],
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                preexec_fn=_die_with_parent,
+                preexec_fn=partial(_die_with_parent, os.getpid()),
             )
 
     def wait(self) -> tuple[str, int] | None:
@@ -82,11 +83,12 @@ def _wait_or_kill(process: "subprocess.Popen[bytes]", deadline: float) -> None:
         process.wait()
 
 
-def _die_with_parent() -> None:
+def _die_with_parent(parent: int) -> None:
     """Ask Linux to terminate this process when its parent is gone, however it went."""
     import ctypes
 
     set_parent_death_signal = 1
     ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
-    if os.getppid() == 1:
+    # It may have gone before; 1 is a parent like others where the demo is all that runs.
+    if os.getppid() != parent:
         os._exit(0)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
+from grid_map_core_py.errors import ConfigError
 
 METRES_PER_POST = 84.0
 """Of the elevation model: 3 arc seconds at 36.6 degrees of latitude, averaged over x and y."""
@@ -32,9 +33,11 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     Returns:
         A map of 403 x 344 cells with the layers `elevation` [m], above its lowest point, and
         `color`; both NaN in round holes.
+
+    Raises:
+        ConfigError: the file cannot be read or holds no heights.
     """
-    with np.load(path) as model:
-        posts = model["elevation"].astype(np.float32)
+    posts = _load_posts(path)
     scale = EXAGGERATION * resolution / METRES_PER_POST
     heights = (posts - posts.min()) * np.float32(scale)
     # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
@@ -44,6 +47,23 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     grid_map["color"] = color_vector_to_value(_hypsometric_tints(elevation))
     _punch_holes(grid_map)
     return grid_map
+
+
+def _load_posts(path: Path) -> npt.NDArray[np.float32]:
+    try:
+        with np.load(path) as model:
+            posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
+    except Exception as error:  # Of a damaged file, numpy passes on what any decoder raises.
+        raise ConfigError(
+            f"elevation model {str(path)!r}: expected an .npz file with 'elevation', "
+            f"found {type(error).__name__}: {error}"
+        ) from error
+    if posts.ndim != 2 or not posts.size:
+        raise ConfigError(
+            f"elevation model {str(path)!r}: expected 'elevation' with rows and columns, "
+            f"found the shape {posts.shape}"
+        )
+    return posts
 
 
 def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:

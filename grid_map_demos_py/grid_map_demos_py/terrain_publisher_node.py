@@ -10,16 +10,14 @@ Parameters:
     publish_rate: maps per second [Hz] (1.0).
 """
 
-import math
 import sys
 from pathlib import Path
 
 from rclpy.node import Node
 
-from grid_map_core_py.errors import ConfigError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_message
-from grid_map_ros_py.parameters import read_parameter
+from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 
@@ -35,24 +33,17 @@ class TerrainPublisherNode(Node):
         file = read_parameter(self, "file", str, "")
         self._map = load_terrain(
             Path(file) if file else share("data", "jacksboro_fault_dem.npz"),
-            _positive(self, "resolution", 0.03),
+            read_positive(self, "resolution", 0.03),
             frame_id=read_parameter(self, "frame_id", str, "map"),
         )
-        topic = read_parameter(self, "topic", str, "/grid_map")
+        topic = check_topic(self, "topic", read_parameter(self, "topic", str, "/grid_map"))
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
-        self.create_timer(1.0 / _positive(self, "publish_rate", 1.0), self._publish)
+        self.create_timer(1.0 / read_positive(self, "publish_rate", 1.0), self._publish)
         self._publish()
 
     def _publish(self) -> None:
         self._map.timestamp = self.get_clock().now().nanoseconds
         self._publisher.publish(to_message(self._map))
-
-
-def _positive(node: Node, name: str, default: float) -> float:
-    value = read_parameter(node, name, float, default)
-    if not (math.isfinite(value) and value > 0):
-        raise ConfigError(f"parameter {name!r}: expected a positive number, found {value!r}")
-    return value
 
 
 def main() -> int:

@@ -5,6 +5,7 @@
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import moved_in_buffer
@@ -39,12 +40,28 @@ def test_a_picture_replaces_the_old_one_and_leaves_nothing_else(corner_map, tmp_
     assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
 
 
-def test_a_picture_that_fails_leaves_the_old_one(corner_map, tmp_path):
+def test_a_picture_of_a_missing_layer_leaves_the_old_one(corner_map, tmp_path):
     path = tmp_path / "picture.png"
     path.write_bytes(b"old")
     with pytest.raises(KeyError):
         save_picture(corner_map, "b", path, shade_by="ground", title="t", label="b")
     assert path.read_bytes() == b"old"
+
+
+def test_a_picture_that_cannot_be_finished_leaves_the_old_one_alone(
+    corner_map, tmp_path, monkeypatch
+):
+    def fill_the_disk(_figure, file, **_options):
+        file.write_bytes(b"half a pic")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", fill_the_disk)
+    path = tmp_path / "picture.png"
+    path.write_bytes(b"old")
+    with pytest.raises(OSError, match="no space left"):
+        save_picture(corner_map, "a", path, shade_by="ground", title="t", label="a")
+    assert path.read_bytes() == b"old"
+    assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
 
 
 def test_a_layer_without_data_gives_a_picture(corner_map, tmp_path):

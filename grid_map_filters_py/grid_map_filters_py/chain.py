@@ -13,6 +13,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.config import build
 from grid_map_core_py.errors import GridMapError
 
+from .builtin.buffer_normalizer import BufferNormalizer
 from .config import StepConfig, parse_steps, read_chain
 from .errors import FilterConfigError, FilterError
 from .filter import Filter, FilterWarning
@@ -34,8 +35,8 @@ StepObserver = Callable[[Step, float], None]
 class FilterChain:
     """Filters that run one after the other.
 
-    `chain(grid_map)` never changes its input and shares no data with it. The result has the start
-    index (0, 0), whatever that of the input.
+    `chain(grid_map)` never changes its input and shares no data with it. The result keeps the start
+    index of the input, unless a `BufferNormalizer` is among the filters.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -84,12 +85,15 @@ class FilterChain:
         """
         # The copy keeps filters, which share what they leave alone, from sharing it with the
         # caller.
-        result = grid_map.normalized()
+        result = grid_map.stored_from((0, 0))
         for step in self.steps:
             begin = time.perf_counter()
             result = _run(step, result)
             if observer:
                 observer(step, time.perf_counter() - begin)
+        keeps_start = not any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
+        if keeps_start and grid_map.start_index != (0, 0) and result.size == grid_map.size:
+            return result.stored_from(grid_map.start_index)
         return result
 
     def __len__(self) -> int:
@@ -102,8 +106,9 @@ class FilterChain:
 def _build(config: StepConfig) -> Filter:
     try:
         return build(FILTERS[config.type], config.params)
-    except GridMapError as error:
-        raise FilterConfigError(f"{config}: {error}") from error
+    # Whatever the class of a third party raises, the message must say which filter it was.
+    except Exception as error:
+        raise FilterConfigError(f"{config}: {_message(error)}") from error
 
 
 def _run(step: Step, grid_map: GridMap) -> GridMap:
@@ -111,11 +116,12 @@ def _run(step: Step, grid_map: GridMap) -> GridMap:
         warnings.simplefilter("always", FilterWarning)
         try:
             result = step.filter(grid_map)
-        # Whatever a filter of a third party raises, the message must say which filter it was.
         except Exception as error:
             raise FilterError(f"{step.config}: {_message(error)}") from error
     for warning in caught:
         _pass_on(warning, step)
+    if not isinstance(result, GridMap):
+        raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
     return result
 
 

@@ -69,27 +69,38 @@ def read_chain(path: str | Path, name: str) -> object:
     content = _load(Path(path))
     if not isinstance(content, Mapping):
         raise FilterConfigError(f"{path}: expected a YAML mapping, found {_found(content)}")
-    if name in content:
-        return content[name]
-    nodes = {node: params for node, params in _ros_parameters(content) if name in params}
+    try:
+        nodes = {node: params for node, params in _ros_parameters(content) if name in params}
+    except FilterConfigError as error:
+        raise FilterConfigError(f"{path}: {error}") from None
     if len(nodes) > 1:
         raise FilterConfigError(f"{path}: more than one node has {name!r}: {', '.join(nodes)}")
-    chains = list(nodes.values()) or [content]
+    for parameters in nodes.values():
+        return parameters[name]
+    if name in content:
+        return content[name]
     lists = [value for value in content.values() if isinstance(value, list)]
-    if not nodes and len(lists) != 1:
+    if len(lists) != 1:
         raise FilterConfigError(f"{path}: found no filter chain {name!r}")
-    return chains[0][name] if nodes else lists[0]
+    return lists[0]
 
 
 def _load(path: Path) -> object:
     try:
         return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML as ROS reads it: `1e-3` is a number."""
+    """YAML as ROS reads it: `1e-3` is a number. A key that occurs twice is an error."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.YAMLError(f"{key!r} occurs twice{node.start_mark}")
+        return super().construct_mapping(node, deep)
 
 
 _Loader.add_implicit_resolver(
@@ -113,12 +124,19 @@ def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
         *parents, last = str(name).split(".")
         place = result
         for parent in parents:
-            place = place.setdefault(parent, {})
+            place = _below(place, parent, name)
         if isinstance(value, Mapping):
-            place.setdefault(last, {}).update(nested(value))
+            _below(place, last, name).update(nested(value))
         else:
             place[last] = value
     return result
+
+
+def _below(place: dict[str, Any], key: str, name: object) -> dict[str, Any]:
+    inner = place.setdefault(key, {})
+    if not isinstance(inner, dict):
+        raise FilterConfigError(f"{name}: {key!r} has a value, {inner!r}, and parameters below it")
+    return inner
 
 
 def _numbered(config: Mapping[object, object]) -> list[object]:
@@ -157,7 +175,10 @@ def _step(number: int, entry: object) -> StepConfig:
 def _text(number: int, entry: Mapping[object, object], key: str) -> str:
     value = entry.get(key)
     if not isinstance(value, str) or not value:
-        raise FilterConfigError(f"filter {number}: {key}: expected a string, found {_found(value)}")
+        hint = " (quote it)" if isinstance(value, bool | int | float) else ""
+        raise FilterConfigError(
+            f"filter {number}: {key}: expected a string{hint}, found {_found(value)}"
+        )
     return value
 
 

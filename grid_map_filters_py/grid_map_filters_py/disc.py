@@ -8,12 +8,13 @@ there is no data.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Mask
+from grid_map_core_py.arrays import Layer, Mask, Size
 from grid_map_core_py.geometry import BORDER_TOLERANCE
 
 Kernel = npt.NDArray[np.float64]
@@ -31,27 +32,33 @@ class Disc:
     Args:
         radius: [m].
         resolution: side of a cell [m].
+        size: rows and columns of the map; the disc has no cells further apart than the map's.
     """
 
     radius: float
     resolution: float
+    size: Size
 
     @property
     def offsets(self) -> tuple[Kernel, Kernel]:
-        """(n, 1) and (1, n) distances of rows and columns from the centre, in cells."""
-        reach = int((self.radius + BORDER_TOLERANCE) / self.resolution)
-        steps = np.arange(-reach, reach + 1, dtype=np.float64)
-        return steps[:, None], steps[None, :]
+        """(n, 1) and (1, m) distances of rows and columns from the centre, in cells."""
+        reach = (self.radius + BORDER_TOLERANCE) / self.resolution
+        rows, columns = (_steps(min(reach, count - 1)) for count in self.size)
+        return rows[:, None], columns[None, :]
 
     @property
     def kernel(self) -> Kernel:
-        """(n, n) with 1 in the cells of the disc and 0 elsewhere; n is odd."""
+        """(n, m) with 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
         rows, columns = self.offsets
         limit = (self.radius + BORDER_TOLERANCE) / self.resolution
         return (np.hypot(rows, columns) <= limit).astype(np.float64)
 
 
-def finite(layer: Layer) -> tuple[Mask, Sums, float]:
+def _steps(reach: float) -> Kernel:
+    return np.arange(-int(reach), int(reach) + 1, dtype=np.float64)
+
+
+def centred(layer: Layer) -> tuple[Mask, Sums, float]:
     """Return what sums over finite values need.
 
     Returns:
@@ -72,16 +79,15 @@ def correlate(image: npt.NDArray[np.float64], kernel: Kernel) -> Sums:
 
     Args:
         image: (rows, cols) in Fortran order, without NaN; zero beyond the border.
-        kernel: (n, n), n odd, rows and columns as in the image.
+        kernel: (n, m), both odd, rows and columns as in the image.
 
     Returns:
         (rows, cols) float64 in Fortran order.
     """
     transposed, kernel = image.T, np.ascontiguousarray(kernel.T)
-    if kernel.shape[0] <= _LARGEST_DIRECT_KERNEL:
+    if max(kernel.shape) <= _LARGEST_DIRECT_KERNEL:
         return _filter(transposed, kernel).T
-    reach = kernel.shape[0] // 2
-    padded = np.pad(transposed, reach)
+    padded = np.pad(transposed, [(side // 2, side // 2) for side in kernel.shape])
     rows, columns = transposed.shape
     total = np.zeros((rows, columns))
     for (row, column), part in _parts(kernel):
@@ -99,8 +105,7 @@ def _filter(image: Sums, kernel: Kernel, anchor: tuple[int, int] = (-1, -1)) -> 
 def _parts(kernel: Kernel) -> Iterator[tuple[tuple[int, int], Kernel]]:
     """Yield small pieces of a kernel with their first row and column; not those of zeros."""
     step = _LARGEST_DIRECT_KERNEL
-    for row in range(0, kernel.shape[0], step):
-        for column in range(0, kernel.shape[1], step):
-            part = kernel[row : row + step, column : column + step]
-            if part.any():
-                yield (row, column), np.ascontiguousarray(part)
+    for row, column in product(*(range(0, side, step) for side in kernel.shape)):
+        part = kernel[row : row + step, column : column + step]
+        if part.any():
+            yield (row, column), np.ascontiguousarray(part)

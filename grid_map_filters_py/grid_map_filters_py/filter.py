@@ -14,7 +14,7 @@ import warnings
 from typing import Protocol
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.config import check
 
 
 class Filter(Protocol):
@@ -31,12 +31,6 @@ class FilterWarning(UserWarning):
 def warn(message: str) -> None:
     """Issue a `FilterWarning`."""
     warnings.warn(message, FilterWarning, stacklevel=3)
-
-
-def check(condition: bool, parameter: str, expected: str, found: object) -> None:
-    """Raise the `ConfigError` for a value of a parameter unless `condition` holds."""
-    if not condition:
-        raise ConfigError(f"parameter {parameter!r}: expected {expected}, found {found!r}")
 
 
 def check_radius(radius: float) -> None:

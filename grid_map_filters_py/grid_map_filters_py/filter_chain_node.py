@@ -19,7 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
@@ -41,6 +41,7 @@ class Statistics:
     maps_in: int = 0
     maps_out: int = 0
     maps_dropped: int = 0
+    last_was_dropped: bool = False
     milliseconds: dict[str, float] = field(default_factory=dict)
     """Of the last map that was filtered, by filter."""
 
@@ -58,7 +59,7 @@ class Statistics:
             **{f"ms {step}": f"{ms:.3f}" for step, ms in self.milliseconds.items()},
         }
         return DiagnosticStatus(
-            level=DiagnosticStatus.WARN if self.maps_dropped else DiagnosticStatus.OK,
+            level=DiagnosticStatus.WARN if self.last_was_dropped else DiagnosticStatus.OK,
             name=f"{name}: filter chain",
             message=f"{self.maps_dropped} of {self.maps_in} maps dropped",
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
@@ -79,21 +80,25 @@ class FilterChainNode(Node):
         )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         topic = read_parameter(self, "input_topic", str, "/grid_map")
+        if self.resolve_topic_name(topic) == self._publisher.topic_name:
+            raise ConfigError(f"input_topic and output_topic are both {topic!r}")
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {topic}")
 
     def _on_map(self, message: GridMapMessage) -> None:
         self._statistics.maps_in += 1
         try:
-            result = self._filter(from_message(message))
+            reply = to_message(self._filter(from_message(message, unwrap=False)))
         except GridMapError as error:
             self._statistics.maps_dropped += 1
+            self._statistics.last_was_dropped = True
             text = f"dropped a map: {error}"
             if self._throttle.allow(text):
                 self.get_logger().error(text)
         else:
-            self._publisher.publish(to_message(result))
+            self._publisher.publish(reply)
             self._statistics.maps_out += 1
+            self._statistics.last_was_dropped = False
         self._publish_diagnostics()
 
     def _filter(self, grid_map: GridMap) -> GridMap:

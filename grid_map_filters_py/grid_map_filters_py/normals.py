@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask
 
-from .disc import Disc, Sums, correlate, finite
+from .disc import Disc, Sums, centred, correlate
 
 Normals = tuple[Layer, Layer, Layer]
 Field = npt.NDArray[np.float64]
@@ -36,8 +36,8 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     Returns:
         x, y and z components (rows, cols) of unit vectors; NaN where the layer is not finite.
     """
-    mask, _, _ = finite(layer)
-    count, covariance = _covariance(layer, Disc(radius, resolution))
+    mask, heights, _ = centred(layer)
+    count, covariance = _covariance(mask, heights, Disc(radius, resolution, layer.shape))
     with np.errstate(invalid="ignore", divide="ignore"):
         normals, spread = _smallest_eigenvectors(*covariance)
     flat = (count < 3) | ~(spread > _SMALLEST_SPREAD)
@@ -85,9 +85,8 @@ def _slope(ahead: Field, centre: Field, behind: Field, resolution: float) -> Fie
     return np.where(np.isnan(central), one_sided, central)
 
 
-def _covariance(layer: Layer, disc: Disc) -> tuple[Sums, tuple[Field, ...]]:
+def _covariance(mask: Mask, z: Sums, disc: Disc) -> tuple[Sums, tuple[Field, ...]]:
     """Return how many points a disc has, and xx, xy, xz, yy, yz, zz of their covariance [m^2]."""
-    mask, z, _ = finite(layer)
     known = np.asarray(mask, dtype=np.float64, order="F")
     kernel, (rows, columns) = disc.kernel, disc.offsets
     # Rows run towards -x and columns towards -y.

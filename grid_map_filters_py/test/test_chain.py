@@ -46,14 +46,29 @@ def test_filters_run_in_numeric_order(grid_map):
     np.testing.assert_allclose(chain(grid_map)["elevation"], expected, rtol=1e-6)
 
 
-def test_the_input_is_neither_changed_nor_shared(grid_map):
-    grid_map.start_index = (1, 2)
+@pytest.mark.parametrize("start_index", [(0, 0), (1, 2)])
+def test_the_input_is_neither_changed_nor_shared(grid_map, start_index):
+    grid_map.start_index = start_index
     before = grid_map.copy()
-    result = FilterChain.from_config([step("one", "elevation + 1")])(grid_map)
+    result = FilterChain.from_config([step("one", "elevation + 1", "other")])(grid_map)
+    assert not np.shares_memory(result["elevation"], grid_map["elevation"])
     result["elevation"][...] = 7.0
     assert_maps_equal(grid_map, before)
-    assert grid_map.start_index == (1, 2)
-    assert result.start_index == (0, 0)
+    assert grid_map.start_index == start_index
+
+
+def test_the_result_keeps_the_start_index_unless_it_is_normalized(grid_map):
+    grid_map["elevation"] = np.arange(8).reshape(2, 4)
+    grid_map.start_index = (1, 2)
+    double = step("double", "2 * elevation")
+    result = FilterChain.from_config([double])(grid_map)
+    assert result.start_index == (1, 2)
+    np.testing.assert_array_equal(result["out"], 2 * grid_map["elevation"])
+    normalize = {"name": "normalize", "type": "gridMapFilters/BufferNormalizerFilter"}
+    for config in ([normalize, double], [double, normalize]):
+        normalized = FilterChain.from_config(config)(grid_map)
+        assert normalized.start_index == (0, 0)
+        assert_maps_equal(normalized, result)
 
 
 def test_an_observer_is_told_of_every_step(grid_map):
@@ -89,6 +104,12 @@ def test_whatever_a_filter_raises_the_chain_says_which_filter_it_was(grid_map):
 
     chain = FilterChain([Step(StepConfig(1, "bad", "my/Filter"), broken)])
     with pytest.raises(FilterError, match=r"filter 1 'bad' \(my/Filter\): ZeroDivisionError: oops"):
+        chain(grid_map)
+
+
+def test_a_filter_that_gives_no_map_is_named(grid_map):
+    chain = FilterChain([Step(StepConfig(1, "bad", "my/Filter"), lambda _: None)])
+    with pytest.raises(FilterError, match=r"filter 1 'bad' \(my/Filter\): gave None instead of"):
         chain(grid_map)
 
 
@@ -290,6 +311,16 @@ FLAT = """
       params.set_to: .nan
 """
 
+NAMED_ALIKE = """
+filters:
+  ros__parameters:
+    filters:
+      filter1: {name: a, type: gridMapFilters/MathExpressionFilter,
+                params: {expression: elevation + 1, output_layer: elevation}}
+      filter2: {name: b, type: gridMapFilters/ThresholdFilter,
+                params: {layer: elevation, upper_threshold: 0.001, set_to: .nan}}
+"""
+
 NAMESPACED = """
 robot:
   mapping:
@@ -314,8 +345,9 @@ robot:
         (ROS1, "grid_map_filters"),
         (FLAT, "filters"),
         (NAMESPACED, "filters"),
+        (NAMED_ALIKE, "filters"),
     ],
-    ids=["ros 2", "other name", "ros 1", "ros 1 by name", "flat", "namespaced"],
+    ids=["ros 2", "other name", "ros 1", "ros 1 by name", "flat", "namespaced", "named alike"],
 )
 def test_a_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     path = tmp_path / "chain.yaml"
@@ -330,6 +362,8 @@ def test_a_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     [
         ("a: [", "not valid YAML"),
         ("3", "expected a YAML mapping, found 3"),
+        ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
+        ("a: {ros__parameters: {filters: 1, filters.filter1.name: a}}", "'filters' has a value, 1"),
         ("a: {ros__parameters: {x: 1}}", "found no filter chain 'filters'"),
         ("a: [1]\nb: [2]", "found no filter chain 'filters'"),
         (
@@ -345,6 +379,13 @@ def test_a_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
         FilterChain.from_yaml(path)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "chain.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(FilterConfigError, match="not valid YAML"):
+        FilterChain.from_yaml(path)
 
 
 def test_a_missing_file_is_an_os_error(tmp_path):

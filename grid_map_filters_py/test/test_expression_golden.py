@@ -14,7 +14,7 @@ import pytest
 from expression_oracle import window_by_window
 
 from grid_map_filters_py.errors import ExpressionError, FilterError
-from grid_map_filters_py.expression import Expression, over_windows
+from grid_map_filters_py.expression import Expression
 
 DEVIATIONS = {
     "-2^2": "^ binds tighter than unary minus",
@@ -145,8 +145,7 @@ def test_a_math_expression_gives_what_cpp_gives(case):
 def windows_of(case) -> np.ndarray:
     params = case["params"]
     layers = layers_of(case)
-    return over_windows(
-        Expression(params["expression"]),
+    return Expression(params["expression"]).over_windows(
         params["input_layer"],
         layers[params["input_layer"]],
         window_size_of(case),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from grid_map_filters_py.errors import ExpressionError, FilterError
-from grid_map_filters_py.expression import Expression, over_windows
+from grid_map_filters_py.expression import Expression
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -241,12 +241,17 @@ def test_memory_does_not_grow_with_the_window():
     assert peak(15) < 2 * peak(3)
 
 
-def test_the_function_and_the_method_are_the_same():
-    expression = Expression("meanOfFinites(e)")
-    np.testing.assert_array_equal(
-        over_windows(expression, "e", terrain(), 3, "crop", compute_empty_cells=False),
-        expression.over_windows("e", terrain(), 3, "crop", compute_empty_cells=False),
-    )
+@pytest.mark.parametrize("shape", [(1, 1), (2, 7), (6, 5)])
+def test_a_cropped_window_far_larger_than_the_map_is_the_map(shape):
+    layer = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
+    result = Expression("sum(e)").over_windows("e", layer, 10**6 + 1, "crop")
+    np.testing.assert_array_equal(result, np.full(shape, layer.sum()))
+
+
+@pytest.mark.parametrize("edge_handling", ["inside", "empty", "mean"])
+def test_a_window_that_would_fill_the_memory_is_refused(edge_handling):
+    with pytest.raises(FilterError, match="a window of 1000001 cells is too large for a layer of"):
+        Expression("sum(e)").over_windows("e", terrain(), 10**6 + 1, edge_handling)
 
 
 def test_an_input_layer_hides_the_function_of_its_name():

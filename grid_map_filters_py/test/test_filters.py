@@ -158,11 +158,25 @@ def test_mean_in_radius_is_the_mean_of_the_finite_values_in_the_disc(grid_map, c
         np.testing.assert_allclose(result[index], expected, rtol=1e-5, atol=1e-3)
 
 
+def test_a_disc_far_larger_than_the_map_is_the_map():
+    grid_map = terrain((10, 7), elevation=np.arange(70.0).reshape(10, 7))
+    np.testing.assert_allclose(mean_in_radius(grid_map, 1e6), 34.5)
+    assert np.isfinite(normals(grid_map, radius=1e6)).all()
+
+
 def test_mean_in_radius_keeps_small_differences_on_high_ground():
     heights = np.random.default_rng(1).normal(size=(30, 20)).astype(np.float32) * 0.01
     low = mean_in_radius(terrain((30, 20), elevation=heights), 0.35)
     high = mean_in_radius(terrain((30, 20), elevation=heights + np.float32(2000)), 0.35)
     np.testing.assert_allclose(high - 2000, low, atol=3e-4)
+    # The normals of a gentle slope, where the variance of the heights is 1e-11 of their square.
+    grid_map = terrain((30, 20))
+    x, _ = grid_map.geometry.axes()
+    grid_map["elevation"] = np.float32(4096) + np.round(x / 8, 3)[:, None] * np.ones(20)
+    plain = grid_map.with_layers({"elevation": grid_map["elevation"] - np.float32(4096)})
+    np.testing.assert_allclose(
+        normals(grid_map, radius=0.35), normals(plain, radius=0.35), atol=1e-6
+    )
 
 
 def test_a_huge_value_spoils_only_the_discs_that_hold_it():
@@ -224,6 +238,23 @@ def test_a_symmetric_spike_has_a_unit_normal_in_the_least_spread_plane():
     normal = normals(terrain((5, 5), elevation=heights), radius=0.1)[2, 2]
     assert np.linalg.norm(normal) == pytest.approx(1.0)
     assert normal[2] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("spread", [0.5e-8, 2e-8])
+def test_points_closer_to_a_line_than_1e_8_have_no_plane(spread):
+    """Two rows of points: the variance across them is a quarter of the resolution squared."""
+    resolution = 2 * np.sqrt(spread)
+    heights = np.tile(resolution * np.arange(40.0)[None, :], (2, 1))
+    grid_map = terrain((2, 40), resolution, elevation=heights)
+    middle = normals(grid_map, radius=resolution * 20)[0, 20]
+    upright = middle.tolist() == [0, 0, 1]
+    assert upright == (spread < 1e-8)
+
+
+def test_a_wall_has_a_horizontal_normal():
+    heights = np.where(np.arange(9)[:, None] < 4, 1e4, 0.0) * np.ones(9)
+    normal = normals(terrain((9, 9), elevation=heights), radius=0.15)[4, 4]
+    np.testing.assert_allclose(np.abs(normal), [1, 0, 0], atol=1e-3)
 
 
 def test_normals_point_to_the_positive_side_of_the_axis_that_was_asked_for():
@@ -315,8 +346,16 @@ class TestThreshold:
         result = self.run(grid_map, output_layer="b", **params)
         np.testing.assert_array_equal(result["b"], [[np.inf, np.inf, 9]])
         np.testing.assert_array_equal(result["a"], grid_map["a"])
-        new = self.run(grid_map, output_layer="c", **params)
-        np.testing.assert_array_equal(new["c"], [[np.inf, np.inf, 3]])
+        with pytest.raises(FilterError, match="no layer 'c'; available: a, b"):
+            self.run(grid_map, output_layer="c", **params)
+
+    def test_compares_in_double_precision(self):
+        grid_map = terrain((1, 2), a=[[0.1, 0.2]])
+        # The float32 nearest to 0.1 lies above it, and that nearest to 0.7 below.
+        above = self.run(grid_map, layer="a", upper_threshold=0.1, set_to=5)["a"]
+        assert above[0, 0] == 5
+        huge = self.run(grid_map, layer="a", lower_threshold=1e300, set_to=-1e300)["a"]
+        assert (huge == -np.inf).all()
 
 
 def test_deleting_a_layer_that_is_not_there_is_a_warning():

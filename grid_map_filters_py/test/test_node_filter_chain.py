@@ -95,6 +95,8 @@ def test_maps_moved_or_not_square_or_empty_come_back_with_the_same_result(parame
                 sent = to_message(moved_in_buffer(world, start))
                 result = filtered(other_side, sent, count)
                 assert_maps_equal(result, expected)
+                # The first filter normalizes.
+                assert other_side.received["/filtered_map"][-1].outer_start_index == 0
                 assert result.layers == ("elevation", "filled", "smooth", "roughness")
 
 
@@ -177,7 +179,12 @@ def break_layer_name(message):
     message.layers = [""]
 
 
+def break_time(message):
+    message.header.stamp.nanosec = 2**32 - 1
+
+
 MALFORMED = {
+    break_time: "header.stamp.nanosec: expected",
     break_layer_count: "data: expected 2 arrays, one for each of layers",
     break_dimensions: "dim: expected 2 dimensions, found 1",
     break_labels: "dim[0].label: expected 'column_index' or 'row_index', found 'rows'",
@@ -274,6 +281,24 @@ def test_a_publisher_that_is_not_reliable_is_named(parameters, other_side):
         other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
         text = "a publisher of /grid_map is not heard: its quality of service does not fit in"
         wait_until(lambda: text in node.text, "the warning")
+
+
+def test_the_result_keeps_the_start_index_without_a_normalizer(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    with running_node(MODULE, *parameters({"filter1": FILTERS["filter2"]})):
+        other_side.publish("/grid_map", to_message(terrain(start=(3, 5))))
+        message = other_side.expect("/filtered_map")
+    assert (message.outer_start_index, message.inner_start_index) == (3, 5)
+    assert_maps_equal(
+        from_message(message), FilterChain.from_config([FILTERS["filter2"]])(terrain())
+    )
+
+
+def test_a_node_must_not_listen_to_itself(parameters):
+    node = start_node(MODULE, *parameters(input_topic="/a", output_topic="a"))
+    assert node.wait() == 1
+    assert "input_topic and output_topic are both '/a'" in node.text
+    assert "Traceback" not in node.text
 
 
 def changed(**step):

@@ -56,6 +56,13 @@ def test_a_filter_of_a_third_party_is_found_by_its_type(tmp_path):
     assert result.stdout.strip() == "5.0", result.stderr
 
 
+def test_a_class_that_is_no_filter_is_named(tmp_path):
+    install(tmp_path, "lift/LiftFilter = lift_filters:dataclass")
+    result = run_python(tmp_path, USE)
+    assert result.returncode == 1
+    assert "FilterConfigError: filter 1 'up' (lift/LiftFilter): " in result.stderr
+
+
 def test_built_in_filters_are_found_and_listed():
     assert FILTERS["gridMapFilters/ThresholdFilter"] is Threshold
     assert "gridMapCv/InpaintFilter" in FILTERS.types

@@ -3,7 +3,8 @@
 """Every error of this package.
 
 GridMapError (grid_map_core_py)
-└── MessageError (ValueError)
+├── MessageError (ValueError)
+└── NodeFailedError
 """
 
 from grid_map_core_py.errors import GridMapError
@@ -26,3 +27,7 @@ class MessageError(GridMapError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.field}: expected {self.expected}, found {self.found!r}"
+
+
+class NodeFailedError(GridMapError):
+    """A node that spins gives up: raised in a callback, it ends the executable with one message."""

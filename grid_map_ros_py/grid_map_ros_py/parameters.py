@@ -7,12 +7,14 @@ read-only: nodes configure themselves once, when they start.
 """
 
 import array
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from grid_map_core_py.config import cast, describe, mismatch
+from grid_map_core_py.config import cast, check, describe, mismatch
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -48,6 +50,17 @@ def read_parameter(
     return typed
 
 
+def read_positive(node: "Node", name: str, default: float) -> float:
+    """Return a parameter that is a positive finite number, such as a rate or a time.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    value = read_parameter(node, name, float, default)
+    check(math.isfinite(value) and value > 0, name, "a positive number", value)
+    return value
+
+
 def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
     """Return all parameters below a prefix as nested dictionaries, declared on the node.
 
@@ -66,6 +79,21 @@ def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
         _declare(node, name, value)
         _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
     return tree
+
+
+def check_topic(node: "Node", name: str, topic: str) -> str:
+    """Return `topic`, the value of a parameter, if the node can publish or subscribe to it.
+
+    For topics that a node does not use as long as nobody listens.
+
+    Raises:
+        ConfigError: it cannot; the message names the parameter.
+    """
+    try:
+        node.resolve_topic_name(topic)
+    except rclpy_implementation.RCLError as error:
+        raise mismatch(name, "the name of a topic", topic) from error
+    return topic
 
 
 def _known_names(node: "Node") -> Iterable[str]:

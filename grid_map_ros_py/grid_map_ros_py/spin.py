@@ -4,78 +4,78 @@
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 
 import rclpy
-from rclpy.exceptions import InvalidHandle
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.signals import (
-    SignalHandlerOptions,
-    install_signal_handlers,
-    uninstall_signal_handlers,
-)
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py.errors import GridMapError
 
+from .errors import NodeFailedError
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
-_HANDLE_ERRORS = (rclpy_implementation.RCLError, InvalidHandle)
+
+WAKE_PERIOD = 0.1
+"""Seconds after which a node that waits for messages looks whether a signal has come."""
 
 
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until the process is told to stop, and return the exit code.
 
     For the `main` of an executable, in its main thread. Interrupts and requests to terminate take
-    effect once the node spins: what rclpy makes or takes down while a signal shuts it down is left
-    in pieces, and says so.
+    effect between two callbacks. rclpy's own handlers shut ROS down at once: what is being made,
+    published or taken down then is left in pieces, and a spinning executor may miss it.
 
     Args:
-        create_node: makes the node. A `GridMapError` that it raises means that the node cannot work
-            as configured: it is logged as one message.
+        create_node: makes the node. A `GridMapError` that it raises, or a name that ROS refuses,
+            means that the node cannot work as configured: it is logged as one message. So is a
+            `NodeFailedError` of a callback; other errors of callbacks are bugs and pass through.
         args: command line arguments; None means those of the process.
 
     Returns:
-        0 after an interrupt or a shutdown from outside, 1 when the arguments or the configuration
-        cannot be used.
+        0 after an interrupt or a shutdown, 1 when the arguments or the configuration cannot be used
+        or the node gave up.
     """
     signals = _Signals()
     try:
         return _run(create_node, None if args is None else list(args), signals)
+    except KeyboardInterrupt:
+        return 0
     finally:
-        try_shutdown()
         signals.ignore()
+        try_shutdown()
 
 
 class _Signals:
-    """Takes note of signals, except while rclpy is allowed to act on them."""
+    """Takes note of the first signal; a second one breaks off whatever goes on."""
 
     def __init__(self) -> None:
         self.has_come = False
+        self._may_break_off = True
         for number in _SIGNALS:
             signal.signal(number, self._take_note)
-
-    @contextmanager
-    def left_to_rclpy(self) -> Iterator[None]:
-        install_signal_handlers(SignalHandlerOptions.ALL)
-        try:
-            yield
-        finally:
-            # rclpy puts those back that it found.
-            uninstall_signal_handlers()
+        # `tools/run` holds interrupts back until somebody handles them.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
     def ignore(self) -> None:
         """Let the process end undisturbed; Python gives up handlers of its own when it ends."""
+        self._may_break_off = False
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
     def _take_note(self, _number: int, _frame: FrameType | None) -> None:
+        if self.has_come and self._may_break_off:
+            self._may_break_off = False
+            raise KeyboardInterrupt
         self.has_come = True
 
 
@@ -85,8 +85,16 @@ def _run(create_node: Callable[[], Node], args: list[str] | None, signals: _Sign
     except _ARGUMENT_ERRORS as error:
         return _failed(error)
     try:
-        _spin(create_node(), signals)
+        node = create_node()
     except GridMapError as error:
+        return _failed(error)
+    except NameValidationException as error:
+        # The last of its lines points at a character of the line before.
+        message, _, _ = str(error).rpartition("\n")
+        return _failed(" ".join(message.split()))
+    try:
+        _spin(node, signals)
+    except NodeFailedError as error:
         return _failed(error)
     return 0
 
@@ -95,19 +103,15 @@ def _spin(node: Node, signals: _Signals) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        with signals.left_to_rclpy():
-            if not signals.has_come:
-                executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while ok() and not signals.has_come:
+            executor.spin_once(timeout_sec=WAKE_PERIOD)
+    except (ExternalShutdownException, KeyboardInterrupt):
         pass
-    except _HANDLE_ERRORS:
-        # Whatever is created or published while a signal shuts ROS down fails with one of these.
-        if ok():
-            raise
     finally:
+        signals.ignore()
         node.destroy_node()
 
 
-def _failed(error: Exception) -> int:
+def _failed(error: Exception | str) -> int:
     get_logger(Path(sys.argv[0]).stem or "grid_map").fatal(str(error))
     return 1

@@ -45,10 +45,11 @@ class MapSubscription:
 
     def _on_incompatible(self, event: Any) -> None:
         is_volatile = event.last_policy_kind == QoSPolicyKind.DURABILITY
-        if is_volatile and self._transient_local:
+        executor = self._node.executor
+        if is_volatile and self._transient_local and executor is not None:
             self._transient_local = False
             # Not from within an event of the very subscription that goes.
-            self._node.executor.create_task(self._subscribe_again)
+            executor.create_task(self._subscribe_again)
         elif not is_volatile:
             self._node.get_logger().warning(
                 f"a publisher of {self._topic} is not heard: its quality of service does not fit "

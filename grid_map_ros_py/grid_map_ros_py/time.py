@@ -36,10 +36,12 @@ def from_stamp(stamp: Time, field: str = "header.stamp") -> int:
     """Return a message's point in time as nanoseconds since the epoch.
 
     Raises:
-        MessageError: it lies before the epoch.
+        MessageError: it lies before the epoch, or has a full second of nanoseconds or more.
     """
     if stamp.sec < 0:
         raise MessageError(f"{field}.sec", "no negative number", stamp.sec)
+    if stamp.nanosec >= NANOSECONDS:
+        raise MessageError(f"{field}.nanosec", f"0 to {NANOSECONDS - 1}", stamp.nanosec)
     return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 

@@ -146,6 +146,14 @@ MALFORMED: dict[str, tuple[Break, str, str, str]] = {
         setting("inner_start_index", 65535), "inner_start_index", "0 to 3", "65535"),
     "a time before the epoch": (
         setting("header.stamp.sec", -5), "header.stamp.sec", "no negative number", "-5"),
+    "a full second of nanoseconds": (
+        setting("header.stamp.nanosec", 10**9),
+        "header.stamp.nanosec", "0 to 999999999", "1000000000"),
+    "a time that no message could hold": (
+        lambda m: [
+            setting("header.stamp.sec", 2**31 - 1)(m),
+            setting("header.stamp.nanosec", 2**32 - 1)(m)],
+        "header.stamp.nanosec", "0 to 999999999", "4294967295"),
     "nothing set at all": (
         lambda m: m.__init__(), "info.resolution", "a positive finite number", "0.0"),
 }  # fmt: skip

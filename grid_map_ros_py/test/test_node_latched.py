@@ -3,12 +3,11 @@
 """Maps between processes, as users of other languages and libraries see them."""
 
 import json
-import subprocess
 from typing import Any
 
 from conftest import Start
 
-TIMEOUT = 30.0
+from grid_map_ros_py.testing import Process, wait_until
 
 # The map moved by two cells along x: they left the buffer's last rows to new cells without data.
 EXPECTED = {
@@ -26,15 +25,13 @@ EXPECTED = {
 }
 
 
-def map_received_by(subscriber: subprocess.Popen[str]) -> Any:
-    out, errors = subscriber.communicate(timeout=TIMEOUT)
-    assert subscriber.returncode == 0, errors
-    return json.loads(out.splitlines()[-1])
+def map_received_by(subscriber: Process) -> Any:
+    assert subscriber.wait() == 0, subscriber.text
+    return json.loads(subscriber.lines[-1])
 
 
-def wait_for(process: subprocess.Popen[str], line: str) -> None:
-    assert process.stdout is not None
-    assert process.stdout.readline() == f"{line}\n"
+def wait_for(process: Process, line: str) -> None:
+    wait_until(lambda: f"{line}\n" in process.lines, line)
 
 
 def test_a_plain_subscriber_receives_the_map(start: Start) -> None:

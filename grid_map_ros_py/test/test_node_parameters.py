@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from conftest import Start
 
+from grid_map_ros_py.testing import Process, wait_until
+
 CHAIN = """
     filters:
       filter1:
@@ -61,19 +63,18 @@ def arguments(folder: Path, text: str, node: str = "configured") -> list[str]:
     return ["--ros-args", "--params-file", str(path)]
 
 
-def read(process: Any) -> Any:
-    line = process.stdout.readline()
-    assert line, process.communicate()[1]
+def read(process: Process) -> Any:
+    wait_until(lambda: process.lines, "what the node has read")
     # NaN equals nothing, not even itself.
-    return json.loads(line, parse_constant=lambda name: name if name == "NaN" else float(name))
+    return json.loads(
+        process.lines[0], parse_constant=lambda name: name if name == "NaN" else float(name)
+    )
 
 
-def failure(process: Any) -> str:
-    out, errors = process.communicate(timeout=30)
-    assert process.returncode == 1
-    assert out == ""
-    assert "Traceback" not in errors
-    return errors
+def failure(process: Process) -> str:
+    assert process.wait() == 1
+    assert "Traceback" not in process.text
+    return process.text
 
 
 @pytest.mark.parametrize("node", ["configured", "/**"])

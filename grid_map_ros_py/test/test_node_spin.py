@@ -2,18 +2,35 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How an executable ends."""
 
+import re
 import signal
-import subprocess
+import sys
+import time
 
 import pytest
-from conftest import Start
+from conftest import NODES, Start
 
-TIMEOUT = 30.0
+from grid_map_ros_py.testing import Process, wait_until
+
+HELD_BACK = """
+import os, signal, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+os.kill(os.getpid(), signal.SIGINT)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
 
 
-def wait_until_alive(process: subprocess.Popen[str]) -> None:
-    assert process.stdout is not None
-    assert process.stdout.readline() == "alive\n"
+def wait_until_alive(process: Process) -> None:
+    wait_until(lambda: process.lines, "a sign of life")
+    assert process.lines == ["alive\n"]
+
+
+def interrupt_until_it_ends(process: Process) -> None:
+    def interrupt() -> None:
+        process.send(signal.SIGINT)
+        time.sleep(0.01)  # Python itself complains when they come in thousands.
+
+    wait_until(lambda: not process.is_running, "its end", step=interrupt)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -23,43 +40,70 @@ def test_a_signal_ends_the_node_in_peace_whatever_it_does(
 ) -> None:
     process = start("living.py", habit)
     wait_until_alive(process)
-    process.send_signal(number)
-    out, errors = process.communicate(timeout=TIMEOUT)
-    assert (process.returncode, out, errors) == (0, "destroyed\n", "")
+    process.send(number)
+    assert process.wait() == 0
+    assert process.lines == ["alive\n", "destroyed\n"]
+
+
+def test_a_second_interrupt_ends_a_callback_that_never_comes_back(start: Start) -> None:
+    process = start("living.py", "stuck")
+    wait_until_alive(process)
+    interrupt_until_it_ends(process)
+    assert process.wait() == 0
+    assert process.lines == ["alive\n", "destroyed\n"]
 
 
 def test_interrupts_while_the_node_ends_change_nothing(start: Start) -> None:
     process = start("living.py", "idle")
     wait_until_alive(process)
-    while process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(0.01)
-        except subprocess.TimeoutExpired:
-            continue
-    out, errors = process.communicate(timeout=TIMEOUT)
-    assert (process.returncode, out, errors) == (0, "destroyed\n", "")
+    interrupt_until_it_ends(process)
+    assert process.wait() == 0
+    assert process.lines == ["alive\n", "destroyed\n"]
 
 
-def test_a_node_that_cannot_work_says_so_once_and_fails(start: Start) -> None:
-    process = start("living.py", "misconfigured")
-    _, errors = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 1
-    assert errors.count("\n") == 1
-    assert errors.startswith("[FATAL]")
-    assert errors.endswith("[living]: filter 3 'smooth': unknown parameter 'radiu'\n")
+def test_an_interrupt_that_was_held_back_while_python_started_ends_the_node() -> None:
+    process = Process([sys.executable, "-c", HELD_BACK, str(NODES / "living.py"), "idle"])
+    try:
+        assert process.wait() == 0
+    finally:
+        process.kill()
+    assert process.lines == ["destroyed\n"]
 
 
-def test_a_bug_is_not_hidden(start: Start) -> None:
-    process = start("living.py", "buggy")
-    _, errors = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 1
-    assert errors.endswith("ZeroDivisionError: a bug\n")
+@pytest.mark.parametrize(
+    ("habit", "message"),
+    [
+        ("misconfigured", "filter 3 'smooth': unknown parameter 'radiu'"),
+        ("misnamed", "Invalid topic name: topic name must not .*: 'no topic'"),
+        ("gives up", "the battery is empty"),
+    ],
+)
+def test_a_node_that_cannot_work_says_so_once_and_fails(
+    start: Start, habit: str, message: str
+) -> None:
+    process = start("living.py", habit)
+    assert process.wait() == 1
+    (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
+    assert re.fullmatch(rf"\[FATAL\] .*\[living\]: {message}\n", line)
+
+
+@pytest.mark.parametrize(
+    ("habit", "error"),
+    [
+        ("buggy", "ZeroDivisionError"),
+        ("buggy while it lives", "grid_map_core_py.errors.GridMapError"),
+    ],
+)
+def test_a_bug_is_not_hidden(start: Start, habit: str, error: str) -> None:
+    process = start("living.py", habit)
+    assert process.wait() == 1
+    assert "Traceback" in process.text
+    assert "FATAL" not in process.text
+    assert f"{error}: a bug\n" in process.text
 
 
 def test_arguments_that_ros_does_not_know_are_reported_without_a_traceback(start: Start) -> None:
     process = start("living.py", "idle", "--ros-args", "--nonsense")
-    _, errors = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 1
-    assert "--nonsense" in errors
-    assert "Traceback" not in errors
+    assert process.wait() == 1
+    assert "--nonsense" in process.text
+    assert "Traceback" not in process.text

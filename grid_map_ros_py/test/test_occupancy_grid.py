@@ -149,7 +149,8 @@ def test_values_beyond_the_scale_stay_as_they_are() -> None:
 MALFORMED = {
     "no cells along x": ("info.width", 0, "info.width: expected at least one cell, found 0"),
     "no cells along y": ("info.height", 0, "info.height: expected at least one cell, found 0"),
-    "too many cells": ("info.width", 2**32 - 1, "data: expected 8589934590 values"),
+    "too many cells": ("info.width", 2**31 - 1, "data: expected 4294967294 values"),
+    "more cells than any map": ("info.width", 2**32 - 1, "info: expected a grid of finite size"),
     "too little data": ("data", array.array("b", [0]), "data: expected 6 values .*found 1"),
     "too much data": ("data", array.array("b", [0] * 7), "data: expected 6 values .*found 7"),
     "resolution zero": ("info.resolution", 0.0, "info.resolution: expected a positive.*found 0.0"),

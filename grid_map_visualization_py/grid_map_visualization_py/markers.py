@@ -2,20 +2,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """RViz markers made of lines."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, color_value_to_vector
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.config import check
 from grid_map_ros_py.cdr import serialize
 from grid_map_ros_py.time import to_header
 
 
-def check_color(color: int) -> None:
-    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
-    if not 0 <= color <= 0xFFFFFF:
-        raise ConfigError(f"parameter 'color': expected 0 to {0xFFFFFF} (0xRRGGBB), found {color}")
+def check_line(color: int, line_width: float) -> None:
+    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB and `line_width` positive."""
+    check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
+    is_width = math.isfinite(line_width) and line_width > 0
+    check(is_width, "line_width", "a positive width [m]", line_width)
 
 
 def line_marker(

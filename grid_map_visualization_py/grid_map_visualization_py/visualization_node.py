@@ -14,7 +14,6 @@ Parameters:
     <name>.params.*: parameters of that type.
 """
 
-import math
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -22,15 +21,20 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.config import check
+from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py.grid_map import from_message
-from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
+from grid_map_ros_py.parameters import (
+    check_topic,
+    read_parameter,
+    read_parameter_tree,
+    read_positive,
+)
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 from grid_map_ros_py.throttle import LogThrottle
@@ -48,7 +52,7 @@ class GridMapVisualizationNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
-        self._topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
+        self._topic = _read_topic(self)
         self._qos = map_qos(transient_local=read_parameter(self, "transient_local", bool, False))
         self._throttle = LogThrottle()
         self._subscription: Subscription | None = None
@@ -58,7 +62,8 @@ class GridMapVisualizationNode(Node):
             for name, visualization in _read_visualizations(self).items()
         ]
         # Listeners are noticed when they come and go; this is for those whose event went missing.
-        self.create_timer(_read_period(self), self._follow_listeners, clock=_steady_clock())
+        period = 1 / read_positive(self, "activity_check_rate", 2.0)
+        self.create_timer(period, self._follow_listeners, clock=_steady_clock())
         names = ", ".join(output.name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {self._topic} as {names}, while somebody listens")
 
@@ -124,13 +129,9 @@ class Output:
         self._throttle = LogThrottle()
         self._logger = node.get_logger()
         events = PublisherEventCallbacks(matched=self._match)
-        try:
-            self._publisher = node.create_publisher(
-                visualization.message_type, name, map_qos(), event_callbacks=events
-            )
-        except InvalidTopicNameException as error:
-            reason = str(error).partition(":\n")[0]
-            raise ConfigError(f"visualization {name!r}: the name is no topic: {reason}") from error
+        self._publisher = node.create_publisher(
+            visualization.message_type, name, map_qos(), event_callbacks=events
+        )
 
     def count_listeners(self) -> int:
         """Return how many listen now; more than before makes the output due."""
@@ -159,23 +160,18 @@ class Output:
         self._on_match()
 
 
+def _read_topic(node: Node) -> str:
+    name = "grid_map_topic"
+    return check_topic(node, name, read_parameter(node, name, str, "/grid_map"))
+
+
 def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
-    names = read_parameter(node, "grid_map_visualizations", list[str])
+    parameter = "grid_map_visualizations"
+    names = read_parameter(node, parameter, list[str])
+    check(len(set(names)) == len(names), parameter, "every name once", names)
     for name in names:
-        if names.count(name) > 1:
-            raise ConfigError(
-                f"parameter 'grid_map_visualizations': {name!r} occurs more than once"
-            )
+        check_topic(node, parameter, name)
     return {name: create(name, read_parameter_tree(node, name)) for name in names}
-
-
-def _read_period(node: Node) -> float:
-    rate = read_parameter(node, "activity_check_rate", float, 2.0)
-    if not (math.isfinite(rate) and rate > 0):
-        raise ConfigError(
-            f"parameter 'activity_check_rate': expected a positive number, found {rate}"
-        )
-    return 1 / rate
 
 
 def _steady_clock() -> Clock:

@@ -27,6 +27,13 @@ callbacks = module.PublisherEventCallbacks
 module.PublisherEventCallbacks = lambda matched: callbacks()
 sys.exit(module.main())
 """
+TALKATIVE = f"""
+import sys
+import {MODULE} as module
+from_message = module.from_message
+module.from_message = lambda *args, **options: print("a map") or from_message(*args, **options)
+sys.exit(module.main())
+"""
 TUTORIAL = {
     "elevation_points": PointCloud2,
     "noisy_points": PointCloud2,
@@ -172,25 +179,51 @@ def test_listeners_are_noticed_where_the_middleware_does_not_tell(peer, paramete
         peer.wait_until(lambda: not is_watched(peer), "the node to unsubscribe")
 
 
+def test_maps_are_shown_once_however_often_the_node_looks_for_listeners(peer, parameters):
+    publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+    publisher.publish(elevation_map(0.5))
+    often = parameters(**two_outputs(transient_local=True, activity_check_rate=20))
+    with running(Process([sys.executable, "-c", WITHOUT_EVENTS, *often])):
+        peer.listen("region", Marker)
+        peer.expect("region")
+        peer.wait_until(lambda: peer.node.count_publishers("grid"), "the other output")
+        for _ in range(4):
+            # To whom nothing old is delivered, a check must have come in between.
+            peer.received.get("grid", []).clear()
+            peer.listen("grid", OccupancyGrid, map_qos(transient_local=False))
+            peer.expect("grid")
+    assert len(peer.received["region"]) == 1
+
+
+def test_outputs_without_listeners_are_not_made(peer, parameters):
+    publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+    order = two_outputs(grid_map_visualizations=["grid", "region"])
+    with running_node(MODULE, *parameters(**order)) as node:
+        peer.listen("region", Marker)
+        peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
+        # The other output would complain about this map.
+        publisher.publish(elevation_map(0.5, layer="height"))
+        peer.expect("region")
+    assert len(node.lines) == 1, node.text
+
+
 def test_maps_that_cannot_be_shown_are_reported_once_each_and_the_others_go_on(peer, parameters):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
-    with running_node(MODULE, *parameters(**two_outputs())) as node:
+    unshowable = elevation_map(0.5, layer="height")
+    malformed = [malformed_map(resolution) for resolution in (-1.0, -2.0, -1.0)]
+    with running(Process([sys.executable, "-c", TALKATIVE, *parameters(**two_outputs())])) as node:
         peer.listen("region", Marker)
         peer.listen("grid", OccupancyGrid)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
-        for _ in range(2):
-            forget(peer)
-            publisher.publish(elevation_map(0.5, layer="height"))
-            peer.expect("region")
-            assert not peer.received["grid"]
-        # The next map would take the place of one that has not been reported yet.
-        for resolution in (-1.0, -2.0):
-            publisher.publish(malformed_map(resolution))
-            peer.wait_until(lambda r=resolution: f"found {r}" in node.text, "the error")
-        publisher.publish(malformed_map(-1.0))
+        for count, message in enumerate([unshowable, unshowable, *malformed], start=1):
+            publisher.publish(message)
+            # The next map would take the place of one that has not been looked at yet.
+            peer.wait_until(lambda n=count: node.lines.count("a map\n") == n, f"map {count}")
+        peer.expect("region")
+        assert not peer.received["grid"]
         publisher.publish(elevation_map(0.5))
         peer.expect("grid")
-    start, *problems = node.lines
+    start, *problems = [line for line in node.lines if line != "a map\n"]
     assert "shows /grid_map as region, grid" in start
     assert len(problems) == 3
     assert "visualization 'grid': no layer 'elevation'; available: height" in problems[0]
@@ -226,10 +259,18 @@ def test_empty_list_of_visualizations_is_no_error(peer, tmp_path):
         ({"grid": {"type": "occupancy_gird"}}, ["visualization 'grid'", "'occupancy_gird'"]),
         ({"activity_check_rate": 0}, ["activity_check_rate", "positive", "0.0"]),
         ({"grid_map_topic": 7}, ["grid_map_topic", "string", "7"]),
-        ({"grid_map_visualizations": ["grid", "grid"]}, ["'grid'", "more than once"]),
+        (
+            {"grid_map_visualizations": ["grid", "grid"]},
+            ["'grid_map_visualizations'", "every name once", "['grid', 'grid']"],
+        ),
         (
             {"grid_map_visualizations": ["no topic"], "no topic": {"type": "map_region"}},
-            ["'no topic'"],
+            ["'grid_map_visualizations'", "topic", "'no topic'"],
+        ),
+        ({"grid_map_topic": "{terrain}"}, ["'grid_map_topic'", "topic", "'{terrain}'"]),
+        (
+            {"region": {"type": "map_region", "params": {"line_width": -1}}},
+            ["visualization 'region'", "'map_region'", "'line_width'", "-1.0"],
         ),
     ],
 )

@@ -96,6 +96,16 @@ def test_parameters_may_be_left_out(config):
         ({"type": "point_cloud", "params": {"layer": 1}}, ["'layer'", "string", "1"]),
         ({"type": "point_cloud", "params": {"flat": 1}}, ["'flat'", "true or false", "1"]),
         ({"type": "flat_point_cloud", "params": {"height": math.nan}}, ["'height'", "nan"]),
+        *(
+            ({"type": "map_region", "params": {"line_width": width}}, ["'line_width'", str(width)])
+            for width in (0.0, -1.0, math.nan, math.inf)
+        ),
+        (
+            {"type": "vectors", "params": {**VECTORS, "line_width": -1}},
+            ["'line_width'", "positive", "-1.0"],
+        ),
+        ({"type": "vectors", "params": {**VECTORS, "scale": math.nan}}, ["'scale'", "nan"]),
+        ({"type": "vectors", "params": {**VECTORS, "scale": math.inf}}, ["'scale'", "inf"]),
         (
             {"type": "occupancy_grid", "params": {"layer": "a", "data_min": 1}},
             ["data_min, data_max", "different", "1.0"],

@@ -24,9 +24,7 @@ def cells_inside(
     box as (rows, 1) and (1, cols) [m] and returns (rows, cols) bool.
     """
     geometry = grid_map.geometry
-    # The box may be off by rounding, the test of the centres is not: look one cell further.
-    margin = geometry.resolution
-    rows, columns = geometry.box(np.subtract(lower, margin), np.add(upper, margin))
+    rows, columns = geometry.box(lower, upper)
     x, y = geometry.axes()
     found = np.argwhere(contains(x[rows, None], y[None, columns]))
     return wrap(found + (rows.start, columns.start), grid_map.start_index, grid_map.size)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Cells, as_pair
+from ..arrays import Cells, as_number, as_pair
 from ..errors import GeometryError
 from ..geometry import BORDER_TOLERANCE
 from ..grid_map import GridMap
@@ -27,13 +27,14 @@ def circle_cells(grid_map: GridMap, center: npt.ArrayLike, radius: float) -> Cel
     Raises:
         GeometryError: the radius is negative, or a number is not finite.
     """
+    radius = as_number(radius, "radius")
     if not (math.isfinite(radius) and radius >= 0):
         raise GeometryError(f"radius: expected a finite number >= 0, got {radius!r}")
     centre = as_pair(center, "center")
-    limit = (radius + BORDER_TOLERANCE) ** 2
+    limit = radius + BORDER_TOLERANCE
     return cells_inside(
         grid_map,
         centre - radius,
         centre + radius,
-        lambda x, y: np.square(x - centre[0]) + np.square(y - centre[1]) <= limit,
+        lambda x, y: np.hypot(x - centre[0], y - centre[1]) <= limit,
     )

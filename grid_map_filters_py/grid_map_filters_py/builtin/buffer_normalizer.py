@@ -11,8 +11,9 @@ from grid_map_core_py import GridMap
 class BufferNormalizer:
     """Reorder the data so that the start index is (0, 0).
 
-    A `FilterChain` has done this already when it calls its first filter.
+    A `FilterChain` shows all its filters such maps anyway; with this one among them it does not
+    restore the start index of its input in the end.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        return grid_map if grid_map.start_index == (0, 0) else grid_map.normalized()
+        return grid_map if grid_map.start_index == (0, 0) else grid_map.stored_from((0, 0))

@@ -28,7 +28,8 @@ class MathExpression:
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = {name: grid_map[name] for name in grid_map}
-        result = np.asarray(self._parsed(layers), dtype=np.float32)
+        with np.errstate(over="ignore"):
+            result = np.asarray(self._parsed(layers), dtype=np.float32)
         if result.ndim and result.shape != grid_map.size:
             raise ExpressionError(
                 f"{self.expression!r} gives a matrix of shape {result.shape}; "

@@ -8,7 +8,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 
-from ..disc import Disc, correlate, finite
+from ..disc import Disc, centred, correlate
 from ..filter import check_radius
 
 
@@ -27,8 +27,8 @@ class MeanInRadius:
         check_radius(self.radius)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        mask, values, offset = finite(grid_map[self.input_layer])
-        kernel = Disc(self.radius, grid_map.resolution).kernel
+        mask, values, offset = centred(grid_map[self.input_layer])
+        kernel = Disc(self.radius, grid_map.resolution, grid_map.size).kernel
         count = correlate(mask.astype(np.float64), kernel)
         with np.errstate(invalid="ignore"):
             mean = correlate(values, kernel) / count + offset

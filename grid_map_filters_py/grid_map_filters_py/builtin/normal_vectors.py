@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.config import check
 
-from ..filter import check
 from ..normals import area_normals, flip_towards, raster_normals
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.config import check
 
-from ..expression import Expression, over_windows
-from ..filter import check
+from ..expression import Expression
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +50,7 @@ class SlidingWindowMathExpression:
         object.__setattr__(self, "_parsed", parsed)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        result = over_windows(
-            self._parsed,
+        result = self._parsed.over_windows(
             self.input_layer,
             grid_map[self.input_layer],
             self._cells(grid_map.resolution),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, Mask
 from grid_map_core_py.errors import ConfigError
 
 
@@ -16,8 +17,9 @@ class Threshold:
 
     Attributes:
         layer: short for `condition_layer` and `output_layer` of this name.
-        condition_layer: compared with the threshold; cells that are not finite never pass.
-        output_layer: written to; the condition layer's values where the map has no such layer.
+        condition_layer: compared with the threshold, in double precision; cells that are not finite
+            never pass.
+        output_layer: written to.
         lower_threshold: cells of the condition layer below it pass.
         upper_threshold: cells of the condition layer above it pass; exactly one of both is given.
         set_to: value for the cells that pass; may be NaN or infinite.
@@ -38,14 +40,15 @@ class Threshold:
             raise ConfigError("expected either 'layer', or 'condition_layer' and 'output_layer'")
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        condition_layer = self.layer or self.condition_layer or ""
+        condition = grid_map[self.layer or self.condition_layer or ""]
         output_layer = self.layer or self.output_layer or ""
-        condition = grid_map[condition_layer]
-        source = output_layer if output_layer in grid_map else condition_layer
-        result = grid_map[source].copy("F")
-        if self.lower_threshold is not None:
-            passes = condition < np.float32(self.lower_threshold)
-        else:
-            passes = condition > np.float32(self.upper_threshold)
-        result[passes & np.isfinite(condition)] = self.set_to
+        result = grid_map[output_layer].copy("F")
+        with np.errstate(over="ignore"):
+            result[self._passes(condition) & np.isfinite(condition)] = self.set_to
         return grid_map.with_layers({output_layer: result})
+
+    def _passes(self, condition: Layer) -> Mask:
+        lower, upper = self.lower_threshold, self.upper_threshold
+        compare, threshold = (np.greater, upper) if lower is None else (np.less, lower)
+        # Without the signature the threshold would be rounded to the float32 of the layer.
+        return np.asarray(compare(condition, np.asarray(threshold), signature="dd->?"))

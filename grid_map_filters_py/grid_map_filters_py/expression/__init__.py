@@ -3,10 +3,10 @@
 """The expression language of the filters (EigenLab's, with additions).
 
 `Expression(text)` is parsed once; called with layers it gives a matrix or a number, and
-`over_windows` evaluates it for the window around every cell.
+its method `over_windows` evaluates it for the window around every cell.
 """
 
 from grid_map_filters_py.expression.expression import Expression
-from grid_map_filters_py.expression.windows import EdgeHandling, over_windows
+from grid_map_filters_py.expression.windows import EdgeHandling
 
-__all__ = ["EdgeHandling", "Expression", "over_windows"]
+__all__ = ["EdgeHandling", "Expression"]

@@ -104,7 +104,28 @@ class Expression:
         *,
         compute_empty_cells: bool = True,
     ) -> NDArray[np.float32]:
-        """Evaluate for the window around every cell; see `over_windows` in this package."""
+        """Evaluate for the square window around every cell.
+
+        The expression must give a number for a window, and knows no layer but the input layer. All
+        cells are computed together, in double precision; memory is in the order of the layer.
+
+        Args:
+            name: of the input layer in the expression, where it stands for the window.
+            layer: (rows, columns), unwrapped (start index (0, 0)).
+            window_size: odd number of cells along a side.
+            edge_handling: what a window is near the border. `inside`: only cells whose window is
+                entirely on the map are computed, the others are NaN. `crop`: the part on the map.
+                `empty`: the part outside is NaN. `mean`: the part outside is the mean of the finite
+                values of the part on the map.
+            compute_empty_cells: False leaves cells NaN where the input is NaN.
+
+        Returns:
+            (rows, columns) float32 in Fortran order.
+
+        Raises:
+            ExpressionError: the result is not a number, or names, shapes or indices do not fit.
+            FilterError: the window size or the edge handling is impossible.
+        """
         if not np.issubdtype(np.asarray(layer).dtype, np.floating):
             layer = np.asarray(layer, np.float32)
         try:

@@ -5,7 +5,7 @@
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,51 +24,15 @@ from grid_map_filters_py.expression.window_matrices import (
     WindowMatrix,
 )
 
-if TYPE_CHECKING:
-    from grid_map_filters_py.expression.expression import Expression
-
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
 # Cells that are computed together: fields of this size stay in the cache of one core.
 _BLOCK = 32768
 
+# Cells by which a window may be longer than the layer, for all of which memory is needed.
+_LARGEST_MARGIN = 1000
+
 _ALGEBRA = WindowMatrices()
-
-
-def over_windows(
-    expression: "Expression",
-    name: str,
-    layer: NDArray[Any],
-    window_size: int,
-    edge_handling: EdgeHandling,
-    *,
-    compute_empty_cells: bool = True,
-) -> NDArray[np.float32]:
-    """Evaluate an expression for the square window around every cell.
-
-    All cells are computed together, in double precision; memory is in the order of the layer.
-
-    Args:
-        expression: must give a number for a window. It knows no layer but the input layer.
-        name: of the input layer in the expression, where it stands for the window.
-        layer: (rows, columns), unwrapped (start index (0, 0)).
-        window_size: odd number of cells along a side.
-        edge_handling: what a window is near the border. `inside`: only cells whose window is
-            entirely on the map are computed, the others are NaN. `crop`: the part on the map.
-            `empty`: the part outside is NaN. `mean`: the part outside is the mean of the finite
-            values of the part on the map.
-        compute_empty_cells: False leaves cells NaN where the input is NaN.
-
-    Returns:
-        (rows, columns) float32 in Fortran order.
-
-    Raises:
-        ExpressionError: the result is not a number, or names, shapes or indices do not fit.
-        FilterError: the window size or the edge handling is impossible.
-    """
-    return expression.over_windows(
-        name, layer, window_size, edge_handling, compute_empty_cells=compute_empty_cells
-    )
 
 
 def evaluate_over_windows(
@@ -79,8 +43,11 @@ def evaluate_over_windows(
     window_size: int,
     edge_handling: EdgeHandling,
 ) -> NDArray[np.float32]:
-    """Evaluate a syntax tree as `over_windows` does; raises Fault."""
+    """Evaluate a syntax tree as `Expression.over_windows` does; raises Fault."""
     _check_arguments(layer, window_size, edge_handling)
+    if edge_handling == "crop":
+        # A window of this size covers the map from any of its cells.
+        window_size = min(window_size, 2 * max(layer.shape) - 1)
     if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
         margin = window_size // 2
         padded = np.pad(layer, margin, constant_values=np.nan)
@@ -192,3 +159,7 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
         raise FilterError(f"no edge handling {edge_handling!r}; available: {known}")
     if np.ndim(layer) != 2:
         raise FilterError(f"a layer has rows and columns, this shape is {np.shape(layer)}")
+    if edge_handling != "crop" and window_size > max(layer.shape) + _LARGEST_MARGIN:
+        raise FilterError(
+            f"a window of {window_size} cells is too large for a layer of {np.shape(layer)} cells"
+        )

@@ -9,9 +9,11 @@ from rclpy.node import Node
 from std_msgs.msg import Empty
 
 from grid_map_core_py import GridMapError
+from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.spin import run
 
 HABIT = sys.argv[1]
+TOPIC = "no topic" if HABIT == "misnamed" else "/beat"
 
 
 class Living(Node):
@@ -21,18 +23,27 @@ class Living(Node):
             raise GridMapError("filter 3 'smooth': unknown parameter 'radiu'")
         if HABIT == "buggy":
             raise ZeroDivisionError("a bug")
-        self.publisher = self.create_publisher(Empty, "/beat", 1)
+        self.is_silent = True
+        self.publisher = self.create_publisher(Empty, TOPIC, 1)
         if HABIT == "slow":
             print("alive", flush=True)
             self.dawdle()
         self.timer = self.create_timer(0.0, self.live)
 
     def live(self) -> None:
-        """Say so once; a busy node publishes until it is too late."""
-        self.timer.cancel()
-        print("alive", flush=True)
-        while HABIT == "busy":
-            self.publisher.publish(Empty())
+        """Say so once; a busy node publishes all the time, and a stuck one never comes back."""
+        self.publisher.publish(Empty())
+        if HABIT != "busy":
+            self.timer.cancel()
+        if self.is_silent:
+            print("alive", flush=True)
+            self.is_silent = False
+        if HABIT == "gives up":
+            raise NodeFailedError("the battery is empty")
+        if HABIT == "buggy while it lives":
+            raise GridMapError("a bug")
+        while HABIT == "stuck":
+            time.sleep(0.1)
 
     def dawdle(self) -> None:
         deadline = time.monotonic() + 1

@@ -9,7 +9,7 @@ from typing import ClassVar
 from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.config import check
 from grid_map_ros_py.point_cloud import to_flat_point_cloud
 
 
@@ -29,8 +29,7 @@ class FlatPointCloud:
     height: float = 0.0
 
     def __post_init__(self) -> None:
-        if not math.isfinite(self.height):
-            raise ConfigError(f"parameter 'height': expected a finite number, found {self.height}")
+        check(math.isfinite(self.height), "height", "a finite number", self.height)
 
     def __call__(self, grid_map: GridMap) -> PointCloud2:
         """Return the cloud."""

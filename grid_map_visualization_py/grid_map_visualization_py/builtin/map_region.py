@@ -10,7 +10,8 @@ import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
-from grid_map_visualization_py.markers import check_color, line_marker
+
+from ..markers import check_line, line_marker
 
 _CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
 
@@ -24,7 +25,7 @@ class MapRegion:
         line_width: width of the line [m].
 
     Raises:
-        ConfigError: the colour is out of range.
+        ConfigError: the colour is out of range, or the width not positive.
     """
 
     message_type: ClassVar[type] = Marker
@@ -33,7 +34,7 @@ class MapRegion:
     line_width: float = 0.003
 
     def __post_init__(self) -> None:
-        check_color(self.color)
+        check_line(self.color, self.line_width)
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""

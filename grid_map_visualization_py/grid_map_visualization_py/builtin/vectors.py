@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Vectors, such as surface normals, as lines."""
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,7 +11,9 @@ import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
-from grid_map_visualization_py.markers import check_color, line_marker
+from grid_map_core_py.config import check
+
+from ..markers import check_line, line_marker
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,14 +21,14 @@ class Vectors:
     """Draw a line from the surface along a vector, for every cell where both are finite.
 
     Attributes:
-        layer_prefix: the layers of the components are called so, followed by x, y and z.
+        layer_prefix: followed by x, y or z it is the name of the layer of that component.
         position_layer: heights [m] at which the lines start.
         scale: length of a line per length of its vector [m].
         line_width: width of the lines [m].
         color: 0xRRGGBB.
 
     Raises:
-        ConfigError: the colour is out of range.
+        ConfigError: the colour is out of range, the scale not finite, or the width not positive.
     """
 
     message_type: ClassVar[type] = Marker
@@ -37,7 +40,8 @@ class Vectors:
     color: int = 0x00FF00
 
     def __post_init__(self) -> None:
-        check_color(self.color)
+        check(math.isfinite(self.scale), "scale", "a finite number", self.scale)
+        check_line(self.color, self.line_width)
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""

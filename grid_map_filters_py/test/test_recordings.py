@@ -3,33 +3,32 @@
 """The traversability chain on a map that the C++ nodes recorded, and their result.
 
 C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the
-rim of a disc belong to it. Ours does neither (contract 6 and 3), so the layers are compared in
-three ways: each step with C++'s own input, where they are equal; the inpainted layer, in steps of 8
-bits; and the whole chain, as far as the quantisation lets it.
+rim of a disc belong to it. Ours does neither (contract 6 and 3). So each step is compared on C++'s
+own input, where all are equal; the inpainted and the smooth layer in steps of 8 bits; and the
+derived layers as far as the quantisation lets them.
 """
 
-import gzip
 import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.config import parse_steps, read_chain
-from grid_map_filters_py.disc import Disc, correlate, finite
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message
+from grid_map_filters_py.disc import Disc, centred, correlate
 
 DATA = Path(__file__).parent / "data"
 CHAIN = DATA / "traversability.yaml"
 
 
 def recorded(name: str) -> GridMap:
-    data = gzip.decompress((DATA / f"{name}.cdr.gz").read_bytes())
-    return from_message(deserialize_message(data, GridMapMessage))
+    with np.load(DATA / "traversability.npz") as file:
+        *length, resolution, x, y = file[f"{name}/geometry"]
+        layers = [key for key in file if key.startswith(f"{name}/") and key != f"{name}/geometry"]
+        values = {key.removeprefix(f"{name}/"): file[key] for key in layers}
+    return GridMap(length, resolution, (x, y), values)
 
 
 @pytest.fixture(scope="module")
@@ -74,30 +73,49 @@ def test_from_the_layers_of_cpp_every_other_step_gives_what_cpp_recorded(theirs)
         np.testing.assert_allclose(result[layer], theirs[layer], rtol=0, atol=1e-5 * span)
 
 
-def test_the_mean_differs_from_cpp_only_by_the_rim_of_the_disc(theirs):
-    """0.06 m are three cells of 0.02 m: four centres lie exactly on the rim."""
-    mask, values, offset = finite(theirs["elevation_inpainted"])
-    kernel = Disc(0.06, theirs.resolution).kernel
-    rim = [(0, 3), (6, 3), (3, 0), (3, 6)]
-    closest = np.full(theirs.size, np.inf)
+def closest_mean(inpainted: GridMap, expected: np.ndarray) -> np.ndarray:
+    """Return the distance to the mean with whichever rim cells come closest to what is expected.
+
+    The radius of 0.06 m is three cells of 0.02 m: four centres lie exactly on the rim.
+    """
+    mask, values, offset = centred(inpainted["elevation_inpainted"])
+    kernel = Disc(0.06, inpainted.resolution, inpainted.size).kernel
+    closest = np.full(inpainted.size, np.inf)
     for taken in itertools.product((0.0, 1.0), repeat=4):
         chosen = kernel.copy()
-        for cell, weight in zip(rim, taken, strict=True):
+        for cell, weight in zip([(0, 3), (6, 3), (3, 0), (3, 6)], taken, strict=True):
             chosen[cell] = weight
         count = correlate(mask.astype(float), chosen)
         mean = correlate(values, chosen) / count + offset
-        closest = np.minimum(closest, np.abs(mean - theirs["elevation_smooth"]))
-    assert closest.max() <= 1e-6
+        closest = np.minimum(closest, np.abs(mean - expected))
+    return closest
+
+
+def test_the_mean_differs_from_cpp_only_by_the_rim_of_the_disc(theirs):
+    assert closest_mean(theirs, theirs["elevation_smooth"]).max() <= 1e-6
+
+
+def test_away_from_holes_the_smooth_layer_is_within_a_step_of_8_bits(source, ours, theirs):
+    step = np.ptp(theirs["elevation_smooth"]) / 255
+    holes = (~np.isfinite(source["elevation"])).astype(float, order="F")
+    is_near_hole = correlate(holes, Disc(0.06, source.resolution, source.size).kernel) > 0
+    assert (~is_near_hole).mean() > 0.3
+    assert closest_mean(ours, theirs["elevation_smooth"])[~is_near_hole].max() <= step
 
 
 def test_the_inpainted_layer_is_within_a_step_of_8_bits(source, ours, theirs):
-    """A few filled cells are further off: C++ fills from cells that it has quantised."""
+    """In holes the quantised cells that C++ fills from, and fills again, add up to some steps.
+
+    One or two cells from the border of the map OpenCV 5 fills otherwise than OpenCV 4.
+    """
     holes = ~np.isfinite(source["elevation"])
+    inner = np.zeros(source.size, dtype=bool)
+    inner[2:-2, 2:-2] = True
     steps = difference(ours, theirs, "elevation_inpainted")
     assert holes.sum() == 589
     assert steps[~holes].max() <= 1.0
-    assert (steps[holes] <= 1.0).mean() >= 0.85
-    assert (steps <= 1.0).mean() >= 0.99
+    assert (steps > 1.0).sum() <= 80
+    assert steps[holes & inner].max() <= 11
 
 
 @pytest.mark.parametrize(
