@@ -5,8 +5,7 @@
 GridMapError (grid_map_core_py)
 └── FilterError
     ├── FilterConfigError (ConfigError)    a chain that cannot be built
-    └── ExpressionError (ValueError)       a mathematical expression that cannot be read or
-    evaluated
+    └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
 """
 
 from grid_map_core_py.errors import ConfigError, GridMapError

@@ -19,8 +19,7 @@ class Inpaint:
     """Fill the cells of a layer that are not finite from their surroundings.
 
     Uses the Navier-Stokes based method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV, on
-    floats: finite cells keep their value to the bit. A layer without any finite cell stays as it
-        is.
+    floats: finite cells keep their value to the bit. A layer without a finite cell stays as it is.
 
     Attributes:
         radius: of the neighbourhood that a filled cell is computed from [m], at least one cell.

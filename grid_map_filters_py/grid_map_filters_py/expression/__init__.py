@@ -6,7 +6,7 @@
 its method `over_windows` evaluates it for the window around every cell.
 """
 
-from grid_map_filters_py.expression.expression import Expression
-from grid_map_filters_py.expression.windows import EdgeHandling
+from .expression import Expression
+from .windows import EdgeHandling
 
 __all__ = ["EdgeHandling", "Expression"]

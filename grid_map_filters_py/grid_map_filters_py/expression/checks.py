@@ -10,16 +10,16 @@ a cell of the layer `mean`: calls whose arguments could be an index are left for
 from collections.abc import Callable
 from functools import partial
 
-from grid_map_filters_py.expression.faults import Fault
-from grid_map_filters_py.expression.functions import FUNCTIONS
-from grid_map_filters_py.expression.interpreter import (
+from .faults import Fault
+from .functions import FUNCTIONS
+from .interpreter import (
     Interpreter,
     as_places,
     check_count,
     suggestion,
 )
-from grid_map_filters_py.expression.matrices import Matrices
-from grid_map_filters_py.expression.nodes import (
+from .matrices import Matrices
+from .nodes import (
     All,
     Call,
     End,

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.errors import ExpressionError
-from grid_map_filters_py.expression.checks import check
-from grid_map_filters_py.expression.faults import Fault, to_error
-from grid_map_filters_py.expression.functions import CONSTANTS
-from grid_map_filters_py.expression.interpreter import Interpreter
-from grid_map_filters_py.expression.matrices import Matrices
-from grid_map_filters_py.expression.nodes import Call, Name, Node, descendants
-from grid_map_filters_py.expression.parser import parse
-from grid_map_filters_py.expression.windows import EdgeHandling, evaluate_over_windows
+from ..errors import ExpressionError
+from .checks import check
+from .faults import Fault, to_error
+from .functions import CONSTANTS
+from .interpreter import Interpreter
+from .matrices import Matrices
+from .nodes import Call, Name, Node, descendants
+from .parser import parse
+from .windows import EdgeHandling, evaluate_over_windows
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Expression:
 
 
 def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
-    """Give a read-only float32 view (or copy, of another type) of a layer."""
+    """Return a read-only float32 view (or copy, of another type) of a layer."""
     values = np.asarray(layer).astype(np.float32, copy=False).view()
     if values.ndim != 2:
         message = f"the layer {name!r} must have rows and columns, its shape is {values.shape}"

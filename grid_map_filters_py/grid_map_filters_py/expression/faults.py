@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How a fault inside an expression becomes an error that points at its place."""
 
-from grid_map_filters_py.errors import ExpressionError
+from ..errors import ExpressionError
 
 
 class Fault(Exception):
@@ -23,7 +23,7 @@ class Fault(Exception):
         self.argument = argument
 
     def located(self, position: int) -> "Fault":
-        """Give this fault with a position; the innermost one wins."""
+        """Return this fault with a position; the innermost one wins."""
         return self if self.position is not None else Fault(self.message, position=position)
 
 

@@ -13,7 +13,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.expression.faults import Fault
+from .faults import Fault
 
 Shape = tuple[int, int]
 Plain = float | NDArray[np.float32]
@@ -39,13 +39,13 @@ class Algebra(Protocol[V]):
     """The primitives that an evaluator supplies for its kind of values."""
 
     def constant(self, value: Plain) -> V:
-        """Give a known number or matrix as a value."""
+        """Return a known number or matrix as a value."""
 
     def known(self, value: V) -> Plain:
-        """Give the number or matrix that `value` is; a Fault when it depends on a window."""
+        """Return the number or matrix that `value` is; a Fault when it depends on a window."""
 
     def shape(self, value: V) -> Shape:
-        """Give (rows, columns); a number is 1 x 1."""
+        """Return (rows, columns); a number is 1 x 1."""
 
     def elementwise(self, function: Callable[..., Any], *values: V) -> V:
         """Apply `function` to equal shapes, repeating what is 1 x 1."""
@@ -67,7 +67,7 @@ class Algebra(Protocol[V]):
 
 
 def common_shape(shapes: Iterable[Shape]) -> Shape:
-    """Give the shape of an elementwise result; 1 x 1 goes with everything."""
+    """Return the shape of an elementwise result; 1 x 1 goes with everything."""
     larger = list(dict.fromkeys(shape for shape in shapes if shape != SCALAR))
     if len(larger) > 1:
         raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
@@ -75,7 +75,7 @@ def common_shape(shapes: Iterable[Shape]) -> Shape:
 
 
 def describe(shape: Shape) -> str:
-    """Give a shape as text."""
+    """Return a shape as text."""
     return f"{shape[0]} x {shape[1]}"
 
 
@@ -89,7 +89,7 @@ def round_half_away(values: Any) -> Any:
 
 
 def where(condition: Any, then: Any, otherwise: Any) -> Any:
-    """Give `then` where the condition is not zero (NaN is not), else `otherwise`."""
+    """Return `then` where the condition is not zero (NaN counts as true), else `otherwise`."""
     return np.where(np.not_equal(condition, 0.0), then, otherwise)
 
 
@@ -252,7 +252,7 @@ def _mean_of_finites(algebra: Algebra[V], value: V) -> V:
 
 
 def _absmax(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
-    """Give the extreme of largest magnitude with its sign, as EigenLab does."""
+    """Return the extreme of largest magnitude with its sign, as EigenLab does."""
     high, low = algebra.fold(value, _axis(algebra, axis), MAXIMUM, MINIMUM)
     return algebra.elementwise(_larger_magnitude, high, low)
 

@@ -10,8 +10,8 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.expression.faults import Fault
-from grid_map_filters_py.expression.functions import (
+from .faults import Fault
+from .functions import (
     CONSTANTS,
     FUNCTIONS,
     LARGEST,
@@ -23,7 +23,7 @@ from grid_map_filters_py.expression.functions import (
     describe,
     operate,
 )
-from grid_map_filters_py.expression.nodes import (
+from .nodes import (
     All,
     Binary,
     Call,
@@ -220,7 +220,7 @@ class Interpreter(Generic[V]):
 
 
 def as_places(value: Plain, length: int | None = None) -> NDArray[np.intp]:
-    """Give an index value as places; `length` of the dimension where it is known."""
+    """Return an index value as places; `length` of the dimension where it is known."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
         raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")

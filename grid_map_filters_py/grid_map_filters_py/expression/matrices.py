@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.expression.functions import SCALAR, Fold, Plain, Shape, common_shape
+from .functions import SCALAR, Fold, Plain, Shape, common_shape
 
 
 def apply(
@@ -48,15 +48,15 @@ class Matrices:
     """The algebra of numbers and matrices."""
 
     def constant(self, value: Plain) -> Plain:
-        """Give the value itself."""
+        """Return the value itself."""
         return value
 
     def known(self, value: Plain) -> Plain:
-        """Give the value itself: everything is known."""
+        """Return the value itself: everything is known."""
         return value
 
     def shape(self, value: Plain) -> Shape:
-        """Give (rows, columns)."""
+        """Return (rows, columns)."""
         return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
 
     def elementwise(self, function: Callable[..., Any], *values: Plain) -> Plain:
@@ -91,7 +91,7 @@ class Matrices:
 
 
 def as_matrix(value: Plain) -> NDArray[np.float32]:
-    """Give a number as a 1 x 1 matrix, a matrix as it is."""
+    """Return a number as a 1 x 1 matrix, a matrix as it is."""
     return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
 
 
@@ -103,6 +103,6 @@ def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Plain:
 
 
 def _as_slice(places: NDArray[np.intp]) -> slice | NDArray[np.intp]:
-    """Give consecutive places as a slice, which copies nothing and keeps the memory order."""
+    """Return consecutive places as a slice, which copies nothing and keeps the memory order."""
     consecutive = places.size > 0 and bool(np.all(np.diff(places) == 1))
     return slice(int(places[0]), int(places[-1]) + 1) if consecutive else places

@@ -6,7 +6,7 @@ It does where every use of the window ends in a reduction of the finite values, 
 before turns NaN into NaN. All cells are then alike, and the border needs no treatment of its own.
 """
 
-from grid_map_filters_py.expression.functions import (
+from .functions import (
     ARITHMETIC,
     COMPARISONS,
     CONSTANTS,
@@ -15,7 +15,7 @@ from grid_map_filters_py.expression.functions import (
     POWERS,
     STRICT,
 )
-from grid_map_filters_py.expression.nodes import Binary, Call, Name, Node, Number, Unary, children
+from .nodes import Binary, Call, Name, Node, Number, Unary, children
 
 _POINTWISE = {*STRICT, "isfinite", "atan2", "where", "cwiseMin", "cwiseMax"}
 _STRICT = {*STRICT, "atan2", "cwiseMin", "cwiseMax"}

@@ -94,13 +94,13 @@ class Call(Node):
 
 
 def children(node: Node) -> Iterator[Node]:
-    """Give the direct parts of `node` from left to right."""
+    """Return the direct parts of `node` from left to right."""
     for field in fields(node):
         yield from _nodes_in(getattr(node, field.name))
 
 
 def descendants(node: Node) -> Iterator[Node]:
-    """Give `node` and everything below it."""
+    """Return `node` and everything below it."""
     yield node
     for child in children(node):
         yield from descendants(child)

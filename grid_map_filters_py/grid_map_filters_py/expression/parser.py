@@ -10,9 +10,9 @@ from typing import Any, TypeVar, cast
 from lark import Lark, Token, Transformer_NonRecursive, v_args
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from grid_map_filters_py.expression.faults import Fault
-from grid_map_filters_py.expression.functions import FUNCTIONS
-from grid_map_filters_py.expression.nodes import (
+from .faults import Fault
+from .functions import FUNCTIONS
+from .nodes import (
     All,
     Binary,
     Call,
@@ -173,7 +173,7 @@ class _Builder(Transformer_NonRecursive):
 
 
 def _key(part: Any) -> Hashable:
-    """Give what tells structures apart: the number of a node, the value of anything else."""
+    """Return what tells structures apart: the number of a node, the value of anything else."""
     if isinstance(part, tuple):
         return tuple(map(_key, part))
     return part.structure if isinstance(part, Node) else part

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.expression.faults import Fault
-from grid_map_filters_py.expression.functions import (
+from .faults import Fault
+from .functions import (
     FINITE_COUNT,
     FINITE_SUM,
     SCALAR,
@@ -26,7 +26,7 @@ from grid_map_filters_py.expression.functions import (
     Shape,
     common_shape,
 )
-from grid_map_filters_py.expression.matrices import Matrices, apply
+from .matrices import Matrices, apply
 
 Field = NDArray[np.float64]
 Element = float | Field
@@ -39,7 +39,7 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: gives element (row, column); a field that it owns no more is writeable.
+        at: returns element (row, column). A field that nobody else uses is writeable.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -157,17 +157,17 @@ class WindowMatrices:
     """The algebra of matrices per cell; what is the same in all cells stays a plain value."""
 
     def constant(self, value: Plain) -> Value:
-        """Give the value itself."""
+        """Return the value itself."""
         return value
 
     def known(self, value: Value) -> Plain:
-        """Give a value that is the same in all cells."""
+        """Return a value that is the same in all cells."""
         if isinstance(value, WindowMatrix):
             raise Fault("this must not depend on the data of the window")
         return value
 
     def shape(self, value: Value) -> Shape:
-        """Give (rows, columns)."""
+        """Return (rows, columns)."""
         return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
@@ -308,7 +308,7 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
 
 
 def _own(values: Any, count: int) -> Any:
-    """Give a copy to accumulate in; truth values are counted in the smallest sufficient type."""
+    """Return a copy to accumulate in; truth values are counted in the smallest sufficient type."""
     if np.ndim(values) == 0:
         return float(values)
     return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
@@ -327,7 +327,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Give a matrix of lazy elements; a single element is made at once and kept."""
+    """Return a matrix of lazy elements; a single element is made at once and kept."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 
@@ -342,7 +342,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Give an element, of a 1 x 1 value for any place."""
+    """Return an element, of a 1 x 1 value for any place."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:

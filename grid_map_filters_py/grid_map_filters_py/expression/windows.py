@@ -10,13 +10,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from grid_map_filters_py.errors import FilterError
-from grid_map_filters_py.expression.faults import Fault
-from grid_map_filters_py.expression.functions import SCALAR, Shape, describe
-from grid_map_filters_py.expression.interpreter import Interpreter
-from grid_map_filters_py.expression.missing import skips_missing
-from grid_map_filters_py.expression.nodes import Node
-from grid_map_filters_py.expression.window_matrices import (
+from ..errors import FilterError
+from .faults import Fault
+from .functions import SCALAR, Shape, describe
+from .interpreter import Interpreter
+from .missing import skips_missing
+from .nodes import Node
+from .window_matrices import (
     PaddedWindow,
     SlidingWindow,
     Value,
@@ -84,11 +84,11 @@ class _Span:
         return self.last - self.first
 
     def source(self, margin: int) -> slice:
-        """Give the cells that lie under the windows."""
+        """Return the cells that lie under the windows."""
         return slice(self.start + self.first - margin, self.stop + self.last - margin - 1)
 
     def split(self, step: int) -> Iterator["_Span"]:
-        """Give parts of at most `step` cells."""
+        """Yield parts of at most `step` cells."""
         for start in range(self.start, self.stop, step):
             yield _Span(start, min(start + step, self.stop), self.first, self.last)
 
@@ -103,7 +103,7 @@ class _Evaluation:
     edge_handling: EdgeHandling
 
     def tiles(self) -> Iterator[tuple[_Span, _Span]]:
-        """Give rectangles of cells whose windows are all alike, and small enough for the cache."""
+        """Yield rectangles of cells with windows all alike, and small enough for the cache."""
         rows, columns = (self._spans(length) for length in self.layer.shape)
         for row_span, column_span in product(rows, columns):
             step = max(1, _BLOCK // (row_span.stop - row_span.start))
@@ -128,7 +128,7 @@ class _Evaluation:
             self.number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
 
     def number(self, window: WindowMatrix) -> Any:
-        """Give the value of windows: an array over their cells, or one number for all."""
+        """Return the value of windows: an array over their cells, or one number for all."""
         names: dict[str, Value] = {self.name: window}
         available = f"{self.name} (a window expression knows only its input layer)"
         value = Interpreter(_ALGEBRA, names, available, self.repeated)(self.root)
@@ -141,7 +141,7 @@ class _Evaluation:
         return value.at(0, 0) if isinstance(value, WindowMatrix) else value
 
     def window(self, rows: _Span, columns: _Span) -> WindowMatrix:
-        """Give the windows of the cells of a tile."""
+        """Return the windows of the cells of a tile."""
         margin, shape = self.window_size // 2, (rows.length, columns.length)
         under = self.layer[rows.source(margin), columns.source(margin)]
         window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
