@@ -318,7 +318,7 @@ def test_the_page_of_ros_has_all_visualizations_parameters_and_defaults():
 )
 def test_the_page_of_ros_has_all_parameters_of_a_node(executable, module):
     source = (ROOT / Path(module).parent / module).read_text()
-    declared = re.findall(r'read_parameter\(\s*\w+, "(\w+)"', source)
+    declared = re.findall(r'read_(?:parameter|positive)\(\s*\w+, "(\w+)"', source)
     rows = table(page("docs/ros.md").section(executable))
     documented = [name for names, *_ in rows for name in re.findall(r"`(\w+)`", names)]
     assert sorted(documented) == sorted(declared)
