@@ -13,6 +13,7 @@ How blocks are run:
     text    is not run.
 """
 
+import ast
 import dataclasses
 import importlib.util
 import json
@@ -318,7 +319,8 @@ def test_the_page_of_ros_has_all_visualizations_parameters_and_defaults():
 )
 def test_the_page_of_ros_has_all_parameters_of_a_node(executable, module):
     source = (ROOT / Path(module).parent / module).read_text()
-    declared = re.findall(r'read_(?:parameter|positive)\(\s*\w+, "(\w+)"', source)
+    _, _, described = (ast.get_docstring(ast.parse(source)) or "").partition("Parameters:")
+    declared = re.findall(r"^    (\w+): ", described, re.MULTILINE)
     rows = table(page("docs/ros.md").section(executable))
     documented = [name for names, *_ in rows for name in re.findall(r"`(\w+)`", names)]
     assert sorted(documented) == sorted(declared)
