@@ -17,13 +17,13 @@ from .arrays import (
     Size,
     as_cells,
     as_layer,
-    as_pair,
     as_point,
     as_size,
 )
-from .errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
+from .errors import GridMapError, LayerNotFoundError, OutOfMapError
 from .geometry import GridGeometry
 from .ring_buffer import BufferRegion
+from .submap import submap_block
 
 
 class GridMap:
@@ -442,7 +442,7 @@ class GridMap:
             OutOfMapError: the rectangle does not overlap the map.
             GeometryError: a length is negative, or a number is not finite.
         """
-        rows, columns = self._overlapped(position, length)
+        rows, columns = submap_block(self._geometry, position, length)
         result = GridMap.from_geometry(
             self._geometry.cropped(rows, columns), frame_id=self.frame_id, timestamp=self.timestamp
         )
@@ -507,18 +507,6 @@ class GridMap:
         positions[:, 0] = np.tile(x, y.size)
         positions[:, 1] = np.repeat(y, x.size)
         return positions
-
-    def _overlapped(self, position: npt.ArrayLike, length: npt.ArrayLike) -> tuple[slice, slice]:
-        centre, sides = as_pair(position, "position"), as_pair(length, "length")
-        if (sides < 0).any():
-            raise GeometryError(f"length: expected no negative numbers, got {_text(length)}")
-        rows, columns = self._geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
-        if rows.start == rows.stop:
-            raise OutOfMapError(
-                f"the submap at {_text(position)} of length {_text(length)} does not overlap the "
-                f"map: centre {_text(self.position)}, length {_text(self.length)}"
-            )
-        return rows, columns
 
 
 def _check_name(layer: object) -> None:

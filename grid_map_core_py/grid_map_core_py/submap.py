@@ -1,0 +1,40 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Which cells a submap takes."""
+
+import numpy as np
+import numpy.typing as npt
+
+from .arrays import as_pair
+from .errors import GeometryError, OutOfMapError
+from .geometry import GridGeometry
+
+
+def submap_block(
+    geometry: GridGeometry, position: npt.ArrayLike, length: npt.ArrayLike
+) -> tuple[slice, slice]:
+    """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
+
+    Args:
+        geometry: of the map.
+        position: (2,) centre of the rectangle [m].
+        length: (2,) side lengths along x and y [m].
+
+    Raises:
+        OutOfMapError: the rectangle does not overlap the map.
+        GeometryError: a length is negative, or a number is not finite.
+    """
+    centre, sides = as_pair(position, "position"), as_pair(length, "length")
+    if (sides < 0).any():
+        raise GeometryError(f"length: expected no negative numbers, got {_text(sides)}")
+    rows, columns = geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
+    if rows.start == rows.stop:
+        raise OutOfMapError(
+            f"the submap at {_text(centre)} of length {_text(sides)} does not overlap the map: "
+            f"centre {_text(geometry.position)}, length {_text(geometry.length)}"
+        )
+    return rows, columns
+
+
+def _text(values: npt.NDArray[np.float64]) -> str:
+    return str(tuple(values.tolist()))
