@@ -247,12 +247,17 @@ class GridGeometry:
         return offsets >= 0.0, offsets < self.length
 
     def _innermost_bounds(self) -> tuple[Positions, Positions]:
-        """Return the smallest and largest coordinates that are inside on each axis."""
+        """Return about the smallest and largest coordinates that are inside on each axis.
+
+        They miss the borders by what rounding takes from a sum of position and length. The step
+        inwards is of that size too: the next number after a border at 0 would change no such sum.
+        """
         lower, upper = self.position - 0.5 * self.length, self.corner
+        step = np.spacing(np.abs(self.position) + self.length)
         while not (inside := self._within(lower)[1]).all():
-            lower = np.where(inside, lower, np.nextafter(lower, np.inf))
+            lower = np.where(inside, lower, lower + step)
         while not (inside := self._within(upper)[0]).all():
-            upper = np.where(inside, upper, np.nextafter(upper, -np.inf))
+            upper = np.where(inside, upper, upper - step)
         return lower, upper
 
 

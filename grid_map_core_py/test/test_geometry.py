@@ -174,6 +174,14 @@ def test_the_closest_position_is_inside_and_no_inside_position_is_closer(geometr
     assert all(distance <= math.dist(corner, position) + 1e-9 for corner in corners)
 
 
+@pytest.mark.parametrize("centre", [0.5, -0.5, 1.0, 1 / 3, 1e-300, 1e9, -7.3e15])
+@pytest.mark.parametrize("resolution", [0.1, 1.0, 1 / 3])
+def test_a_map_with_a_border_at_zero_or_far_away_has_closest_positions(centre, resolution):
+    geometry = GridGeometry.from_size((1, 3), resolution, (centre, centre))
+    for direction in ((-1e300, -1e300), (1e300, 1e300), (-1e300, 1e300)):
+        assert geometry.is_inside(geometry.closest_position(direction))
+
+
 def test_the_plus_border_belongs_to_the_map_and_the_minus_border_does_not():
     geometry = GridGeometry((2.0, 1.0), 0.5)
     assert geometry.is_inside((1.0, 0.5))
