@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 from terrain import RESOLUTION, moved_terrain, terrain
 
-from grid_map_core_py import circle_cells, map_cells, submap_cells
-from grid_map_filters_py import Expression
-
 POINTS = 1_000_000
 STEP = np.array([10, 7]) * RESOLUTION
 
@@ -83,55 +80,3 @@ def test_positions_of_indices(measure, cells, moved):
     again, inside = grid_map.get_indices(positions)
     assert inside.all()
     np.testing.assert_array_equal(again, indices)
-
-
-def test_sweep_over_all_cells(measure, cells):
-    grid_map = terrain(cells)
-
-    def sweep():
-        return grid_map["elevation"][tuple(map_cells(grid_map).T)]
-
-    values = measure("GridMapIterator sweep map.at", cells, sweep)
-    np.testing.assert_array_equal(values, grid_map["elevation"].ravel("F"))
-
-
-@pytest.mark.parametrize("diameter", [100, 200])
-def test_circle(measure, cells, diameter):
-    grid_map = terrain(cells)
-    radius = 0.5 * diameter * RESOLUTION
-
-    def values():
-        return grid_map["elevation"][tuple(circle_cells(grid_map, (0.0, 0.0), radius).T)]
-
-    found = measure(f"CircleIterator d={diameter}", cells, values)
-    distances = np.linalg.norm(grid_map.get_positions(), axis=1)
-    assert found.size == np.count_nonzero(distances <= radius + 1e-9)
-
-
-@pytest.mark.parametrize("side", [100, 200])
-def test_submap_cells(measure, cells, side):
-    grid_map = terrain(cells)
-
-    def values():
-        return grid_map["elevation"][tuple(submap_cells(grid_map, (0, 0), (side, side)).T)]
-
-    found = measure(f"SubmapIterator DxD d={side}", cells, values)
-    np.testing.assert_array_equal(found, grid_map["elevation"][:side, :side].ravel())
-
-
-REDUCTIONS = {
-    "sumOfFinites": np.nansum,
-    "meanOfFinites": np.nanmean,
-    "numberOfFinites": lambda values: np.count_nonzero(np.isfinite(values)),
-    "minOfFinites": np.nanmin,
-}
-
-
-@pytest.mark.parametrize("name", REDUCTIONS)
-def test_reduction(measure, cells, name):
-    grid_map = terrain(cells)
-    expression, layers = Expression(f"{name}(elevation)"), {"elevation": grid_map["elevation"]}
-    row = "matrix " + name.replace("minOf", "minCoeffOf")
-    result = measure(row, cells, lambda: expression(layers))
-    expected = REDUCTIONS[name](grid_map["elevation"].astype(np.float64))
-    np.testing.assert_allclose(result, expected, rtol=1e-6)

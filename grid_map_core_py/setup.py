@@ -19,6 +19,6 @@ setup(
     ],
     install_requires=["setuptools"],
     tests_require=["pytest"],
-    extras_require={"test": ["pytest"]},
+    extras_require={"files": ["pypcd4>=1.1", "trimesh>=4.8"], "test": ["pytest"]},
     zip_safe=True,
 )

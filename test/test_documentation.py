@@ -15,6 +15,7 @@ How blocks are run:
 
 import ast
 import dataclasses
+import importlib
 import importlib.util
 import json
 import re
@@ -256,13 +257,28 @@ def test_files_that_are_named_exist(any_page):
 
 
 def test_the_names_beside_those_of_cpp_exist():
-    known = {*dir(grid_map_core_py.GridMap)}
+    known = {*dir(grid_map_core_py.GridMap), *dir(grid_map_core_py.SignedDistanceField)}
     for module in (grid_map_core_py, grid_map_filters_py, grid_map_ros_py):
         known |= {*module.__all__}
     cells = [row[1] for row in table(page("README.md").section("Names")) if row[0] != "C++"]
-    names = {name for cell in cells for name in re.findall(r"grid_map\.(\w+)|`(\w+)`", cell)}
     assert len(cells) > 10
-    assert {method or name for method, name in names} <= known
+    for cell in cells:
+        names = {one or other for one, other in re.findall(r"grid_map\.(\w+)|`(\w+)`", cell)}
+        modules = re.findall(r"in `([\w.]+)`: ", cell)
+        there = {name for module in modules for name in dir(importlib.import_module(module))}
+        assert names <= (there or known), cell
+
+
+def test_every_deviation_has_a_test():
+    folder = ROOT / "grid_map_core_py" / "test"
+    code = "".join(path.read_text() for path in folder.glob("*.py"))
+    tests = set(re.findall(r"def (test_\w+)\(", code))
+    rows = [row for row in table(page("docs/deviations.md").text) if row[0] != "golden data"]
+    assert len(rows) > 30
+    for row in rows:
+        named = re.findall(r"(?:`|::)(test_\w+)`", row[-1])
+        assert named, row
+        assert set(named) <= tests, row
 
 
 def test_every_error_is_in_the_tree():

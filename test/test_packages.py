@@ -21,6 +21,7 @@ ROSDEP_KEYS = {
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "pytest": "python3-pytest",
+    "scipy": "python3-scipy",
     "yaml": "python3-yaml",
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""

@@ -31,9 +31,11 @@ ADDED_TO_ROS = (
     "import-linter",
     "lark",
     "mypy",
+    "pypcd4",
     "pytest-benchmark",
     "pytest-timeout",
     "ruff",
+    "trimesh",
     "types-PyYAML",
 )
 """Distributions that `.venv` adds to a sourced ROS where they are missing."""

@@ -28,6 +28,7 @@ BESIDE_ROS = {
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "pytest": "python3-pytest",
+    "scipy": "python3-scipy",
     "yaml": "python3-yaml",
 }
 """Modules that must come with a sourced ROS, each with its Debian package, and never from pip:

@@ -3,11 +3,23 @@
 """Multi-layer grid maps in NumPy, without ROS.
 
 A `GridMap` holds named float32 layers over one rectangular grid of cells and follows a robot
-without copying its data. `cells` picks regions of it; `testing` has assertions and hypothesis
-strategies.
+without copying its data. `cells` picks regions of it; `image`, `costmap`, `point_cloud` and `mesh`
+turn other data into layers and back; `statistics` skips missing data; `testing` has assertions and
+hypothesis strategies.
 """
 
-from .cells import circle_cells, map_cells, submap_cells
+from .cells import (
+    circle_cells,
+    ellipse_cells,
+    line_cells,
+    line_cells_between,
+    map_cells,
+    polygon_cells,
+    sliding_windows,
+    spiral_cells,
+    submap_cells,
+    window_array,
+)
 from .color import color_value_to_vector, color_vector_to_value
 from .errors import (
     ConfigError,
@@ -18,7 +30,17 @@ from .errors import (
 )
 from .geometry import GridGeometry
 from .grid_map import GridMap
+from .interpolation import Interpolation
+from .polygon import Polygon
 from .ring_buffer import BufferRegion
+from .signed_distance_field import SignedDistanceField
+from .statistics import (
+    max_of_finites,
+    mean_of_finites,
+    min_of_finites,
+    number_of_finites,
+    sum_of_finites,
+)
 
 __all__ = [
     "BufferRegion",
@@ -27,11 +49,26 @@ __all__ = [
     "GridGeometry",
     "GridMap",
     "GridMapError",
+    "Interpolation",
     "LayerNotFoundError",
     "OutOfMapError",
+    "Polygon",
+    "SignedDistanceField",
     "circle_cells",
     "color_value_to_vector",
     "color_vector_to_value",
+    "ellipse_cells",
+    "line_cells",
+    "line_cells_between",
     "map_cells",
+    "max_of_finites",
+    "mean_of_finites",
+    "min_of_finites",
+    "number_of_finites",
+    "polygon_cells",
+    "sliding_windows",
+    "spiral_cells",
     "submap_cells",
+    "sum_of_finites",
+    "window_array",
 ]

@@ -21,13 +21,16 @@ Positions: TypeAlias = npt.NDArray[np.float64]
 Cells: TypeAlias = npt.NDArray[np.int64]
 """(2,) or (N, 2) integers: row, column."""
 
+Integers: TypeAlias = npt.NDArray[np.int64]
+"""(2 N,) integers: row, column, row, ...; see `pieces.interleaved`."""
+
 Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
 
 
 def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
     """Return `values` as a float64 array whose last axis is x, y."""
-    positions = _as_array(values, np.float64, name)
+    positions = as_array(values, np.float64, name)
     if positions.ndim == 0 or positions.shape[-1] != 2:
         raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
     return positions
@@ -35,7 +38,7 @@ def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
 
 def as_pair(values: npt.ArrayLike, name: str) -> Positions:
     """Return `values` as a (2,) float64 array of finite numbers of its own."""
-    pair = _as_array(values, np.float64, name)
+    pair = as_array(values, np.float64, name)
     if pair.shape != (2,) or not np.isfinite(pair).all():
         raise GeometryError(f"{name}: expected two finite numbers, got {values!r}")
     return pair.copy()
@@ -55,6 +58,27 @@ def as_number(value: object, name: str) -> float:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise GeometryError(f"{name}: expected a number, got {value!r}") from error
+
+
+def as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return `values` as an array of real numbers of whatever type; what is masked is NaN."""
+    try:
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
+        numbers = np.asarray(values)
+        # NumPy would take None for NaN and the real part of complex numbers.
+        if numbers.dtype.kind not in "biuf" and numbers.size:
+            raise TypeError(numbers.dtype)
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"{name}: expected numbers, got {values!r}") from error
+    return numbers
+
+
+def as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
+    """Return `values` as an array of this type."""
+    # Values beyond float32 become infinities, as a cast in C++ makes them.
+    with np.errstate(over="ignore"):
+        return as_numbers(values, name).astype(dtype, copy=False)
 
 
 def as_size(values: npt.ArrayLike, name: str) -> Size:
@@ -77,7 +101,7 @@ def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
 
 def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
     """Return a scalar or a (rows, cols) array as a layer of its own, never an alias of `value`."""
-    data = _as_array(value, np.float32, f"layer {name!r}")
+    data = as_array(value, np.float32, f"layer {name!r}")
     if data.ndim and data.shape != size:
         raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}")
     layer: Layer = np.empty(size, dtype=np.float32, order="F")
@@ -90,18 +114,3 @@ def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
     if integers.size and integers.dtype.kind not in "iu":
         raise GeometryError(f"{name}: expected integers, got {values!r}")
     return integers.astype(np.int64, copy=False)
-
-
-def _as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
-    try:
-        if isinstance(values, np.ma.MaskedArray):
-            values = np.ma.filled(values.astype(np.float64), np.nan)
-        given = np.asarray(values)
-        # NumPy would take None for NaN and the real part of complex numbers.
-        if given.dtype.kind not in "biuf" and given.size:
-            raise TypeError(given.dtype)
-        # Values beyond float32 become infinities, as a cast in C++ makes them.
-        with np.errstate(over="ignore"):
-            return given.astype(dtype, copy=False)
-    except (TypeError, ValueError) as error:
-        raise GeometryError(f"{name}: expected numbers, got {values!r}") from error

@@ -2,13 +2,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Colours in layers: one float32 whose bits are 0x00RRGGBB."""
 
-from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from .arrays import as_numbers
 from .errors import GeometryError
+from .pieces import elementwise
+
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+
+_NAN = np.float32(np.nan).view(np.uint32)
 
 
 def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -24,15 +29,10 @@ def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
     Raises:
         GeometryError: the last axis does not hold three components.
     """
-    components = np.asarray(rgb)
-    if components.dtype.kind not in "biuf":
-        raise GeometryError(f"rgb: expected numbers, got {rgb!r}")
+    components = as_numbers(rgb, "rgb")
     if components.ndim == 0 or components.shape[-1] != 3:
         raise GeometryError(f"rgb: expected shape (..., 3), got {components.shape}")
-    channels = np.moveaxis(components, -1, 0)
-    if components.dtype.kind == "f":
-        return color_channels_to_value(*channels)
-    return _pack(np.clip(channel, 0, 255) for channel in channels)
+    return color_channels_to_value(components[..., 0], components[..., 1], components[..., 2])
 
 
 def color_channels_to_value(
@@ -41,35 +41,73 @@ def color_channels_to_value(
     """Pack colours, given as three arrays, into layer values.
 
     Args:
-        red, green, blue: (...) floats in [0, 1], as in `color_vector_to_value`.
+        red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in
+            `color_vector_to_value`.
 
     Returns:
         (...) float32, in the memory order of the arrays; NaN where a component is NaN.
     """
-    channels = (red, green, blue)
-    missing = np.isnan(red) | np.isnan(green) | np.isnan(blue)
-    with np.errstate(invalid="ignore"):
-        values = _pack(np.clip(255 * channel, 0, 255) for channel in channels)
-    return np.where(missing, np.float32(np.nan), values)
-
-
-def _pack(channels: Iterable[npt.NDArray[Any]]) -> npt.NDArray[np.float32]:
-    """Pack red, green and blue in [0, 255]; fractions are cut off."""
-    red, green, blue = (channel.astype(np.uint32) for channel in channels)
-    return np.asarray(red << 16 | green << 8 | blue, dtype=np.uint32).view(np.float32)
+    pack = _pack_floats if np.result_type(red, green, blue).kind == "f" else _pack
+    bits = elementwise(pack, np.uint32, red, green, blue)
+    values: npt.NDArray[np.float32] = bits.view(np.float32)
+    return values
 
 
 def color_value_to_vector(value: npt.ArrayLike) -> npt.NDArray[np.float32]:
     """Unpack layer values into colours.
 
     Args:
-        value: (...) float32 colour values; NaN means no colour.
+        value: (...) float32 colour values, of which NaN means no colour; or integers 0xRRGGBB.
 
     Returns:
         (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
     """
-    values = np.asarray(value, dtype=np.float32)
-    bits = values.view(np.uint32)[..., None] >> np.array([16, 8, 0], dtype=np.uint32)
-    rgb = (bits & 0xFF).astype(np.float32) / np.float32(255)
-    rgb[np.isnan(values)] = np.nan
+    values = as_numbers(value, "value")
+    rgb = np.empty((*values.shape, 3), np.float32)
+    for channel, component in enumerate(color_value_to_bytes(values)):
+        rgb[..., channel] = component
+    rgb /= np.float32(255)
+    if values.dtype.kind == "f":
+        rgb[np.isnan(values)] = np.nan
     return rgb
+
+
+def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
+    """Unpack layer values, as in `color_value_to_vector`, into red, green, blue in [0, 255].
+
+    Returns:
+        three arrays (...); what they hold where `value` is NaN has no meaning.
+    """
+    if value.dtype.kind == "f":
+        bits = value.astype(np.float32, copy=False).view(np.uint32)
+    else:
+        bits = value.astype(np.uint32, copy=False)
+    red, green, blue = ((bits >> np.uint32(shift)).astype(np.uint8) for shift in (16, 8, 0))
+    return red, green, blue
+
+
+def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return the bits of colours in [0, 1]."""
+    with np.errstate(invalid="ignore"):
+        bits = _pack(*(255 * channel for channel in channels))
+    for channel in channels:
+        bits[np.isnan(channel)] = _NAN
+    return bits
+
+
+def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return the bits of colours in [0, 255]; fractions are cut off."""
+    bits = np.zeros(channels[0].shape, np.uint32)
+    for channel in channels:
+        bits <<= np.uint32(8)
+        bits |= _clamped(channel).astype(np.uint32)
+    return bits
+
+
+def _clamped(channel: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    if channel.dtype == np.uint8:
+        return channel
+    if channel.dtype.kind != "f":
+        # Not every integer type holds 255.
+        channel = channel.astype(np.float64)
+    return np.asarray(np.clip(channel, 0, 255))

@@ -12,8 +12,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Cells, Mask, Positions, Size, as_cells, as_number, as_pair, as_positions
+from . import ring_buffer
+from .arrays import (
+    Cells,
+    Mask,
+    Positions,
+    Size,
+    as_cells,
+    as_number,
+    as_pair,
+    as_positions,
+)
 from .errors import GeometryError, OutOfMapError
+from .pieces import chunks, interleaved
 
 BORDER_TOLERANCE = 1e-9
 """Metres by which an edge or a rim may miss a border or a cell centre and still count as on it."""
@@ -93,13 +104,20 @@ class GridGeometry:
         Returns:
             (...) bool.
         """
-        return np.asarray(np.logical_and(*self._within(as_positions(positions))).all(axis=-1))
+        positions = as_positions(positions)
+        points = positions.reshape(-1, 2)
+        inside = np.empty(len(points), dtype=np.bool_)
+        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        for part in chunks(points):
+            inside[part] = self._contains(points[part].reshape(-1), half, centre)
+        return inside.reshape(positions.shape[:-1])
 
-    def cells_at(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
+    def cells_at(self, positions: npt.ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
 
         Args:
             positions: (..., 2) x, y [m], map frame.
+            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
 
         Returns:
             cells: (..., 2) row, column; for a position outside, the border cell nearest along each
@@ -107,10 +125,25 @@ class GridGeometry:
             inside: (...) bool.
         """
         positions = as_positions(positions)
-        rows_columns = self._offsets(positions) / self.resolution
-        # A position within rounding of the far border would give an index one too large.
-        bounded = np.clip(np.nan_to_num(rows_columns, nan=0.0), 0, np.subtract(self.size, 1))
-        return bounded.astype(np.int64), self.is_inside(positions)
+        points = positions.reshape(-1, 2)
+        cells = np.empty(points.shape, dtype=np.int64)
+        inside = np.ones(len(points), dtype=np.bool_)
+        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        start, size = interleaved(start_index, cells), interleaved(self.size, cells)
+        nearly_size = size - self._rounding
+        steps = np.empty(half.size)
+        for part in chunks(points):
+            pairs, found = points[part].reshape(-1), cells[part].reshape(-1)
+            steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
+            steps /= -self.resolution
+            # One look at all is faster than to find the few that lie outside.
+            if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
+                inside[part] = self._contains(pairs, half, centre)
+                self._bound(steps)
+            found[...] = steps
+            if start_index != (0, 0):
+                ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
+        return cells.reshape(positions.shape), inside.reshape(positions.shape[:-1])
 
     def centres(self, cells: npt.ArrayLike) -> Positions:
         """Return the centres of cells.
@@ -136,10 +169,14 @@ class GridGeometry:
 
     def check_cells(self, cells: Cells) -> None:
         """Raise `OutOfMapError` naming the first of the (..., 2) cells that is not on the map."""
-        outside = np.logical_or(cells < 0, cells >= self.size).any(axis=-1)
-        if outside.any():
-            found = tuple(cells.reshape(-1, 2)[outside.reshape(-1)][0].tolist())
-            raise OutOfMapError(f"index {found} is outside the map of {self.size} cells")
+        rows, columns = cells[..., 0], cells[..., 1]
+        if cells.size == 0 or (
+            cells.min() >= 0 and rows.max() < self.size[0] and columns.max() < self.size[1]
+        ):
+            return
+        outside = ((cells < 0) | (cells >= self.size)).any(axis=-1)
+        found = tuple(cells.reshape(-1, 2)[outside.reshape(-1)][0].tolist())
+        raise OutOfMapError(f"index {found} is outside the map of {self.size} cells")
 
     def box(self, lower: npt.ArrayLike, upper: npt.ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
@@ -151,23 +188,17 @@ class GridGeometry:
             lower: (2,) smallest x, y of the rectangle [m].
             upper: (2,) largest x, y of the rectangle [m].
         """
-        near = self._offsets(as_pair(upper, "upper")) / self.resolution
-        far = self._offsets(as_pair(lower, "lower")) / self.resolution
-        tolerance = BORDER_TOLERANCE / self.resolution
-        first = np.floor(near + tolerance)
-        last = np.maximum(np.ceil(far - tolerance) - 1, first)
-        start = np.clip(first, 0, self.size).astype(int)
-        stop = np.clip(last + 1, 0, self.size).astype(int)
-        if (start >= stop).any():
+        low, high = as_pair(lower, "lower").tolist(), as_pair(upper, "upper").tolist()
+        rows, columns = (self._span(axis, low[axis], high[axis]) for axis in (0, 1))
+        if rows.start >= rows.stop or columns.start >= columns.stop:
             return slice(0, 0), slice(0, 0)
-        return slice(int(start[0]), int(stop[0])), slice(int(start[1]), int(stop[1]))
+        return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> "GridGeometry":
         """Return the geometry of a block of cells of this grid."""
         first = np.array([rows.start, columns.start])
         size = (rows.stop - rows.start, columns.stop - columns.start)
-        centre = self.corner - self.resolution * (first + 0.5 * np.array(size))
-        return GridGeometry.from_size(size, self.resolution, centre)
+        return self._derived(size, self.corner - self.resolution * (first + 0.5 * np.array(size)))
 
     def closest_position(self, positions: npt.ArrayLike) -> Positions:
         """Return each position itself when it is on the map, else the nearest one that is.
@@ -210,7 +241,7 @@ class GridGeometry:
 
     def shifted(self, shift: Size) -> "GridGeometry":
         """Return the grid moved by whole cells, as counted by `index_shift`."""
-        return self.at(self.position - self.resolution * np.array(shift))
+        return self._derived(self.size, self.position - self.resolution * np.array(shift))
 
     def __reduce__(self) -> tuple[object, ...]:
         # Otherwise the arrays of a copy could be written into.
@@ -234,17 +265,69 @@ class GridGeometry:
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
+    def _derived(self, size: Size, position: Positions) -> "GridGeometry":
+        """Return a grid of the same cells, unchecked: checks would take most of the time."""
+        result = object.__new__(GridGeometry)
+        result._set("resolution", self.resolution)
+        result._set("size", size)
+        result._set("length", _frozen(np.multiply(size, self.resolution)))
+        result._set("position", _frozen(position))
+        return result
+
+    def _span(self, axis: int, lower: float, upper: float) -> slice:
+        """Return the cells along an axis that an interval overlaps; maybe none."""
+        half, centre, size = self._half[axis], self.position[axis], self.size[axis]
+        tolerance = BORDER_TOLERANCE / self.resolution
+        # Far away, counts of cells may be infinite.
+        near = max((upper - half - centre) / -self.resolution + tolerance, -1.0)
+        far = min((lower - half - centre) / -self.resolution - tolerance, size + 1.0)
+        first = math.floor(min(near, size + 1.0))
+        stop = max(math.ceil(max(far, -1.0)), first + 1)
+        return slice(min(max(first, 0), size), min(max(stop, 0), size))
+
     # A position on a cell border must fall to the same side as in the C++ library, which rounds
-    # these two differences in different orders.
+    # the next two differences in different orders. Both take one x, y or an array x, y, x, y, ...
+    # with `half` and `centre` interleaved likewise and at least as long.
 
-    def _offsets(self, positions: Positions) -> Positions:
-        """(..., 2) metres from the corner to positions, growing with row and column."""
-        return -(positions - 0.5 * self.length - self.position)
+    def _from_corner(
+        self,
+        pairs: Positions,
+        half: Positions,
+        centre: Positions,
+        out: Positions | None = None,
+    ) -> Positions:
+        """Metres from the corner to positions; negative on the map."""
+        offsets: Positions = np.subtract(pairs, half[: pairs.size], out=out)
+        offsets -= centre[: pairs.size]
+        return offsets
 
-    def _within(self, positions: Positions) -> tuple[Mask, Mask]:
-        """(..., 2) whether each coordinate keeps the +x, +y border, and the -x, -y border."""
-        offsets = 0.5 * self.length - (positions - self.position)
-        return offsets >= 0.0, offsets < self.length
+    def _within(self, pairs: Positions, half: Positions, centre: Positions) -> tuple[Mask, Mask]:
+        """Whether each coordinate keeps the +x, +y border, and the -x, -y border."""
+        half = half[: pairs.size]
+        offsets = half - (pairs - centre[: pairs.size])
+        return offsets >= 0.0, offsets < 2.0 * half
+
+    def _contains(self, pairs: Positions, half: Positions, centre: Positions) -> Mask:
+        """Whether each x, y of x, y, x, y, ... is inside."""
+        keeps = np.logical_and(*self._within(pairs, half, centre))
+        return keeps[0::2] & keeps[1::2]
+
+    @property
+    def _rounding(self) -> float:
+        """More cells than by which the two differences can differ."""
+        return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
+
+    def _bound(self, steps: Positions) -> None:
+        """Replace the fractional rows and columns outside by those of the nearest border cells."""
+        for axis in (0, 1):
+            along = steps[axis::2]
+            # NaN becomes 0. A position within rounding of the far border can lie beyond it.
+            np.fmax(along, 0.0, out=along)
+            np.minimum(along, self.size[axis] - 1, out=along)
+
+    @property
+    def _half(self) -> Positions:
+        return 0.5 * self.length
 
     def _innermost_bounds(self) -> tuple[Positions, Positions]:
         """Return about the smallest and largest coordinates that are inside on each axis.
@@ -252,11 +335,11 @@ class GridGeometry:
         They miss the borders by what rounding takes from a sum of position and length. The step
         inwards is of that size too: the next number after a border at 0 would change no such sum.
         """
-        lower, upper = self.position - 0.5 * self.length, self.corner
+        lower, upper = self.position - self._half, self.corner
         step = np.spacing(np.abs(self.position) + self.length)
-        while not (inside := self._within(lower)[1]).all():
+        while not (inside := self._within(lower, self._half, self.position)[1]).all():
             lower = np.where(inside, lower, lower + step)
-        while not (inside := self._within(upper)[0]).all():
+        while not (inside := self._within(upper, self._half, self.position)[0]).all():
             upper = np.where(inside, upper, upper - step)
         return lower, upper
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from . import ring_buffer
+from . import merge, ring_buffer
 from .arrays import (
     Cells,
     Layer,
@@ -22,8 +22,11 @@ from .arrays import (
 )
 from .errors import GridMapError, LayerNotFoundError, OutOfMapError
 from .geometry import GridGeometry
+from .interpolation import Interpolation, interpolate
+from .pieces import chunks, interleaved
 from .ring_buffer import BufferRegion
 from .submap import submap_block
+from .transform import transformed_map
 
 
 class GridMap:
@@ -65,14 +68,8 @@ class GridMap:
         frame_id: str = "",
         timestamp: int = 0,
     ) -> None:
-        self._geometry = GridGeometry(np.asarray(length), resolution, np.asarray(position))
-        self._start: Size = (0, 0)
-        self._layers: dict[str, Layer] = {}
-        self._basic_layers: tuple[str, ...] = ()
-        self.frame_id = frame_id
-        self.timestamp = timestamp
-        self._add_all(layers)
-        self.basic_layers = _names(basic_layers)
+        geometry = GridGeometry(np.asarray(length), resolution, np.asarray(position))
+        self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
 
     @classmethod
     def from_geometry(
@@ -85,15 +82,27 @@ class GridMap:
         timestamp: int = 0,
     ) -> "GridMap":
         """Return a map over `geometry`; the other arguments are those of the constructor."""
-        return cls(
-            geometry.length,
-            geometry.resolution,
-            geometry.position,
-            layers,
-            basic_layers=basic_layers,
-            frame_id=frame_id,
-            timestamp=timestamp,
-        )
+        # The geometry has been checked where it was made.
+        grid_map = cls.__new__(cls)
+        grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        return grid_map
+
+    def _set_up(
+        self,
+        geometry: GridGeometry,
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike],
+        basic_layers: Iterable[str],
+        frame_id: str,
+        timestamp: int,
+    ) -> None:
+        self._geometry = geometry
+        self._start: Size = (0, 0)
+        self._layers: dict[str, Layer] = {}
+        self._basic_layers: tuple[str, ...] = ()
+        self.frame_id = frame_id
+        self.timestamp = timestamp
+        self._add_all(layers)
+        self.basic_layers = _names(basic_layers)
 
     # Properties
 
@@ -307,8 +316,7 @@ class GridMap:
                 cell.
             inside: (N,) bool.
         """
-        cells, inside = self._geometry.cells_at(positions)
-        return ring_buffer.wrap(cells, self._start, self.size), inside
+        return self._geometry.cells_at(positions, self._start)
 
     def get_position(self, index: npt.ArrayLike) -> Positions:
         """Return the centre (2,) [m] of the cell at a buffer index.
@@ -331,12 +339,40 @@ class GridMap:
         if indices is None:
             return self._all_positions()
         cells = as_cells(indices)
-        self._geometry.check_cells(cells)
-        return self._geometry.centres(ring_buffer.unwrap(cells, self._start, self.size))
+        if cells.size <= sum(self.size):
+            self._geometry.check_cells(cells)
+            return self._geometry.centres(ring_buffer.unwrap(cells, self._start, self.size))
+        return self._positions_from_table(cells)
 
     def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
         """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
         return self._geometry.closest_position(positions)
+
+    def at_position(
+        self,
+        layer: str,
+        positions: npt.ArrayLike,
+        interpolation: Interpolation | str = Interpolation.NEAREST,
+    ) -> float | npt.NDArray[np.float64]:
+        """Return the values of a layer at positions.
+
+        Where a method needs a cell that is not finite, the next simpler one takes over for that
+        position: cubic, linear, nearest. `NEAREST` returns NaN or an infinity as it finds them.
+        Near the border the missing neighbours repeat the border cell.
+
+        Args:
+            layer: name of the layer.
+            positions: (2,) or (N, 2) x, y [m].
+            interpolation: the method, or its value as a string such as "linear".
+
+        Returns:
+            A float for one position, else (N,) float64.
+
+        Raises:
+            LayerNotFoundError: there is no such layer.
+            OutOfMapError: a position is NaN or not on the map, whatever the method.
+        """
+        return interpolate(self, layer, positions, interpolation)
 
     # Validity and vectors
 
@@ -403,8 +439,10 @@ class GridMap:
         for region in regions:
             for data in self._layers.values():
                 data[region.slices] = np.nan
-        start = ring_buffer.wrap(shift, self._start, self.size)
-        self._start = (int(start[0]), int(start[1]))
+        self._start = (
+            (self._start[0] + shift[0]) % self.size[0],
+            (self._start[1] + shift[1]) % self.size[1],
+        )
         self._geometry = self._geometry.shifted(shift)
         return regions
 
@@ -453,6 +491,84 @@ class GridMap:
         result._basic_layers = self._basic_layers
         return result
 
+    def extend_to_include(self, other: "GridMap") -> None:
+        """Grow so that the map covers another one, by whole cells at the borders.
+
+        The cells keep their places and values, new cells are NaN. A map that already covers the
+        other one (within 1e-9 m) does not change; one that grows is stored anew, from start index
+        (0, 0). The data of the other map plays no part, see `add_data_from`.
+
+        Raises:
+            GridMapError: both maps name a frame and the frames differ.
+            GeometryError: the maps are so far apart that there would be too many cells.
+        """
+        extended = merge.extended_map(self, other)
+        self._geometry, self._start = extended._geometry, extended._start
+        self._layers = extended._layers
+
+    def add_data_from(
+        self,
+        other: "GridMap",
+        *,
+        extend_map: bool,
+        overwrite_data: bool,
+        layers: Iterable[str] | None = None,
+    ) -> None:
+        """Copy the data of another map to where it lies in this one.
+
+        Every cell takes the finite values of the cell of the other map that its centre lies in. The
+        maps may differ in size, place and resolution.
+
+        Args:
+            other: the map to copy from; in the same frame, or one of the two names no frame.
+            extend_map: whether to grow first, as `extend_to_include` does.
+            overwrite_data: whether to replace finite values of this map; judged layer by layer.
+            layers: names of the layers to copy, None for all of the other map. Those that this map
+                lacks are added without data first.
+
+        Raises:
+            LayerNotFoundError: the other map lacks one of the layers.
+            GridMapError: both maps name a frame and the frames differ.
+            GeometryError: the maps are so far apart that there would be too many cells.
+        """
+        names = None if layers is None else _names(layers)
+        merge.add_data_from(
+            self, other, extend_map=extend_map, overwrite_data=overwrite_data, layers=names
+        )
+
+    def get_transformed_map(
+        self,
+        transform: npt.ArrayLike,
+        height_layer: str,
+        frame_id: str,
+        sample_ratio: float = 0.0,
+    ) -> "GridMap":
+        """Return the map in another frame, as a surface of 3-D points seen from above.
+
+        Each cell with a finite height is a point that is rotated and shifted. Where several come
+        down on the same cell the highest one stays, of equally high ones that of the last column
+        and row. The other layers take their values along unchanged. Points that come down beside
+        the new map are lost.
+
+        Args:
+            transform: (4, 4) rotation and translation [m] from the frame of this map to the new
+                one. Scales, shears and mirrors are refused.
+            height_layer: name of the layer that holds z [m].
+            frame_id: the new frame.
+            sample_ratio: for more than 0, four more points per cell are taken beside its centre,
+                along x and y by this fraction of the resolution, at the same height; this closes
+                gaps.
+
+        Returns:
+            A map of the same resolution, layers, basic layers and time, and start index (0, 0).
+            It is centred on the moved corners (at z = 0) and covers them.
+
+        Raises:
+            LayerNotFoundError: there is no such height layer.
+            GeometryError: the transform is not rigid or the ratio not finite.
+        """
+        return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
+
     def __repr__(self) -> str:
         return (
             f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
@@ -499,10 +615,27 @@ class GridMap:
         self._check_layers(names)
         return names
 
+    def _buffer_axes(self) -> tuple[Positions, Positions]:
+        """Return the x of every row and the y of every column of the buffer [m]."""
+        x, y = self._geometry.axes()
+        return np.roll(x, self._start[0]), np.roll(y, self._start[1])
+
+    def _positions_from_table(self, cells: Cells) -> Positions:
+        """Return what `get_positions` does, faster for more cells than the map has rows."""
+        table = np.concatenate(self._buffer_axes())
+        points = cells.reshape(-1, 2)
+        positions = np.empty(points.shape)
+        offsets = interleaved((0, self.size[0]), points)
+        for part in chunks(points):
+            self._geometry.check_cells(points[part])
+            entries = points[part].reshape(-1) + offsets[: 2 * len(points[part])]
+            # Checked already; any other mode would copy the results.
+            np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
+        return positions.reshape(cells.shape)
+
     def _all_positions(self) -> Positions:
         """Centres of all cells in the order in which the buffer is stored."""
-        x, y = self._geometry.axes()
-        x, y = np.roll(x, self._start[0]), np.roll(y, self._start[1])
+        x, y = self._buffer_axes()
         positions: Positions = np.empty((x.size * y.size, 2))
         positions[:, 0] = np.tile(x, y.size)
         positions[:, 1] = np.repeat(y, x.size)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Cells, Layer, Size
+from .arrays import Cells, Integers, Layer, Size
+from .pieces import chunks, interleaved
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,29 @@ class BufferRegion:
 
 
 def wrap(cells: npt.ArrayLike, start: Size, size: Size) -> Cells:
-    """Return where (..., 2) cells of the map lie in the buffer."""
-    return (np.asarray(cells, dtype=np.int64) + start) % size
+    """Return where in the buffer (..., 2) cells lie; beyond the map they go on round the ring."""
+    return _turned(cells, start, size)
 
 
 def unwrap(indices: npt.ArrayLike, start: Size, size: Size) -> Cells:
     """Return which cells of the map lie at (..., 2) buffer indices."""
-    return (np.asarray(indices, dtype=np.int64) - start) % size
+    return _turned(indices, (-start[0] % size[0], -start[1] % size[1]), size)
+
+
+def turn(pairs: Integers, by: Integers, size: Integers, scratch: Integers) -> None:
+    """Shift row, column, row, ... round the ring in place.
+
+    Args:
+        pairs: (2 N,) on the map.
+        by: rows and columns to shift by, `interleaved`; each at least 0 and below the size.
+        size: rows and columns of the map, `interleaved`.
+        scratch: (2 N,) to be overwritten.
+    """
+    pairs += by[: pairs.size]
+    beyond = np.subtract(pairs, size[: pairs.size], out=scratch)
+    # One of the two is on the map; the other is larger, negative numbers being huge without sign.
+    unsigned = pairs.view(np.uint64)
+    np.minimum(unsigned, beyond.view(np.uint64), out=unsigned)
 
 
 def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
@@ -98,3 +115,17 @@ def _strips(start: int, size: int, shift: int) -> Iterator[tuple[int, int]]:
     yield first, before_end
     if before_end < count:
         yield 0, count - before_end
+
+
+def _turned(cells: npt.ArrayLike, by: Size, size: Size) -> Cells:
+    given = np.asarray(cells, dtype=np.int64)
+    points = given.reshape(-1, 2)
+    if (points < 0).any() or (points >= size).any():
+        return (given + by) % size
+    turned = points.copy()
+    bys, sizes = interleaved(by, turned), interleaved(size, turned)
+    scratch = np.empty_like(bys)
+    for part in chunks(turned):
+        pairs = turned[part].reshape(-1)
+        turn(pairs, bys, sizes, scratch[: pairs.size])
+    return turned.reshape(given.shape)

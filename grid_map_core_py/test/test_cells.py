@@ -2,28 +2,59 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Regions of cells, in the order of the contract."""
 
+import math
+import tracemalloc
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import golden
-from grid_map_core_py import (
-    GeometryError,
-    GridMap,
-    OutOfMapError,
+from grid_map_core_py import GeometryError, GridMap, OutOfMapError
+from grid_map_core_py.cells import (
     circle_cells,
+    ellipse_cells,
     map_cells,
+    polygon_cells,
+    spiral_cells,
     submap_cells,
 )
-from grid_map_core_py.testing import grid_maps
+from grid_map_core_py.polygon import Polygon
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 CASES = golden.cases("iterators")
 by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+fractions = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
 
 
 def golden_map(name: str) -> GridMap:
     return golden.to_map(golden.load("iterators")["maps"][name])
+
+
+def point(grid_map: GridMap, fraction: tuple[float, float]) -> np.ndarray:
+    """A position on the map or within half a side of it."""
+    return grid_map.position + np.multiply(fraction, grid_map.length)
+
+
+def cells_by_hand(grid_map, contains):
+    """Oracle: walk over the map row by row from its corner and look at each centre."""
+    world = np.moveaxis(np.indices(grid_map.size), 0, -1).reshape(-1, 2)
+    indices = (world + grid_map.start_index) % grid_map.size
+    centres = grid_map.get_positions(indices).tolist()
+    return [i for i, p in zip(indices.tolist(), centres, strict=True) if contains(p)]
+
+
+def disc_by_hand(grid_map, center, radius):
+    return cells_by_hand(grid_map, lambda p: math.dist(p, center) <= radius + 1e-9)
+
+
+def touches_a_centre(grid_map, center, radius):
+    distances = np.linalg.norm(grid_map.get_positions() - center, axis=1)
+    return (np.abs(distances - radius) <= 1e-9).any()
+
+
+# The whole map and blocks of it
 
 
 @by_map
@@ -34,65 +65,10 @@ def test_map_cells_equal_cpp(name, case):
 @by_map
 def test_submap_cells_equal_cpp(name, case):
     grid_map = golden_map(name)
+    assert len(case["submap"]) == 8
     for submap in case["submap"]:
         cells = submap_cells(grid_map, submap["submap_start_index"], submap["submap_size"])
         assert cells.tolist() == submap["index"]
-
-
-@by_map
-def test_circle_cells_equal_cpp(name, case):
-    """Except for rims that C++ decides by rounding (contract 3: discs are closed within 1e-9 m)."""
-    grid_map = golden_map(name)
-    compared = 0
-    for circle in case["circle"]:
-        cells = circle_cells(grid_map, circle["center"], circle["radius"]).tolist()
-        if touches_a_centre(grid_map, circle["center"], circle["radius"]):
-            assert cells == disc_by_hand(grid_map, circle["center"], circle["radius"])
-            continue
-        assert cells == circle["index"]
-        compared += 1
-    assert compared >= 20
-
-
-def touches_a_centre(grid_map, center, radius):
-    distances = np.linalg.norm(grid_map.get_positions() - center, axis=1)
-    return (np.abs(distances - radius) <= 1e-9).any()
-
-
-def disc_by_hand(grid_map, center, radius):
-    """Oracle: walk over the map row by row from its corner and look at each centre."""
-    rows, columns = grid_map.size
-    cells = []
-    for row in range(rows):
-        for column in range(columns):
-            index = [
-                (row + grid_map.start_index[0]) % rows,
-                (column + grid_map.start_index[1]) % columns,
-            ]
-            if np.linalg.norm(grid_map.get_position(index) - center) <= radius + 1e-9:
-                cells.append(index)
-    return cells
-
-
-@given(grid_maps(), st.floats(-2, 2), st.floats(-2, 2), st.floats(0, 8))
-def test_circle_cells_are_those_within_the_radius(grid_map, x, y, cells):
-    center = grid_map.position + np.multiply((x, y), grid_map.length)
-    radius = cells * grid_map.resolution
-    assert circle_cells(grid_map, center, radius).tolist() == disc_by_hand(grid_map, center, radius)
-
-
-def test_a_disc_holds_the_cells_exactly_on_its_rim():
-    grid_map = GridMap((0.9, 0.9), 0.1)
-    assert len(circle_cells(grid_map, (0, 0), 0.3)) == 29
-    assert len(circle_cells(grid_map, (0, 0), 0.0)) == 1
-
-
-def test_a_disc_beside_the_map_has_no_cells():
-    grid_map = GridMap((1, 1), 0.1, layers=["elevation"])
-    cells = circle_cells(grid_map, (3, 0), 1.0)
-    assert cells.shape == (0, 2)
-    grid_map["elevation"][tuple(cells.T)] = 1.0
-    assert np.isnan(grid_map["elevation"]).all()
 
 
 @given(grid_maps())
@@ -106,16 +82,6 @@ def test_cells_index_the_layers_directly(grid_map):
     )
 
 
-def test_a_huge_disc_holds_the_entire_map():
-    assert len(circle_cells(GridMap((1, 1), 0.1), (0, 0), 1e300)) == 100
-
-
-@pytest.mark.parametrize("radius", [-0.1, np.nan, np.inf])
-def test_a_disc_needs_a_finite_radius(radius):
-    with pytest.raises(GeometryError, match="radius: expected a finite number >= 0"):
-        circle_cells(GridMap((1, 1), 0.1), (0, 0), radius)
-
-
 def test_a_block_beyond_the_map_is_an_error():
     grid_map = GridMap((4, 3), 1.0)
     grid_map.start_index = (2, 1)
@@ -126,3 +92,286 @@ def test_a_block_beyond_the_map_is_an_error():
         submap_cells(grid_map, (2, 1), (-1, 1))
     with pytest.raises(OutOfMapError):
         submap_cells(grid_map, (4, 0), (1, 1))
+
+
+# Discs
+
+
+@by_map
+def test_circle_cells_equal_cpp(name, case):
+    """Except for rims that C++ decides by rounding (contract 3: discs are closed within 1e-9 m)."""
+    grid_map = golden_map(name)
+    compared = 0
+    for circle in case["circle"]:
+        cells = circle_cells(grid_map, circle["center"], circle["radius"]).tolist()
+        assert cells == disc_by_hand(grid_map, circle["center"], circle["radius"])
+        if not touches_a_centre(grid_map, circle["center"], circle["radius"]):
+            assert cells == circle["index"]
+            compared += 1
+    assert compared >= 20
+
+
+@given(grid_maps(), fractions, st.floats(0, 8))
+def test_circle_cells_are_those_within_the_radius(grid_map, fraction, cells):
+    center, radius = point(grid_map, fraction), cells * grid_map.resolution
+    assert circle_cells(grid_map, center, radius).tolist() == disc_by_hand(grid_map, center, radius)
+
+
+def test_a_disc_holds_the_cells_exactly_on_its_rim():
+    grid_map = GridMap((0.9, 0.9), 0.1)
+    assert len(circle_cells(grid_map, (0, 0), 0.3)) == 29
+    assert len(circle_cells(grid_map, (0, 0), 0.0)) == 1
+
+
+def test_a_disc_larger_than_a_band_of_rows_has_no_seams():
+    grid_map = GridMap((40, 30), 0.1)
+    x, y = grid_map.geometry.axes()
+    inside = np.hypot(x[:, None] - 0.3, y + 0.2) <= 14.0
+    assert circle_cells(grid_map, (0.3, -0.2), 14.0).tolist() == np.argwhere(inside).tolist()
+
+
+def test_a_huge_disc_holds_the_entire_map():
+    grid_map = GridMap((1, 1), 0.1)
+    for shape in (circle_cells, spiral_cells):
+        assert len(shape(grid_map, (0, 0), 1e300)) == 100
+        assert len(shape(grid_map, (0, 0), 1.0)) == 100
+
+
+# Spirals
+
+
+@by_map
+def test_spiral_cells_equal_cpp(name, case):
+    """Where C++ is right: it ignores the start index, reads beyond its buffers and rounds rims.
+
+    Contract 3: moved maps must work, and cells that exist in the disc must not be missed.
+    """
+    grid_map = golden_map(name)
+    moved = grid_map.start_index != (0, 0)
+    compared = 0
+    for spiral in case["spiral"]:
+        center, radius = spiral["center"], spiral["radius"]
+        cells = spiral_cells(grid_map, center, radius).tolist()
+        assert cells == spiral_by_hand(grid_map, center, radius)
+        undefined = spiral["stopped_at_undefined_behaviour"]
+        if not (moved or undefined or touches_a_centre(grid_map, center, radius)):
+            assert cells == spiral["index"]
+            compared += 1
+    assert compared >= (0 if moved else 50)
+
+
+def spiral_by_hand(grid_map, center, radius):
+    """Oracle: the disc and the centre cell, sorted by ring, then clockwise up to the -x axis."""
+    geometry, start, size = grid_map.geometry, grid_map.start_index, grid_map.size
+    middle = np.floor((geometry.corner - center) / geometry.resolution + 1e-9).astype(int)
+    cells = disc_by_hand(grid_map, center, radius)
+    if grid_map.is_inside(center):
+        index = list(grid_map.get_index(center))
+        middle = (np.array(index) - start) % size
+        cells = cells if index in cells else [*cells, index]
+
+    def place(index):
+        row, column = ((np.array(index) - start) % size - middle).tolist()
+        clockwise = -math.degrees(math.atan2(-column, -row)) % 360
+        return math.isqrt(row**2 + column**2), (clockwise - 180) % 360 or 360
+
+    return sorted(cells, key=place)
+
+
+@given(grid_maps(), fractions, st.floats(0, 8))
+def test_spiral_cells_are_the_disc_sorted_from_the_inside_out(grid_map, fraction, cells):
+    center, radius = point(grid_map, fraction), cells * grid_map.resolution
+    steps = (grid_map.geometry.corner - center) / grid_map.resolution
+    # Beyond the map, the cell of a position on the border of two is a matter of rounding.
+    assume(grid_map.is_inside(center) or (np.abs(steps - np.round(steps)) > 1e-6).all())
+    found = spiral_cells(grid_map, center, radius).tolist()
+    assert found == spiral_by_hand(grid_map, center, radius)
+
+
+def test_a_spiral_of_many_rings_goes_on_like_one_of_few():
+    """It is sorted; the others are cut out of one that is kept."""
+    grid_map = GridMap((30, 2), 0.1)
+    few, many = (spiral_cells(grid_map, (0.0, 0.13), radius) for radius in (12.0, 13.0))
+    assert 4000 < len(few) < len(many) < 6000
+    assert many[: len(few) - 100].tolist() == few[:-100].tolist()
+    assert many.tolist() == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
+
+
+def test_a_spiral_holds_its_centre_cell_however_small_it_is():
+    grid_map = GridMap((4, 4), 1.0)
+    assert spiral_cells(grid_map, (0.1, 0.1), 0.0).tolist() == [[1, 1]]
+    assert spiral_cells(grid_map, (2.1, 0.1), 0.0).shape == (0, 2)
+
+
+def test_a_spiral_far_away_has_no_cells():
+    for center in ((1e300, 0), (0, -1e300), (0, 50), (-50, 50), (13.2, 0)):
+        assert spiral_cells(GridMap((1, 1), 0.1), center, 5.0).shape == (0, 2)
+
+
+# Ellipses
+
+
+@by_map
+def test_ellipse_cells_equal_cpp(name, case):
+    grid_map = golden_map(name)
+    assert len(case["ellipse"]) == 120
+    for ellipse in case["ellipse"]:
+        cells = ellipse_cells(grid_map, ellipse["center"], ellipse["length"], ellipse["rotation"])
+        assert cells.tolist() == ellipse["index"]
+
+
+@given(grid_maps(), fractions, st.tuples(st.floats(0.1, 16), st.floats(0.1, 16)), st.floats(-7, 7))
+def test_ellipse_cells_are_those_inside(grid_map, fraction, axes, rotation):
+    """Oracle: turn the plane back as complex numbers, and scale the ellipse to the unit disc."""
+    center, half_axes = point(grid_map, fraction), 0.5 * np.multiply(axes, grid_map.resolution)
+
+    def value(position):
+        turned = complex(*np.subtract(position, center)) * np.exp(-1j * rotation)
+        return math.hypot(turned.real / half_axes[0], turned.imag / half_axes[1])
+
+    assume(all(abs(value(position) - 1.0) > 1e-9 for position in grid_map.get_positions()))
+    found = ellipse_cells(grid_map, center, 2 * half_axes, rotation).tolist()
+    assert found == cells_by_hand(grid_map, lambda p: value(p) < 1.0)
+
+
+def test_an_ellipse_is_turned_counter_clockwise():
+    grid_map = GridMap((5, 5), 1.0)
+    cells = ellipse_cells(grid_map, (0, 0), (6.0, 0.6), math.pi / 4)
+    assert grid_map.get_positions(cells).tolist() == [[2, 2], [1, 1], [0, 0], [-1, -1], [-2, -2]]
+
+
+def test_an_ellipse_without_area_has_no_cells():
+    assert ellipse_cells(GridMap((5, 5), 1.0), (0, 0), (6.0, 0.0)).shape == (0, 2)
+
+
+# Polygons
+
+
+@by_map
+def test_polygon_cells_equal_cpp(name, case):
+    grid_map = golden_map(name)
+    assert len(case["polygon"]) == 13
+    for polygon in case["polygon"]:
+        cells = polygon_cells(grid_map, Polygon(polygon["vertices"]))
+        assert cells.tolist() == polygon["index"]
+
+
+lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
+
+
+@given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
+def test_polygon_cells_are_those_whose_centre_is_inside(grid_map, corners):
+    """Vertices and edges often lie exactly on centres of cells."""
+    x, y = (axis[len(axis) // 2] for axis in grid_map.geometry.axes())
+    polygon = Polygon(
+        [
+            (x, y) + np.multiply(corner, grid_map.resolution)
+            if isinstance(corner[0], int)
+            else point(grid_map, corner)
+            for corner in corners
+        ]
+    )
+    found = polygon_cells(grid_map, polygon).tolist()
+    assert found == cells_by_hand(grid_map, polygon.is_inside)
+
+
+def test_polygon_cells_take_vertices_too():
+    cells = polygon_cells(GridMap((4, 4), 1.0), [(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    assert cells.tolist() == [[1, 1], [1, 2], [2, 1], [2, 2]]
+
+
+# What holds for all shapes
+
+
+SHAPES = {
+    "circle": lambda grid_map, center: circle_cells(grid_map, center, 0.4),
+    "spiral": lambda grid_map, center: spiral_cells(grid_map, center, 0.4),
+    "ellipse": lambda grid_map, center: ellipse_cells(grid_map, center, (0.9, 0.4), 0.3),
+    "polygon": lambda grid_map, center: polygon_cells(
+        grid_map, Polygon.from_circle(center, 0.4, 7)
+    ),
+}
+each_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+
+
+@each_shape
+@given(grid_map=grid_maps(), fraction=fractions)
+def test_a_moved_map_has_the_same_cells_in_the_same_order(shape, grid_map, fraction):
+    center = point(grid_map, fraction)
+    cells, unmoved = shape(grid_map, center), moved_in_buffer(grid_map, (0, 0))
+    assert cells.dtype == np.int64
+    np.testing.assert_array_equal(
+        grid_map.get_positions(cells), unmoved.get_positions(shape(unmoved, center))
+    )
+
+
+@each_shape
+def test_a_region_beside_the_map_has_no_cells(shape):
+    grid_map = GridMap((1, 1), 0.1, layers=["elevation"])
+    for center in ((3, 0), (0, -3), (1.0, 1.0), (-1e6, 0)):
+        cells = shape(grid_map, center)
+        assert cells.shape == (0, 2)
+        grid_map["elevation"][tuple(cells.T)] = 1.0
+    assert np.isnan(grid_map["elevation"]).all()
+
+
+@each_shape
+@pytest.mark.parametrize("center", [(np.nan, 0), (0, np.inf), (1, 2, 3), "ab", None])
+def test_a_centre_is_two_finite_numbers(shape, center):
+    with pytest.raises(GeometryError):
+        shape(GridMap((1, 1), 0.1), center)
+
+
+@each_shape
+def test_lists_do_as_well_as_arrays(shape):
+    grid_map = GridMap((2, 2), 0.1)
+    expected = shape(grid_map, np.array([1.0, 0.0]))
+    assert len(expected) > 4
+    assert shape(grid_map, [1, 0]).tolist() == expected.tolist()
+
+
+@pytest.mark.parametrize("shape", [circle_cells, spiral_cells])
+@pytest.mark.parametrize("radius", [-0.1, np.nan, np.inf, "wide"])
+def test_a_disc_needs_a_finite_radius(shape, radius):
+    with pytest.raises(GeometryError, match="radius: expected a"):
+        shape(GridMap((1, 1), 0.1), (0, 0), radius)
+
+
+def test_an_ellipse_needs_finite_lengths_and_angle():
+    grid_map = GridMap((1, 1), 0.1)
+    with pytest.raises(GeometryError, match="length: expected no negative"):
+        ellipse_cells(grid_map, (0, 0), (1, -1))
+    with pytest.raises(GeometryError, match="length: expected two finite"):
+        ellipse_cells(grid_map, (0, 0), (1, np.nan))
+    with pytest.raises(GeometryError, match="rotation: expected a finite angle"):
+        ellipse_cells(grid_map, (0, 0), (1, 1), np.inf)
+
+
+def test_a_polygon_needs_finite_vertices():
+    with pytest.raises(GeometryError, match="vertices"):
+        polygon_cells(GridMap((1, 1), 0.1), [(0, 0), (1, np.nan), (1, 1)])
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        map_cells,
+        lambda grid_map: submap_cells(grid_map, (7, 9), (250, 180)),
+        lambda grid_map: circle_cells(grid_map, (0, 0), 10.0),
+        lambda grid_map: circle_cells(grid_map, (0, 0), 100.0),
+        lambda grid_map: spiral_cells(grid_map, (0, 0), 10.0),
+        lambda grid_map: spiral_cells(grid_map, (0, 0), 15.0),
+        lambda grid_map: ellipse_cells(grid_map, (0, 0), (20, 5), 0.7),
+        lambda grid_map: polygon_cells(grid_map, Polygon.from_circle((0, 0), 12.0, 50)),
+    ],
+)
+def test_shapes_take_less_than_three_times_the_memory_of_their_cells(shape):
+    grid_map = GridMap((30, 20), 0.1)
+    grid_map.start_index = (7, 9)
+    shape(grid_map)
+    tracemalloc.start()
+    cells = shape(grid_map)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(cells) > 5000
+    assert peak < 3 * cells.nbytes

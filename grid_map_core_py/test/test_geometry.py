@@ -89,6 +89,10 @@ def test_submaps_equal_those_of_cpp(name, case):
         submap = grid_map.get_submap(request["position"], request["length"])
         assert submap.size == tuple(request["size"])
         np.testing.assert_allclose(submap.position, request["submap_position"], atol=1e-12)
+        assert grid_map.get_index(submap.get_position((0, 0))) == tuple(request["start_index"])
+        if grid_map.is_inside(request["position"]):
+            found = submap.get_index(request["position"])
+            assert found == tuple(request["requested_index_in_submap"])
         if request.get("submap"):
             assert_maps_equal(submap, golden.to_map(request["submap"]))
         compared += 1

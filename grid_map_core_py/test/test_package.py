@@ -28,9 +28,12 @@ for name in {MODULES!r}:
 
 
 def test_the_examples_in_the_docstrings_are_true():
-    attempted = 0
+    attempted, public = (
+        0,
+        {name: getattr(grid_map_core_py, name) for name in grid_map_core_py.__all__},
+    )
     for name in MODULES:
-        result = doctest.testmod(importlib.import_module(name))
+        result = doctest.testmod(importlib.import_module(name), extraglobs=public)
         assert result.failed == 0, name
         attempted += result.attempted
     assert attempted > 0

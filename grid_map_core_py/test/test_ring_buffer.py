@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grid_map_core_py import ring_buffer
+import golden
+from grid_map_core_py import GridMap, ring_buffer, submap_cells
 
+GEOMETRY = golden.load("geometry")
 sizes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 
 
@@ -54,3 +56,55 @@ def test_uncovered_regions_hold_exactly_the_cells_that_leave(size, data):
 def test_a_shift_by_the_whole_map_uncovers_everything_once(shift):
     regions = ring_buffer.uncovered((3, 2), (8, 5), shift)
     assert regions == [ring_buffer.BufferRegion((0, 0), (8, 5))]
+
+
+def test_numbers_beyond_the_buffer_count_on_from_its_beginning_as_in_cpp():
+    assert GEOMETRY["wrap_bound"]
+    for number, size, wrapped, _ in GEOMETRY["wrap_bound"]:
+        for cell in ((number, 0), (0, number)):
+            assert sum(ring_buffer.wrap(cell, (0, 0), (size, size))) == wrapped
+            assert sum(ring_buffer.unwrap(cell, (0, 0), (size, size))) == wrapped
+
+
+def test_positions_beyond_the_map_have_the_border_cell_that_bounding_gives_in_cpp():
+    for number, size, _, bounded in GEOMETRY["wrap_bound"]:
+        grid_map = GridMap((size, size), 1.0)
+        first = grid_map.get_position((0, 0))
+        index, inside = grid_map.get_indices(first - number)
+        assert index.tolist() == [bounded, bounded]
+        assert inside == (number == bounded)
+
+
+def test_blocks_are_walked_in_the_order_of_cpp():
+    assert GEOMETRY["increment_index"]
+    for case in GEOMETRY["increment_index"]:
+        grid_map = GridMap(case["size"], 1.0)
+        grid_map.start_index = case["start_index"]
+        cells = submap_cells(grid_map, case["start_index"], case["size"])
+        assert cells.tolist() == case["sequence"]
+
+
+def test_blocks_are_stored_in_the_regions_that_cpp_names():
+    rows = GEOMETRY["buffer_regions_4x3"]["rows"]
+    layer = np.asfortranarray(np.arange(12, dtype=np.float32).reshape(4, 3))
+    compared = 0
+    for start, index, size, ok, regions in rows:
+        if not ok:  # it reaches over the far border of the map
+            continue
+        first = ring_buffer.unwrap(index, start, layer.shape)
+        block = ring_buffer.block(
+            layer, start, *(slice(n, n + count) for n, count in zip(first, size, strict=True))
+        )
+        np.testing.assert_array_equal(block, put_together(layer, regions))
+        compared += 1
+    assert compared >= 300
+
+
+def put_together(layer: np.ndarray, regions: list[list]) -> np.ndarray:
+    """Return the block whose quadrants lie in these regions of the buffer."""
+    quadrants = {name: layer[i : i + rows, j : j + cols] for i, j, rows, cols, name in regions}
+    lines = [
+        [quadrants[side + end] for end in ("Left", "Right") if side + end in quadrants]
+        for side in ("Top", "Bottom")
+    ]
+    return np.block([line for line in lines if line])

@@ -2,16 +2,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """All cells of a map."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..arrays import Cells
-from ..grid_map import GridMap
+from ._assembly import empty_cells
+
+if TYPE_CHECKING:
+    from ..grid_map import GridMap
 
 
-def map_cells(grid_map: GridMap) -> Cells:
+def map_cells(grid_map: "GridMap") -> Cells:
     """Return the (N, 2) buffer indices of all cells, column after column of the buffer."""
     rows, columns = grid_map.size
-    cells = np.empty((rows * columns, 2), dtype=np.int64)
-    cells[:, 0] = np.tile(np.arange(rows), columns)
-    cells[:, 1] = np.repeat(np.arange(columns), rows)
+    cells = empty_cells(rows * columns)
+    block = cells.T.reshape(2, columns, rows)
+    block[0] = np.arange(rows)
+    block[1] = np.arange(columns)[:, None]
     return cells

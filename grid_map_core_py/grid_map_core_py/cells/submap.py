@@ -2,16 +2,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells of a rectangular block."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Cells, as_cells, as_size
+from ..arrays import Cells, Size, as_cells, as_size
 from ..errors import GeometryError
-from ..grid_map import GridMap
-from ..ring_buffer import unwrap, wrap
+from ._assembly import empty_cells, place
+
+if TYPE_CHECKING:
+    from ..grid_map import GridMap
 
 
-def submap_cells(grid_map: GridMap, start_index: npt.ArrayLike, size: npt.ArrayLike) -> Cells:
+def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.ArrayLike) -> Cells:
     """Return the (N, 2) buffer indices of a block of cells, row after row of the map.
 
     Args:
@@ -22,16 +26,24 @@ def submap_cells(grid_map: GridMap, start_index: npt.ArrayLike, size: npt.ArrayL
         OutOfMapError: the start index is not on the map.
         GeometryError: the block reaches beyond the map, or a size is negative.
     """
-    start = as_size(start_index, "start_index")
-    rows, columns = as_size(size, "size")
+    start, extent = as_size(start_index, "start_index"), as_size(size, "size")
     grid_map.geometry.check_cells(as_cells(start))
-    first = unwrap(start, grid_map.start_index, grid_map.size)
-    if rows < 0 or columns < 0 or (first + (rows, columns) > grid_map.size).any():
-        raise GeometryError(
-            f"a block of {(rows, columns)} cells at index {start} is not within the map of "
-            f"{grid_map.size} cells with start index {grid_map.start_index}"
-        )
-    block = np.empty((rows, columns, 2), dtype=np.int64)
-    block[..., 0] = first[0] + np.arange(rows)[:, None]
-    block[..., 1] = first[1] + np.arange(columns)[None, :]
-    return wrap(block.reshape(-1, 2), grid_map.start_index, grid_map.size)
+    _check_extent(grid_map, start, extent)
+    rows, columns = (np.arange(count) for count in extent)
+    place(rows, 0, start[0], grid_map.size[0])
+    place(columns, 0, start[1], grid_map.size[1])
+    cells = empty_cells(rows.size * columns.size)
+    block = cells.T.reshape(2, *extent)
+    block[0] = rows[:, None]
+    block[1] = columns
+    return cells
+
+
+def _check_extent(grid_map: "GridMap", start: Size, extent: Size) -> None:
+    for axis in (0, 1):
+        first = (start[axis] - grid_map.start_index[axis]) % grid_map.size[axis]
+        if not 0 <= extent[axis] <= grid_map.size[axis] - first:
+            raise GeometryError(
+                f"a block of {extent} cells at index {start} is not within the map of "
+                f"{grid_map.size} cells with start index {grid_map.start_index}"
+            )

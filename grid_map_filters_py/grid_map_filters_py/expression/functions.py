@@ -13,6 +13,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from grid_map_core_py import statistics
+
 from .faults import Fault
 
 Shape = tuple[int, int]
@@ -29,10 +31,14 @@ CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A reduction: `map` every element, then `combine` them in any order."""
+    """A reduction: `map` every element, then `combine` them in any order.
+
+    `whole`, if given, does the same faster for all elements of an array at once, or gives NaN.
+    """
 
     map: Callable[[Any], Any]
     combine: np.ufunc
+    whole: Callable[[NDArray[Any]], float] | None = None
 
 
 class Algebra(Protocol[V]):
@@ -204,10 +210,10 @@ SQUARES = Fold(np.square, np.add)
 PRODUCT = Fold(_same, np.multiply)
 MINIMUM = Fold(_same, np.minimum)
 MAXIMUM = Fold(_same, np.maximum)
-FINITE_COUNT = Fold(np.isfinite, np.add)
-FINITE_SUM = Fold(_finite_or(0.0), np.add)
-FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum)
-FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum)
+FINITE_COUNT = Fold(np.isfinite, np.add, statistics.number_of_finites)
+FINITE_SUM = Fold(_finite_or(0.0), np.add, statistics.sum_of_finites)
+FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum, statistics.min_of_finites)
+FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum, statistics.max_of_finites)
 
 
 def _folding(fold: Fold) -> Callable[..., Any]:

@@ -96,6 +96,8 @@ def as_matrix(value: Plain) -> NDArray[np.float32]:
 
 
 def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Plain:
+    if axis is None and fold.whole is not None:
+        return float(fold.whole(matrix))
     values = fold.map(matrix)
     wide = np.float64 if fold.combine in (np.add, np.multiply) else None
     result = fold.combine.reduce(values, axis=axis, dtype=wide, keepdims=axis is not None)

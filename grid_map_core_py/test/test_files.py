@@ -1,0 +1,346 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Point clouds and meshes from files, which are written here byte by byte."""
+
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMapError, color_value_to_vector
+from grid_map_core_py.files import load_mesh, load_points
+from grid_map_core_py.mesh import grid_map_from_mesh
+from grid_map_core_py.point_cloud import grid_map_from_points
+
+XYZ = np.array([(0, 0, 0.5), (1, 0, 1.5), (1, 2, -2.25), (0, 2, 4)], np.float32)
+INTENSITY = np.array([0.25, 1, 7, 100], np.float32)
+RGB = np.array([(255, 0, 0), (1, 2, 3), (0, 0, 0), (255, 255, 255)], np.uint8)
+PACKED = RGB.astype(np.uint32) @ np.array([1 << 16, 1 << 8, 1], np.uint32)
+QUAD = [(0, 1, 2), (0, 2, 3)]
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(name, *parts):
+        path = tmp_path / name
+        path.write_bytes(b"".join(p.encode() if isinstance(p, str) else p for p in parts))
+        return path
+
+    return write
+
+
+def triangles(path) -> set[frozenset[tuple[float, ...]]]:
+    """Return the corners of each triangle of a file, in no order."""
+    vertices, faces = load_mesh(path)
+    assert vertices.dtype == np.float64
+    assert faces.dtype == np.int64
+    return {frozenset(map(tuple, vertices[face].tolist())) for face in faces}
+
+
+def corners(faces) -> set[frozenset[tuple[float, ...]]]:
+    return {frozenset(map(tuple, XYZ[list(face)].astype(float).tolist())) for face in faces}
+
+
+# PCD
+
+
+def pcd_header(data: str, count: int = 4) -> str:
+    return (
+        "# .PCD v0.7 - Point Cloud Data file format\n"
+        "VERSION 0.7\nFIELDS x y z intensity rgb\nSIZE 4 4 4 4 4\nTYPE F F F F U\n"
+        f"COUNT 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\n"
+        f"POINTS {count}\nDATA {data}\n"
+    )
+
+
+ROWS = list(zip(*XYZ.T.tolist(), INTENSITY.tolist(), PACKED.tolist(), strict=True))
+TEXT = "".join(" ".join(map(str, row)) + "\n" for row in ROWS)
+BINARY = b"".join(struct.pack("<4fI", *row) for row in ROWS)
+COLUMNS = b"".join(
+    column.astype(kind).tobytes()
+    for column, kind in zip([*XYZ.T, INTENSITY, PACKED], ["<f4"] * 4 + ["<u4"], strict=True)
+)
+
+
+def lzf_without_matches(data: bytes) -> bytes:
+    """LZF where nothing repeats: runs of up to 32 bytes, each after its length less one."""
+    runs = [data[first : first + 32] for first in range(0, len(data), 32)]
+    return b"".join(bytes([len(run) - 1]) + run for run in runs)
+
+
+LZF = lzf_without_matches(COLUMNS)
+COMPRESSED = struct.pack("<II", len(LZF), len(COLUMNS)) + LZF
+PCD_DATA = {"ascii": TEXT, "binary": BINARY, "binary_compressed": COMPRESSED}
+
+
+@pytest.mark.parametrize("data", PCD_DATA)
+def test_a_pcd_file_gives_points_and_fields(write, data):
+    points, fields = load_points(write("cloud.pcd", pcd_header(data), PCD_DATA[data]))
+    assert points.dtype == np.float32
+    np.testing.assert_array_equal(points, XYZ)
+    assert list(fields) == ["intensity", "rgb"]
+    np.testing.assert_array_equal(fields["intensity"], INTENSITY)
+    np.testing.assert_array_equal(np.rint(255 * color_value_to_vector(fields["rgb"])), RGB)
+
+
+def test_the_points_and_fields_of_a_file_make_a_map(write):
+    path = write("cloud.PCD", pcd_header("binary"), BINARY)
+    points, fields = load_points(str(path))
+    grid_map = grid_map_from_points(points, 1.0, fields=fields)
+    assert grid_map.layers == ("elevation", "intensity", "rgb")
+    assert grid_map["elevation"][grid_map.get_index((1, 2))] == -2.25
+    colour = color_value_to_vector(grid_map["rgb"][grid_map.get_index((1, 0))])
+    np.testing.assert_allclose(255 * colour, (1, 2, 3))
+
+
+def test_a_pcd_file_of_one_point_and_of_doubles(write):
+    header = (
+        "VERSION .7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\n"
+        "WIDTH 1\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 1\nDATA ascii\n"
+    )
+    points, fields = load_points(write("one.pcd", header, "500000.125 nan 1e-3\n"))
+    assert points.dtype == np.float64
+    np.testing.assert_array_equal(points, [(500000.125, np.nan, 1e-3)])
+    assert fields == {}
+
+
+def test_padding_is_left_out_and_fields_of_several_numbers_are_split(write):
+    header = (
+        "VERSION 0.7\nFIELDS x y z _ normal\nSIZE 4 4 4 1 4\nTYPE F F F U F\nCOUNT 1 1 1 4 2\n"
+        "WIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA binary\n"
+    )
+    row = struct.pack("<3f4B2f", 1, 2, 3, 0, 0, 0, 0, 5, 6)
+    points, fields = load_points(write("padded.pcd", header, row, row))
+    assert points.tolist() == [[1, 2, 3]] * 2
+    assert {name: values.tolist() for name, values in fields.items()} == {
+        "normal__0000": [5, 5],
+        "normal__0001": [6, 6],
+    }
+
+
+def test_colours_that_are_floats_lose_their_alpha_and_nan_stays(write):
+    header = pcd_header("binary", 3).replace("rgb", "rgba").replace("F F F F U", "F F F F F")
+    opaque, plain, missing = 0xFF0A0B0C, 0x0A0B0C, 0x7FC00000
+    data = b"".join(struct.pack("<4fI", 0, 0, 0, 0, c) for c in (opaque, plain, missing))
+    _, fields = load_points(write("colours.pcd", header, data))
+    np.testing.assert_allclose(
+        255 * color_value_to_vector(fields["rgb"]), [(10, 11, 12)] * 2 + [(np.nan,) * 3], rtol=1e-6
+    )
+
+
+# PLY
+
+PLY_POINTS = (
+    "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "property float intensity\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
+)
+PLY_VERTICES = "".join(
+    " ".join(map(str, [*xyz, intensity, *rgb])) + "\n"
+    for xyz, intensity, rgb in zip(XYZ.tolist(), INTENSITY.tolist(), RGB.tolist(), strict=True)
+)
+PLY_BINARY = {
+    order: b"".join(
+        struct.pack(order + "4f3B", *xyz, intensity, *rgb)
+        for xyz, intensity, rgb in zip(XYZ.tolist(), INTENSITY.tolist(), RGB.tolist(), strict=True)
+    )
+    for order in "<>"
+}
+ORDERS = {"<": "binary_little_endian", ">": "binary_big_endian"}
+
+
+def ply_header(form: str, faces: int = 0) -> str:
+    element = f"element face {faces}\nproperty list uchar int vertex_indices\n" if faces else ""
+    return f"ply\nformat {form} 1.0\ncomment by hand\n{PLY_POINTS}{element}end_header\n"
+
+
+def check_ply_points(path):
+    points, fields = load_points(path)
+    assert points.dtype == np.float32
+    np.testing.assert_array_equal(points, XYZ)
+    np.testing.assert_array_equal(fields["intensity"], INTENSITY)
+    np.testing.assert_array_equal(np.rint(255 * color_value_to_vector(fields["rgb"])), RGB)
+    assert list(fields) == ["intensity", "rgb"]
+
+
+def test_an_ascii_ply_file_gives_points_fields_and_triangles(write):
+    path = write("a.ply", ply_header("ascii", 2), PLY_VERTICES, "3 0 1 2\n3 0 2 3\n")
+    check_ply_points(path)
+    assert triangles(path) == corners(QUAD)
+
+
+def test_an_ascii_ply_file_of_points_alone(write):
+    check_ply_points(write("p.ply", ply_header("ascii"), PLY_VERTICES))
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_binary_ply_file_gives_points_fields_and_triangles(write, order):
+    faces = b"".join(struct.pack(order + "B3i", 3, *face) for face in QUAD)
+    path = write("b.ply", ply_header(ORDERS[order], 2), PLY_BINARY[order], faces)
+    check_ply_points(path)
+    assert triangles(path) == corners(QUAD)
+
+
+def test_polygons_of_a_ply_file_become_triangles(write):
+    quads = [QUAD, [(0, 1, 3), (1, 2, 3)]]
+    ascii_path = write("q.ply", ply_header("ascii", 2), PLY_VERTICES, "4 0 1 2 3\n3 0 1 2\n")
+    assert any(triangles(ascii_path) == corners([*quad, (0, 1, 2)]) for quad in quads)
+    face = struct.pack("<B4i", 4, 0, 1, 2, 3)
+    path = write("q2.ply", ply_header(ORDERS["<"], 1), PLY_BINARY["<"], face)
+    assert any(triangles(path) == corners(quad) for quad in quads)
+
+
+# OBJ
+
+
+def test_an_obj_file_with_quads_comments_and_objects_is_one_mesh(write):
+    vertices = "".join("v " + " ".join(map(str, xyz)) + "\n" for xyz in XYZ.tolist())
+    path = write(
+        "m.obj",
+        "# by hand\nmtllib none.mtl\no one\n",
+        vertices,
+        "vn 0 0 1\nvt 0 0\nusemtl a\nf 1/1/1 2/1/1 3/1/1 4/1/1\n",
+        "o two\nusemtl b\nf -4//1 -3//1 -1//1\n",
+    )
+    quads = [QUAD, [(0, 1, 3), (1, 2, 3)]]
+    assert any(triangles(path) == corners([*quad, (0, 1, 3)]) for quad in quads)
+    found = {tuple(point) for point in load_points(path)[0].tolist()}
+    assert found == {tuple(xyz) for xyz in XYZ.astype(float).tolist()}
+
+
+# STL
+
+
+def test_an_ascii_stl_file_gives_triangles(write):
+    facets = "".join(
+        "facet normal 0 0 1\n outer loop\n"
+        + "".join(f"  vertex {x:e} {y:e} {z:e}\n" for x, y, z in XYZ[list(face)].tolist())
+        + " endloop\nendfacet\n"
+        for face in QUAD
+    )
+    path = write("a.stl", "solid hand made\n", facets, "endsolid hand made\n")
+    assert triangles(path) == corners(QUAD)
+
+
+STL = b"solid, though binary".ljust(80) + struct.pack("<I", 2)
+STL += b"".join(struct.pack("<12fH", 0, 0, 1, *XYZ[list(face)].ravel(), 0) for face in QUAD)
+
+
+def test_a_binary_stl_file_gives_triangles_and_a_map(write):
+    path = write("b.STL", STL)
+    assert triangles(path) == corners(QUAD)
+    assert len(load_points(path)[0]) == 6
+    grid_map = grid_map_from_mesh(*load_mesh(path), 0.5)
+    assert grid_map.size == (2, 4)
+    assert np.isfinite(grid_map["elevation"]).all()
+
+
+# Bad files
+
+
+@pytest.mark.parametrize("load", [load_points, load_mesh])
+@pytest.mark.parametrize("name", ["none.ply", "none.obj", "none.stl"])
+def test_a_missing_file_is_named(tmp_path, load, name):
+    with pytest.raises(GridMapError, match=f"{name}: no such file"):
+        load(tmp_path / name)
+
+
+def test_a_missing_pcd_file_and_a_folder_are_named(tmp_path):
+    (tmp_path / "folder.pcd").mkdir()
+    for name in ("none.pcd", "folder.pcd"):
+        with pytest.raises(GridMapError, match=f"{name}: no such file"):
+            load_points(tmp_path / name)
+
+
+@pytest.mark.parametrize("load", [load_points, load_mesh])
+@pytest.mark.parametrize("name", ["cloud.xyz", "cloud", "cloud.gltf"])
+def test_an_unknown_ending_names_those_that_are_known(write, load, name):
+    with pytest.raises(GridMapError, match=rf"{name}: .* ends in \.ply, \.obj, \.stl"):
+        load(write(name, "hello"))
+
+
+def test_a_pcd_file_has_no_faces(write):
+    with pytest.raises(GridMapError, match=r"expected a file that ends in \.ply, \.obj"):
+        load_mesh(write("cloud.pcd", pcd_header("ascii"), TEXT))
+
+
+DAMAGED = {
+    "empty.pcd": b"",
+    "garbage.pcd": bytes(range(256)) * 3,
+    "text.pcd": b"hello world\n",
+    "header.pcd": pcd_header("binary")[:120].encode(),
+    "ascii.pcd": (pcd_header("ascii") + TEXT[: len(TEXT) // 2]).encode(),
+    "row.pcd": (pcd_header("ascii") + TEXT.split("\n")[0]).encode(),
+    "binary.pcd": pcd_header("binary").encode() + BINARY[:-3],
+    "binary_row.pcd": pcd_header("binary").encode() + BINARY[:-20],
+    "compressed.pcd": pcd_header("binary_compressed").encode() + COMPRESSED[:-10],
+    "sizes.pcd": pcd_header("binary_compressed").encode() + COMPRESSED[:5],
+    "encoding.pcd": pcd_header("base64").encode() + BINARY,
+    "no_z.pcd": (pcd_header("ascii").replace("x y z", "x y w") + TEXT).encode(),
+    "none.pcd": pcd_header("binary", 0).encode(),
+    "empty.ply": b"",
+    "garbage.ply": bytes(range(256)) * 3,
+    "header.ply": ply_header("ascii", 2)[:90].encode(),
+    "ascii.ply": (ply_header("ascii", 2) + PLY_VERTICES[:40]).encode(),
+    "faces.ply": (ply_header("ascii", 2) + PLY_VERTICES + "3 0 1 2\n").encode(),
+    "mixed.ply": (ply_header("ascii", 3) + PLY_VERTICES + "3 0 1 2\n4 0 1 2 3\n").encode(),
+    "binary.ply": ply_header(ORDERS["<"], 2).encode() + PLY_BINARY["<"][:-5],
+    "empty.obj": b"",
+    "text.obj": b"hello world\n",
+    "garbage.obj": bytes(range(256)) * 3,
+    "empty.stl": b"",
+    "text.stl": b"hello world\n",
+    "ascii.stl": b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nver",
+    "binary.stl": STL[:-7],
+    "garbage.stl": bytes(range(256)) * 3,
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_a_damaged_file_is_one_error_that_names_it(write, name):
+    path = write(name, DAMAGED[name])
+    loads = [load_points] if name.endswith("pcd") else [load_points, load_mesh]
+    for load in loads:
+        with pytest.raises(GridMapError, match=f"{name}: "):
+            load(path)
+
+
+def test_faces_that_name_no_vertex_are_refused(write):
+    with pytest.raises(GridMapError, match=r"m\.obj: cannot be read"):
+        load_mesh(write("m.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n"))
+    path = write("m.ply", ply_header("ascii", 1), PLY_VERTICES, "3 0 1 9\n")
+    with pytest.raises(GridMapError, match=r"m\.ply: cannot be read"):
+        load_mesh(path)
+
+
+def test_points_without_faces_are_no_mesh(write):
+    for path in (
+        write("p.ply", ply_header("ascii"), PLY_VERTICES),
+        write("p.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\n"),
+    ):
+        assert len(load_points(path)[0])
+        with pytest.raises(GridMapError, match=f"{path.name}: holds no faces"):
+            load_mesh(path)
+
+
+def test_mixed_faces_of_a_binary_ply_file_are_refused_with_the_reason(write):
+    faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3)
+    path = write("mixed.ply", ply_header(ORDERS["<"], 2), PLY_BINARY["<"], faces)
+    with pytest.raises(GridMapError, match="must all have the same number of vertices"):
+        load_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "load"), [("pypcd4", "a.pcd", load_points), ("trimesh", "a.stl", load_mesh)]
+)
+def test_a_package_that_is_not_installed_is_named(write, monkeypatch, package, name, load):
+    path = write(name, "hello")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(GridMapError, match=rf"{name}: .* pip install {package}"):
+        load(path)
+
+
+def test_the_packages_are_loaded_only_when_needed():
+    code = "import sys, grid_map_core_py.files; assert not {'trimesh', 'pypcd4'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,503 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers as images and images as layers."""
+
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+
+import golden
+from grid_map_core_py import (
+    GeometryError,
+    GridMap,
+    LayerNotFoundError,
+    color_value_to_vector,
+    color_vector_to_value,
+)
+from grid_map_core_py.image import (
+    add_color_layer_from_image,
+    add_layer_from_image,
+    from_image,
+    to_color_image,
+    to_image,
+)
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
+
+CONVERTERS = golden.load("converters")
+IMAGES = [
+    (CONVERTERS["maps"][case["map"]], image)
+    for case in CONVERTERS["cases"]
+    for image in case["images"]
+]
+COLOR_IMAGES = [(description, case) for description, case in IMAGES if "color_image" in case]
+DTYPES = [np.uint8, np.uint16, np.float32, np.float64]
+LARGEST = {np.uint8: 255, np.uint16: 65535, np.float32: 1.0, np.float64: 1.0}
+LEVELS = [np.uint8, np.uint16]
+
+
+def pixel_type(encoding: str) -> type:
+    return np.uint16 if encoding.endswith("16") else np.uint8
+
+
+def channels_of(encoding: str) -> int:
+    return 1 if encoding.startswith("mono") else 4 if "a" in encoding else 3
+
+
+def pixels_of(image) -> np.ndarray:
+    encoding = image["encoding"]
+    values = np.frombuffer(bytes.fromhex(image["data_hex"]), pixel_type(encoding))
+    pixels = values.reshape(image["height"], image["width"], channels_of(encoding))
+    return pixels[..., 0] if pixels.shape[2] == 1 else pixels
+
+
+def order_of(encoding: str) -> str:
+    return "bgr" if encoding.startswith("bgr") else "rgb"
+
+
+def in_map_order(grid_map: GridMap, layer: str) -> np.ndarray:
+    return np.roll(grid_map[layer], np.negative(grid_map.start_index), axis=(0, 1))
+
+
+def value_at(grid_map: GridMap, layer: str, position) -> float:
+    return grid_map[layer][grid_map.get_index(position)]
+
+
+@pytest.fixture
+def terrain() -> GridMap:
+    """A map that has moved, with a hole and both infinities."""
+    values = np.random.default_rng(4).uniform(-2, 3, (9, 6))
+    values[2, 3], values[4, 4], values[8, 0] = np.nan, np.inf, -np.inf
+    grid_map = GridMap((0.9, 0.6), 0.1, (3.0, -2.0), {"elevation": values}, frame_id="map")
+    grid_map.start_index = (5, 2)
+    return grid_map
+
+
+# --- against C++ ----------------------------------------------------------------------------------
+
+
+def test_layers_become_the_images_of_cpp():
+    assert len(IMAGES) == 24
+    for description, case in IMAGES:
+        grid_map = golden.to_map(description)
+        encoding = case["encoding"]
+        kind = pixel_type(encoding), channels_of(encoding)
+        image = to_image(grid_map, case["layer"], *kind, case["lower"], case["upper"])
+        np.testing.assert_array_equal(image, pixels_of(case["image"]), err_msg=encoding)
+        image = to_image(grid_map, case["layer"], *kind)
+        np.testing.assert_array_equal(image, pixels_of(case["auto_range_image"]), err_msg=encoding)
+
+
+def test_images_become_the_maps_of_cpp():
+    assert len(IMAGES) == 24
+    for description, case in IMAGES:
+        result = from_image(
+            pixels_of(case["image"]),
+            "img",
+            description["resolution"],
+            case["lower"],
+            case["upper"],
+            position=case["back"]["position"],
+            frame_id=description["frame_id"],
+            timestamp=description["timestamp"],
+        )
+        assert_maps_equal(result, golden.to_map(case["back"]), rtol=1e-6, atol=1e-7)
+
+
+def test_images_become_the_layers_of_cpp_where_the_map_has_not_moved():
+    compared = [case for case in IMAGES if case[0]["start_index"] == [0, 0]]
+    assert len(compared) == 12
+    for description, case in compared:
+        grid_map = golden.to_map(description)
+        image = pixels_of(case["image"])
+        add_layer_from_image(grid_map, image, "img", case["lower"], case["upper"])
+        expected = golden.matrix(case["back_into_same_map"]["layers"]["img"])
+        np.testing.assert_allclose(grid_map["img"], expected, rtol=1e-6, atol=1e-7)
+
+
+def test_images_are_placed_correctly_on_moved_maps():
+    compared = [case for case in IMAGES if case[0]["start_index"] != [0, 0]]
+    assert len(compared) == 12
+    for description, case in compared:
+        grid_map = golden.to_map(description)
+        image = pixels_of(case["image"])
+        add_layer_from_image(grid_map, image, "img", case["lower"], case["upper"])
+        quantum = (case["upper"] - case["lower"]) / np.iinfo(image.dtype).max
+        known = np.isfinite(grid_map["elevation"])
+        elevation = np.clip(grid_map["elevation"], case["lower"], case["upper"])
+        np.testing.assert_allclose(grid_map["img"][known], elevation[known], atol=1.01 * quantum)
+
+
+def test_the_grey_of_colours_is_that_of_cpp_where_it_takes_them_for_what_they_are():
+    compared = [c for c in COLOR_IMAGES if c[1]["color_image"]["encoding"].startswith("bgr")]
+    assert len(compared) == 8
+    for _, case in compared:
+        result = from_image(pixels_of(case["color_image"]), "grey", 1.0, 0, 1)
+        # On moved maps C++ puts the pixels where they would be if the map had not moved.
+        expected = golden.matrix(case["gray_layer_from_color_image"]["layers"]["gray"])
+        np.testing.assert_allclose(result["grey"], expected, rtol=1e-6)
+
+
+def test_the_grey_of_rgb_images_honours_their_order():
+    compared = [c for c in COLOR_IMAGES if c[1]["color_image"]["encoding"].startswith("rgb")]
+    assert len(compared) == 8
+    for _, case in compared:
+        image = pixels_of(case["color_image"])
+        largest = np.iinfo(image.dtype).max
+        grey = from_image(image, "grey", 1.0, 0, largest, order="rgb")["grey"]
+        luma = image[..., :3] @ [0.299, 0.587, 0.114]
+        known = np.isfinite(grey)
+        np.testing.assert_allclose(grey[known], luma[known], atol=0.51)
+        if image.shape[2] == 4:
+            np.testing.assert_array_equal(known, image[..., 3] >= largest // 2)
+
+
+def test_colour_images_become_the_layers_that_their_order_tells():
+    assert len(COLOR_IMAGES) == 16
+    for description, case in COLOR_IMAGES:
+        grid_map = golden.to_map(description)
+        image, encoding = pixels_of(case["color_image"]), case["color_image"]["encoding"]
+        add_color_layer_from_image(grid_map, image, order=order_of(encoding))
+        rgb = image[..., :3] if order_of(encoding) == "rgb" else image[..., 2::-1]
+        expected = color_vector_to_value(rgb // (257 if image.dtype == np.uint16 else 1))
+        if image.shape[2] == 4:
+            expected[image[..., 3] < np.iinfo(image.dtype).max // 2] = np.nan
+        np.testing.assert_array_equal(in_map_order(grid_map, "color"), expected)
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_every_pixel_shows_its_cell(terrain, dtype, channels):
+    before = terrain.copy()
+    image = to_image(terrain, "elevation", dtype, channels, -1.0, 2.0)
+    assert_maps_equal(terrain, before)
+    assert image.dtype == dtype
+    assert image.shape == (9, 6) if channels == 1 else (9, 6, channels)
+    assert image.flags.c_contiguous
+    pixels = image.reshape(9, 6, channels)
+    top_left = terrain.position + 0.5 * (terrain.length - terrain.resolution)
+    for row, column in np.ndindex(9, 6):
+        value = value_at(terrain, "elevation", top_left - 0.1 * np.array([row, column]))
+        expected = (min(max(value, -1.0), 2.0) + 1.0) / 3.0 * LARGEST[dtype]
+        pixel = pixels[row, column]
+        if np.isnan(value):
+            assert (
+                np.isnan(pixel[:3]).all()
+                if dtype in (np.float32, np.float64)
+                else not any(pixel[:3])
+            )
+        else:
+            error = 1e-6 if LARGEST[dtype] == 1 else 1
+            assert np.abs(pixel[:3].astype(float) - expected).max() <= error
+        if channels == 4:
+            assert pixel[3] == (0 if np.isnan(value) else LARGEST[dtype])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_float_images_without_bounds_hold_the_values(terrain, dtype):
+    image = to_image(terrain, "elevation", dtype)
+    np.testing.assert_array_equal(image, in_map_order(terrain, "elevation"))
+    image = to_image(terrain, "elevation", dtype, 4)
+    np.testing.assert_array_equal(image[..., 1], in_map_order(terrain, "elevation"))
+    np.testing.assert_array_equal(image[..., 3], ~np.isnan(image[..., 0]))
+
+
+@pytest.mark.parametrize("dtype", LEVELS)
+def test_without_bounds_the_finite_values_take_the_whole_range(terrain, dtype):
+    image = to_image(terrain, "elevation", dtype)
+    values = in_map_order(terrain, "elevation")
+    finite = np.isfinite(values)
+    assert image[values == values[finite].min()] == 0
+    assert image[values == values[finite].max()] == LARGEST[dtype]
+    assert image[values == np.inf] == LARGEST[dtype]
+    assert image[values == -np.inf] == 0
+
+
+def test_one_bound_suffices_for_writing(terrain):
+    values = in_map_order(terrain, "elevation")
+    highest, lowest = (extreme(values[np.isfinite(values)]) for extreme in (np.max, np.min))
+    for bounds in ((-1, None), (None, 1)):
+        filled = [
+            full if given is None else given
+            for given, full in zip(bounds, (lowest, highest), strict=True)
+        ]
+        np.testing.assert_array_equal(
+            to_image(terrain, "elevation", np.uint8, 1, *bounds),
+            to_image(terrain, "elevation", np.uint8, 1, *filled),
+        )
+    assert not to_image(terrain, "elevation", lower=100.0).any()
+
+
+def test_bounds_in_reverse_invert_the_image(terrain):
+    image = to_image(terrain, "elevation", np.uint8, 4, 2.0, -1.0).astype(int)
+    mirrored = to_image(terrain, "elevation", np.uint8, 4, -1.0, 2.0).astype(int)
+    known = image[..., 3] > 0
+    sums = (image + mirrored)[known][:, :3]
+    assert sums.min() >= 254
+    assert sums.max() <= 255
+    assert not image[~known].any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 3.0])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_a_layer_without_a_range_is_black(value, dtype):
+    grid_map = GridMap((3, 2), 1.0, layers={"flat": value})
+    for bounds in ((), (3.0, None), (None, 3.0)):
+        image = to_image(grid_map, "flat", dtype, 1, *bounds)
+        if np.dtype(dtype).kind != "f":
+            assert not image.any()
+        elif not bounds:
+            np.testing.assert_array_equal(image, np.full((3, 2), value))
+        else:
+            np.testing.assert_array_equal(
+                image, np.full((3, 2), value * 0 if np.isnan(value) else 0)
+            )
+
+
+@pytest.mark.parametrize("order", ["bgr", "rgb"])
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_colours_become_colour_images_and_come_back(dtype, channels, order):
+    rgb = np.random.default_rng(5).integers(0, 256, (7, 5, 3))
+    grid_map = GridMap((7, 5), 1.0, layers={"color": color_vector_to_value(rgb)})
+    grid_map["color"][3, 4] = np.nan
+    grid_map.start_index = (3, 4)
+    image = to_color_image(grid_map, "color", dtype, channels, order=order)
+    assert image.dtype == dtype
+    assert image.shape == (7, 5, channels)
+    np.testing.assert_allclose(
+        image[1, 2, :3][:: 1 if order == "rgb" else -1] / LARGEST[dtype],
+        color_value_to_vector(in_map_order(grid_map, "color"))[1, 2],
+        rtol=1e-6,
+    )
+    add_color_layer_from_image(grid_map, image, "again", order=order)
+    known = ~np.isnan(grid_map["color"])
+    np.testing.assert_array_equal(grid_map["again"][known], grid_map["color"][known])
+    if channels == 4:
+        assert np.isnan(grid_map["again"][~known]).all()
+        assert image[0, 0, 3] == 0
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("channels", [1, 4])
+@pytest.mark.parametrize("dtype", LEVELS)
+@given(grid_map=grid_maps(allow_infinity=False))
+def test_values_survive_an_image_but_for_its_levels(dtype, channels, grid_map):
+    lower, upper = -1000.0, 1000.0
+    image = to_image(grid_map, "elevation", dtype, channels, lower, upper)
+    add_layer_from_image(grid_map, image, "again", lower, upper)
+    quantum = (upper - lower) / LARGEST[dtype]
+    known = ~np.isnan(grid_map["elevation"])
+    if channels == 1:
+        assert (grid_map["again"][~known] == lower).all()
+    else:
+        assert np.isnan(grid_map["again"][~known]).all()
+    difference = grid_map["elevation"][known] - grid_map["again"][known]
+    assert (np.abs(difference) <= quantum + 1e-3).all()
+
+
+@given(grid_maps())
+def test_float_images_are_exact(grid_map):
+    for dtype in (np.float32, np.float64):
+        for channels in (1, 3, 4):
+            image = to_image(grid_map, "elevation", dtype, channels)
+            grey = image if channels == 1 else image[..., 0]
+            add_layer_from_image(grid_map, grey, "again")
+            np.testing.assert_array_equal(grid_map["again"], grid_map["elevation"])
+
+
+def test_the_first_pixel_is_the_corner_with_the_largest_x_and_y():
+    image = np.zeros((4, 6), np.uint8)
+    image[0, 0], image[0, -1] = 255, 51
+    grid_map = from_image(
+        image, "height", 0.5, 0, 10, position=(1.0, 2.0), frame_id="map", timestamp=7
+    )
+    assert grid_map.size == (4, 6)
+    assert (grid_map.frame_id, grid_map.timestamp, grid_map.start_index) == ("map", 7, (0, 0))
+    np.testing.assert_allclose(grid_map.position, (1.0, 2.0))
+    assert value_at(grid_map, "height", (1.9, 3.4)) == 10
+    assert value_at(grid_map, "height", (1.9, 0.6)) == 2
+
+
+def test_colour_images_are_bgr_unless_told_otherwise(tmp_path):
+    image = np.zeros((2, 3, 3), np.uint8)
+    image[0, 0] = [255, 0, 0]  # blue
+    image[1, 2] = [0, 0, 255]  # red
+    cv2.imwrite(str(tmp_path / "colours.png"), image)
+    read = cv2.imread(str(tmp_path / "colours.png"), cv2.IMREAD_UNCHANGED)
+    grid_map = from_image(read, "grey", 1.0, 0, 255)
+    add_color_layer_from_image(grid_map, read)
+    assert grid_map["grey"][0, 0] == 29
+    assert grid_map["grey"][1, 2] == 76
+    assert color_value_to_vector(grid_map["color"])[0, 0].tolist() == [0, 0, 1]
+    assert color_value_to_vector(grid_map["color"])[1, 2].tolist() == [1, 0, 0]
+    np.testing.assert_array_equal(to_color_image(grid_map, "color"), image)
+
+
+@pytest.mark.parametrize("flag", [cv2.IMREAD_UNCHANGED, cv2.IMREAD_COLOR, cv2.IMREAD_GRAYSCALE])
+@pytest.mark.parametrize("dtype", LEVELS)
+def test_layers_survive_an_image_file(terrain, tmp_path, dtype, flag):
+    path = str(tmp_path / "elevation.png")
+    cv2.imwrite(path, to_image(terrain, "elevation", dtype, 4, -2, 3))
+    read = cv2.imread(path, flag | (cv2.IMREAD_ANYDEPTH if flag != cv2.IMREAD_UNCHANGED else 0))
+    add_layer_from_image(terrain, read, "again", -2, 3)
+    known = np.isfinite(terrain["elevation"])
+    quantum = 5 / LARGEST[read.dtype.type]
+    np.testing.assert_allclose(
+        terrain["again"][known], terrain["elevation"][known], atol=1.01 * quantum
+    )
+    missing = np.isnan(terrain["elevation"])
+    if flag == cv2.IMREAD_UNCHANGED:
+        assert np.isnan(terrain["again"][missing]).all()
+    else:
+        assert (terrain["again"][missing] == -2).all()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_transparent_pixels_have_no_value(dtype):
+    image = np.full((1, 4, 4), 0.5 * LARGEST[dtype]).astype(dtype)
+    image[0, :, 3] = (np.array([0, 0.25, 0.75, 1.0]) * LARGEST[dtype]).astype(dtype)
+    grid_map = from_image(image, "height", 1.0, 0, 1)
+    add_color_layer_from_image(grid_map, image)
+    for layer in grid_map:
+        assert np.isnan(grid_map[layer]).tolist() == [[True, True, False, False]]
+    lenient = from_image(image, "height", 1.0, 0, 1, alpha_threshold=0.2)
+    assert np.isnan(lenient["height"]).tolist() == [[True, False, False, False]]
+    everything = from_image(image, "height", 1.0, 0, 1, alpha_threshold=0)
+    assert not np.isnan(everything["height"]).any()
+
+
+def test_images_may_be_views_of_any_layout_and_byte_order():
+    image = np.random.default_rng(6).integers(0, 65536, (8, 10, 3)).astype(np.uint16)
+    expected = from_image(image, "grey", 1.0, 0, 1)["grey"]
+    big_endian = image.astype(">u2")
+    reversed_twice = image[..., ::-1].copy()[..., ::-1]
+    for other in (big_endian, reversed_twice, np.asfortranarray(image)):
+        np.testing.assert_array_equal(from_image(other, "grey", 1.0, 0, 1)["grey"], expected)
+    turned = from_image(image[::-1, ::2], "grey", 1.0, 0, 1)["grey"]
+    np.testing.assert_array_equal(turned, expected[::-1, ::2])
+    as_rgb = from_image(image[..., ::-1], "grey", 1.0, 0, 1, order="rgb")["grey"]
+    np.testing.assert_allclose(as_rgb, expected, atol=1 / 65535)
+
+
+def test_a_grey_image_may_have_a_channel_axis_and_colour_a_layer():
+    image = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    grid_map = from_image(image[..., None], "grey", 1.0, 0, 255)
+    np.testing.assert_array_equal(grid_map["grey"], image)
+    for order in ("bgr", "rgb"):
+        add_color_layer_from_image(grid_map, image, order=order)
+        np.testing.assert_array_equal(
+            grid_map["color"], color_vector_to_value(np.stack(3 * [image], axis=-1))
+        )
+
+
+def test_an_image_replaces_a_layer_and_nothing_else(terrain):
+    before = terrain["elevation"].copy()
+    terrain["grey"] = 5.0
+    add_layer_from_image(terrain, np.zeros((9, 6), np.uint8), "grey", 2, 4)
+    assert terrain.layers == ("elevation", "grey")
+    assert (terrain["grey"] == 2).all()
+    np.testing.assert_array_equal(terrain["elevation"], before)
+
+
+# --- memory and mistakes --------------------------------------------------------------------------
+
+
+def peak_of(function) -> tuple[float, np.ndarray]:
+    tracemalloc.start()
+    result = function()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak, result
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, channels):
+    grid_map = GridMap((1000, 800), 1.0, layers={"height": 3.0, "color": 0.0})
+    grid_map.start_index = (7, 300)
+    peak, image = peak_of(lambda: to_image(grid_map, "height", dtype, channels, 0, 5))
+    assert peak < 3 * image.nbytes
+    if channels > 1:
+        peak, image = peak_of(lambda: to_color_image(grid_map, "color", dtype, channels))
+        assert peak < 3 * image.nbytes
+    peak, result = peak_of(lambda: from_image(image, "height", 1.0, 0, 5)["height"])
+    assert peak < 3 * result.nbytes
+    for add, bounds in ((add_layer_from_image, (0, 5)), (add_color_layer_from_image, ())):
+        peak, _ = peak_of(lambda add=add, bounds=bounds: add(grid_map, image, "new", *bounds))
+        assert peak < 3 * result.nbytes
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"dtype": np.int32}, "dtype: expected one of uint8, uint16, float32, float64, got"),
+        ({"dtype": "colour"}, "dtype: expected one of"),
+        ({"channels": 2}, "channels: expected 1, 3 or 4, got 2"),
+        ({"lower": 1, "upper": 1}, "lower, upper: expected two different finite float32 numbers"),
+        ({"lower": -3e38, "upper": 3e38}, "lower, upper: expected two different finite"),
+        ({"lower": np.nan, "upper": 1}, "lower, upper: expected two different finite"),
+        ({"lower": "deep", "upper": 1}, "lower: expected a number, got 'deep'"),
+        ({"lower": np.nan}, "lower: expected a finite float32 number, got nan"),
+        ({"upper": -np.inf}, "upper: expected a finite float32 number, got -inf"),
+    ],
+)
+def test_what_makes_no_image_is_refused(terrain, arguments, message):
+    with pytest.raises(GeometryError, match=message):
+        to_image(terrain, "elevation", **arguments)
+
+
+def test_a_range_of_values_is_one_that_float32_holds():
+    grid_map = GridMap((2, 1), 1.0, layers={"extreme": [[-3e38], [3e38]]})
+    with pytest.raises(GeometryError, match="values: expected a range within float32"):
+        to_image(grid_map, "extreme")
+
+
+def test_colour_images_have_colours(terrain):
+    with pytest.raises(GeometryError, match="channels: expected 3 or 4, got 1"):
+        to_color_image(terrain, "elevation", channels=1)
+    with pytest.raises(GeometryError, match="order: expected 'bgr' or 'rgb', got 'gbr'"):
+        to_color_image(terrain, "elevation", order="gbr")
+
+
+def test_a_missing_layer_is_named(terrain):
+    for convert in (to_image, to_color_image):
+        with pytest.raises(LayerNotFoundError, match="no layer 'height'; available: elevation"):
+            convert(terrain, "height")
+
+
+@pytest.mark.parametrize(
+    ("image", "arguments", "message"),
+    [
+        (None, {}, "which cv2.imread returns for a file it cannot read"),
+        ([[1, 2]], {}, "image: expected one of uint8, uint16, float32, float64, got dtype"),
+        (np.zeros(4, np.uint8), {}, r"image: expected shape .* got \(4,\)"),
+        (np.zeros((9, 6, 2), np.uint8), {}, r"image: expected shape .* got \(9, 6, 2\)"),
+        (np.zeros((0, 6), np.uint8), {}, r"image: expected shape .* got \(0, 6\)"),
+        (np.zeros((9, 6), np.float32), {"lower": 1}, "lower, upper: expected two different"),
+        (np.zeros((9, 6), np.uint8), {"lower": 1, "upper": 1}, "two different finite"),
+        (np.zeros((9, 6, 4), np.float32), {"alpha_threshold": 2}, "a number from 0 to 1, got 2"),
+        (np.zeros((9, 6, 4), np.float32), {"order": "gbr"}, "order: expected 'bgr' or 'rgb'"),
+    ],
+)
+def test_what_is_no_image_changes_nothing(terrain, image, arguments, message):
+    before = terrain.copy()
+    with pytest.raises(GeometryError, match=message):
+        from_image(image, "grey", 1.0, **arguments)
+    with pytest.raises(GeometryError, match=message):
+        add_layer_from_image(terrain, image, "elevation", **arguments)
+    assert_maps_equal(terrain, before)
+
+
+def test_an_image_has_as_many_pixels_as_the_map_has_cells(terrain):
+    for add in (add_layer_from_image, add_color_layer_from_image):
+        with pytest.raises(GeometryError, match=r"expected \(9, 6\) pixels.* got \(6, 9\)"):
+            add(terrain, np.zeros((6, 9), np.float32), "grey")
+    assert terrain.layers == ("elevation",)

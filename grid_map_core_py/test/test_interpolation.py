@@ -1,0 +1,551 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values between cell centres."""
+
+import math
+import tracemalloc
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import (
+    GeometryError,
+    GridMapError,
+    LayerNotFoundError,
+    OutOfMapError,
+)
+from grid_map_core_py.interpolation import Interpolation
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+
+NEAREST, LINEAR, CUBIC_CONVOLUTION, CUBIC = Interpolation
+METHODS = list(Interpolation)
+COMPUTED = [LINEAR, CUBIC_CONVOLUTION, CUBIC]
+CASES = golden.cases("interpolation")
+by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_method = pytest.mark.parametrize("method", METHODS, ids=lambda method: method.value)
+
+
+class Oracle:
+    """One position at a time, in plain Python, from the definitions.
+
+    Cells are counted in map order; `cell` and `value` repeat the border cell beyond the map.
+    """
+
+    def __init__(self, grid_map: GridMap, layer: str) -> None:
+        self.grid_map = grid_map
+        self.values = grid_map.unwrapped(layer).astype(float).tolist()
+        self.axes = [axis.tolist() for axis in grid_map.geometry.axes()]
+
+    def value(self, row, column):
+        rows, columns = self.grid_map.size
+        return self.values[min(max(row, 0), rows - 1)][min(max(column, 0), columns - 1)]
+
+    def cell_at(self, position):
+        index, start = self.grid_map.get_index(position), self.grid_map.start_index
+        return tuple((i - s) % n for i, s, n in zip(index, start, self.grid_map.size, strict=True))
+
+    def between(self, position, method):
+        """Per axis, the number of the centre below and the way t from there to the one above."""
+        result = []
+        for x, cell, axis in zip(position, self.cell_at(position), self.axes, strict=True):
+            t = (x - axis[cell]) / self.grid_map.resolution
+            # A bicubic square is closed where the squares of the other methods are open.
+            above = x > axis[cell] if method is CUBIC else x >= axis[cell]
+            result.append((cell, t) if above else (cell + 1, t + 1.0))
+        return result
+
+    def stage(self, position, method):
+        """The value of the method alone; not finite where a cell that it needs is not."""
+        if method is NEAREST:
+            return self.value(*self.cell_at(position))
+        weigh = {LINEAR: hat, CUBIC_CONVOLUTION: keys}.get(method)
+        (row, s), (column, t) = self.between(position, method)
+        if weigh is None:
+            return self.hermite(row, s, column, t)
+        steps = range(2) if method is LINEAR else range(-1, 3)
+        return sum(
+            self.value(row - i, column - j) * weigh(s - i) * weigh(t - j)
+            for i in steps
+            for j in steps
+        )
+
+    def hermite(self, row, s, column, t):
+        rows, columns = self.grid_map.size
+        total = 0.0
+        for i in (0, 1):
+            for j in (0, 1):
+                corner = min(max(row - i, 0), rows - 1), min(max(column - j, 0), columns - 1)
+                f, fx, fy, fxy = self.derivatives(*corner)
+                total += f * rise(s, i) * rise(t, j) + fx * slope(s, i) * rise(t, j)
+                total += fy * rise(s, i) * slope(t, j) + fxy * slope(s, i) * slope(t, j)
+        return total
+
+    def derivatives(self, row, column):
+        """Value, slopes along +x and +y, and mixed derivative at a cell, per cell."""
+        up, down, left, right = (row - 1, row + 1, column - 1, column + 1)
+        return (
+            self.value(row, column),
+            (self.value(up, column) - self.value(down, column)) / 2,
+            (self.value(row, left) - self.value(row, right)) / 2,
+            (
+                self.value(up, left)
+                - self.value(up, right)
+                - self.value(down, left)
+                + self.value(down, right)
+            )
+            / 4,
+        )
+
+    def chain(self, position, method):
+        """The first stage of the fallback that is finite, and its value."""
+        stages = {LINEAR: [LINEAR], NEAREST: []}.get(method, [method, LINEAR])
+        for stage in stages:
+            value = self.stage(position, stage)
+            if math.isfinite(value):
+                return stage, value
+        return NEAREST, self.stage(position, NEAREST)
+
+
+def hat(distance):
+    return 1.0 - abs(distance)
+
+
+def keys(distance):
+    """R. Keys, Cubic convolution interpolation for digital image processing, 1981, eq. 15."""
+    s = abs(distance)
+    if s < 1:
+        return 1.5 * s**3 - 2.5 * s**2 + 1
+    return -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2 if s < 2 else 0.0
+
+
+def rise(t, corner):
+    return 3 * t**2 - 2 * t**3 if corner else 1 - 3 * t**2 + 2 * t**3
+
+
+def slope(t, corner):
+    return t**3 - t**2 if corner else t**3 - 2 * t**2 + t
+
+
+def same(actual, expected, rtol):
+    return math.isclose(actual, expected, rel_tol=rtol, abs_tol=rtol) or (
+        math.isnan(actual) and math.isnan(expected)
+    )
+
+
+# The numbers of the C++ library
+
+
+@cache
+def golden_map(name: str) -> GridMap:
+    return golden.to_map(golden.load("interpolation")["maps"][name])
+
+
+class Cpp:
+    """Which cells the C++ library reads from the raw buffer, and whether they are the right ones.
+
+    It is wrong where one of these rules holds:
+
+    - A neighbour in the buffer is not the neighbour in the map: at the seam of a moved map. LINEAR
+      moreover does not repeat border cells but runs over the ends of columns, and refuses cells
+      stored before the start index.
+    - CUBIC_CONVOLUTION on the -x or -y side of the cell's centre: evaluated next to its interval.
+    - CUBIC in the half cell at the -x or -y border: t leaves [0, 1].
+    - LINEAR with a neighbour that is not finite gives NaN and does not fall back.
+    """
+
+    def __init__(self, grid_map: GridMap, layer: str) -> None:
+        self.grid_map = grid_map
+        self.oracle = Oracle(grid_map, layer)
+
+    def is_right(self, position, method):
+        if method is NEAREST:
+            return True
+        if not self._reads_the_right_cells(position, method):
+            return False
+        if math.isfinite(self.oracle.stage(position, method)):
+            return True
+        return method is not LINEAR and self.is_right(position, LINEAR)
+
+    def _reads_the_right_cells(self, position, method):
+        cell, index = self.oracle.cell_at(position), self.grid_map.get_index(position)
+        belows = [below for below, _ in self.oracle.between(position, method)]
+        if method is CUBIC_CONVOLUTION and belows != list(cell):
+            return False
+        if method is CUBIC and any(map(int.__ge__, belows, self.grid_map.size)):
+            return False
+        reach = range(-1, 1) if method is LINEAR else range(-2, 2)
+        axes = zip(belows, cell, index, self.grid_map.start_index, self.grid_map.size, strict=True)
+        stored = []
+        for below, centre, stored_centre, start, count in axes:
+            wanted = [below + step for step in reach]
+            read = [stored_centre + number - centre for number in wanted]
+            if method is LINEAR and not all(0 <= n < count for n in wanted + read):
+                return False
+            stored.append([min(max(n, 0), count - 1) for n in read])
+            if stored[-1] != [(min(max(n, 0), count - 1) + start) % count for n in wanted]:
+                return False
+        return method is not LINEAR or self._is_after_the_start(*stored)
+
+    def _is_after_the_start(self, rows, columns):
+        start_row, start_column = self.grid_map.start_index
+        height = self.grid_map.size[0]
+        return min(rows) + height * min(columns) >= start_row + height * start_column
+
+
+COMPARED = {NEAREST: 2793, LINEAR: 365, CUBIC_CONVOLUTION: 391, CUBIC: 573}
+
+
+@by_method
+def test_values_and_stages_equal_those_of_cpp_wherever_it_reads_the_right_cells(method):
+    compared = 0
+    for name, case in CASES:
+        grid_map, layer, results = golden_map(name), case["layer"], case[method.value]
+        cpp, oracle = Cpp(grid_map, layer), Oracle(grid_map, layer)
+        for position, value, stage in zip(
+            case["position"], results["value"], results["method_used"], strict=True
+        ):
+            if grid_map.is_inside(position) and cpp.is_right(position, method):
+                found = grid_map.at_position(layer, position, method)
+                assert same(found, value, 1e-6), (name, position)
+                # Whatever gives our value has the value of that stage of C++.
+                assert same(found, oracle.stage(position, Interpolation(stage)), 1e-9)
+                assert oracle.chain(position, method)[0] is Interpolation(stage)
+                compared += 1
+    assert compared == COMPARED[method]
+
+
+@by_map
+@by_method
+def test_all_golden_positions_inside_have_the_values_of_the_definitions(name, case, method):
+    """Also where C++ is wrong: what it makes of those positions is not used."""
+    grid_map, layer = golden_map(name), case["layer"]
+    oracle = Oracle(grid_map, layer)
+    inside = [position for position in case["position"] if grid_map.is_inside(position)]
+    assert len(inside) >= 270
+    found = grid_map.at_position(layer, inside, method)
+    for position, value in zip(inside, found, strict=True):
+        assert same(value, oracle.chain(position, method)[1], 1e-9), position
+
+
+@by_map
+def test_golden_positions_outside_are_refused_by_every_method(name, case):
+    """In C++ only the nearest value is; the other methods go on for half a cell beyond the map."""
+    grid_map = golden_map(name)
+    outside = [value == "out_of_range" for value in case["nearest"]["value"]]
+    assert sum(outside) >= 415
+    np.testing.assert_array_equal(grid_map.is_inside(case["position"]), np.logical_not(outside))
+    for position in np.compress(outside, case["position"], axis=0):
+        for method in METHODS:
+            with pytest.raises(OutOfMapError, match="is outside the map"):
+                grid_map.at_position(case["layer"], position, method)
+
+
+# Properties
+
+
+@st.composite
+def places(draw, maps=None):
+    """A map and positions on it: anywhere, at and next to centres, cell borders and map borders."""
+    grid_map = draw(grid_maps() if maps is None else maps)
+    steps = st.sampled_from([-0.5, -0.25, -1e-12, 0.0, 1e-12, 0.25, 0.5]) | st.floats(-0.5, 0.5)
+    positions = []
+    for _ in range(draw(st.integers(1, 8))):
+        index = [draw(st.integers(0, count - 1)) for count in grid_map.size]
+        offset = np.array([draw(steps), draw(steps)]) * grid_map.resolution
+        positions.append(grid_map.get_position(index) + offset)
+    return grid_map, grid_map.get_closest_position_in_map(positions)
+
+
+finite_maps = grid_maps(allow_nan=False, allow_infinity=False)
+
+
+@by_method
+@given(places())
+def test_values_equal_those_of_the_definitions(method, drawn):
+    grid_map, positions = drawn
+    oracle = Oracle(grid_map, "elevation")
+    found = grid_map.at_position("elevation", positions, method)
+    expected = [oracle.chain(position, method)[1] for position in positions.tolist()]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-8)
+
+
+@by_method
+@settings(max_examples=50)
+@given(places(), st.data())
+def test_a_moved_map_has_the_same_values(method, drawn, data):
+    grid_map, positions = drawn
+    start = [data.draw(st.integers(0, count - 1)) for count in grid_map.size]
+    moved = moved_in_buffer(grid_map, tuple(start))
+    np.testing.assert_array_equal(
+        moved.at_position("elevation", positions, method),
+        grid_map.at_position("elevation", positions, method),
+    )
+
+
+@by_method
+@settings(max_examples=25)
+@given(places())
+def test_one_position_has_the_value_that_it_has_among_many(method, drawn):
+    grid_map, positions = drawn
+    many = grid_map.at_position("elevation", positions, method)
+    one_by_one = [grid_map.at_position("elevation", position, method) for position in positions]
+    np.testing.assert_allclose(many, one_by_one, rtol=1e-12, atol=1e-9)
+
+
+@by_method
+@given(grid_maps())
+def test_at_the_centre_of_a_cell_the_value_is_that_of_the_cell(method, grid_map):
+    found = grid_map.at_position("elevation", grid_map.get_positions(), method)
+    cells = grid_map["elevation"].ravel("F")
+    np.testing.assert_allclose(found, cells, rtol=1e-9, atol=1e-9)
+
+
+@by_method
+@given(
+    grid_map=finite_maps,
+    slopes=st.tuples(*[st.floats(-2, 2)] * 3),
+    data=st.data(),
+)
+def test_planes_are_reproduced_away_from_the_border(method, grid_map, slopes, data):
+    margin = {NEAREST: np.inf, LINEAR: 0.5}.get(method, 1.5) * grid_map.resolution
+    room = 0.5 * grid_map.length - margin
+    if method is NEAREST or (room <= 0).any():
+        return
+    constant, along_x, along_y = slopes
+    plane = np.array([along_x, along_y])
+    heights = constant + grid_map.get_positions() @ plane
+    grid_map["plane"] = heights.reshape(grid_map.size, order="F")
+    shares = data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=1, max_size=5))
+    positions = grid_map.position + np.array(shares) * room
+    found = grid_map.at_position("plane", positions, method)
+    # The cells hold the plane as float32.
+    rounding = 1e-6 * (1.0 + np.abs(heights).max())
+    np.testing.assert_allclose(found, constant + positions @ plane, rtol=0, atol=rounding)
+
+
+@given(places(finite_maps))
+def test_linear_values_stay_between_the_lowest_and_the_highest_cell(drawn):
+    grid_map, positions = drawn
+    found = grid_map.at_position("elevation", positions, LINEAR)
+    layer = grid_map["elevation"].astype(np.float64)
+    rounding = 1e-12 * np.abs(layer).max()
+    assert found.min() >= layer.min() - rounding
+    assert found.max() <= layer.max() + rounding
+
+
+@given(places(finite_maps))
+def test_the_cubic_methods_agree_but_in_the_half_cell_at_the_border(drawn):
+    grid_map, positions = drawn
+    inner = 0.5 * (grid_map.length - grid_map.resolution)
+    inside = (np.abs(positions - grid_map.position) <= inner).all(axis=1)
+    positions = positions[inside]
+    np.testing.assert_allclose(
+        grid_map.at_position("elevation", positions, CUBIC),
+        grid_map.at_position("elevation", positions, CUBIC_CONVOLUTION),
+        atol=1e-8,
+    )
+
+
+@given(
+    st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    st.sampled_from([0.01, 0.05, 0.1, 1 / 3, 1.0]),
+    st.sampled_from([0.0, 0.5, 1.0, -0.5, 1 / 3, 123.4, 1e9]),
+    st.integers(-3, 3),
+)
+def test_exactly_the_positions_on_the_map_have_values(size, resolution, centre, ulps):
+    grid_map = GridMap(np.multiply(size, resolution), resolution, (centre, centre), {"a": 1.0})
+    half = 0.5 * grid_map.length
+    for border in (centre + half, centre - half):
+        for axis in (0, 1):
+            position = np.full(2, centre)
+            position[axis] = border[axis] + ulps * np.spacing(centre + half[axis])
+            if grid_map.is_inside(position):
+                values = [grid_map.at_position("a", position, method) for method in METHODS]
+                np.testing.assert_allclose(values, 1.0, rtol=1e-12)
+            else:
+                with pytest.raises(OutOfMapError):
+                    grid_map.at_position("a", position)
+
+
+# Examples
+
+
+def line(values: list[float], axis: int = 0) -> GridMap:
+    """A map of one column (or one row) of cells of 1 m, the first one at 0 m."""
+    size = (len(values), 1) if axis == 0 else (1, len(values))
+    position = np.zeros(2)
+    position[axis] = -0.5 * (len(values) - 1)
+    return GridMap(size, 1.0, position, {"a": np.reshape(values, size)})
+
+
+def along(axis: int, coordinate: float) -> tuple[float, float]:
+    return (coordinate, 0.0) if axis == 0 else (0.0, coordinate)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(
+    ("method", "coordinate", "expected"),
+    [
+        (NEAREST, -2.49, 8.0),
+        (NEAREST, -2.51, 16.0),
+        (LINEAR, -2.25, 10.0),
+        (LINEAR, 0.25, 1.0),
+        # Halfway between cells Keys gives -1/16, 9/16, 9/16, -1/16.
+        (CUBIC_CONVOLUTION, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
+        (CUBIC, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
+        (CUBIC, -0.5, (-1.0 + 9 * 1.0 + 9 * 4.0 - 8.0) / 16),
+        # A quarter of a cell beyond the last centre Keys repeats the cell, while the Hermite
+        # polynomial has the last slope, half the last difference, at both of its ends.
+        (CUBIC_CONVOLUTION, 0.25, 1.0 - 9 / 128 * 3.0),
+        (CUBIC, 0.25, 1.0 - 1.5 * (9 / 64 - 3 / 64)),
+        (CUBIC, -4.25, 32.0 + 8.0 * (9 / 64 - 3 / 64)),
+    ],
+)
+def test_values_along_a_line_are_those_computed_by_hand(axis, method, coordinate, expected):
+    grid_map = line([1.0, 4.0, 8.0, 16.0, 32.0], axis)
+    found = grid_map.at_position("a", along(axis, coordinate), method)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("method", "coordinate", "expected"),
+    [
+        (CUBIC_CONVOLUTION, -2.25, 10.0),
+        (CUBIC, -2.25, 10.0),
+        (LINEAR, -1.25, 4.0),
+        (CUBIC, -1.25, 4.0),
+        # The weight of the missing cell is zero here, but the method needs it all the same.
+        (CUBIC_CONVOLUTION, -2.0, 8.0),
+        (LINEAR, -1.0, 4.0),
+    ],
+)
+def test_a_cell_that_is_not_finite_leaves_the_value_to_a_simpler_method(
+    missing, method, coordinate, expected
+):
+    holed = {-2.25: [1.0, missing, 8.0, 16.0, 32.0], -2.0: [1.0, missing, 8.0, 16.0, 32.0]}
+    grid_map = line(holed.get(coordinate, [missing, 4.0, missing, 16.0, 32.0]))
+    assert grid_map.at_position("a", (coordinate, 0.0), method) == expected
+
+
+@by_method
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_cell_that_is_not_finite_is_returned_where_nothing_else_is_left(method, value):
+    grid_map = line([1.0, 2.0, value, 3.0, 4.0])
+    np.testing.assert_array_equal(grid_map.at_position("a", [(-2.25, 0.1)], method), [value])
+
+
+@by_method
+@pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1), (2, 2)])
+def test_a_constant_map_has_its_value_everywhere(method, size):
+    grid_map = GridMap(size, 1.0, layers={"a": 2.5})
+    positions = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2)) * size
+    found = grid_map.at_position("a", positions, method)
+    np.testing.assert_allclose(found, 2.5, rtol=1e-12)
+
+
+def bumpy(cells: int = 30) -> GridMap:
+    layer = np.random.default_rng(2).normal(size=(cells, cells + 1))
+    return GridMap((cells, cells + 1), 1.0, layers={"a": layer})
+
+
+@by_method
+def test_many_positions_have_the_values_that_they_have_in_small_groups(method):
+    grid_map = bumpy()
+    positions = np.random.default_rng(3).uniform(-14, 14, (20_000, 2))
+    groups = [grid_map.at_position("a", group, method) for group in np.split(positions, 40)]
+    found = grid_map.at_position("a", positions, method)
+    np.testing.assert_allclose(found, np.concatenate(groups), rtol=0, atol=1e-12)
+
+
+@by_method
+def test_memory_stays_below_three_times_the_values(method):
+    grid_map = bumpy(300)
+    positions = np.random.default_rng(3).uniform(-140, 140, (500_000, 2))
+    tracemalloc.start()
+    values = grid_map.at_position("a", positions, method)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak <= 3 * values.nbytes
+
+
+@by_method
+def test_a_position_gives_a_float_and_positions_an_array_of_float64(method):
+    grid_map = bumpy()
+    assert type(grid_map.at_position("a", (0.2, 0.3), method)) is float
+    for positions in ([(0.2, 0.3)], np.zeros((3, 2), int), np.zeros((0, 2))):
+        values = grid_map.at_position("a", positions, method)
+        assert values.dtype == np.float64
+        assert values.shape == (len(positions),)
+
+
+@by_method
+def test_the_kind_of_array_does_not_matter(method):
+    grid_map = bumpy()
+    positions = np.round(np.random.default_rng(4).uniform(-14, 14, (9, 2)))
+    expected = grid_map.at_position("a", positions, method)
+    for other in (
+        positions.tolist(),
+        tuple(map(tuple, positions)),
+        positions.astype(np.int32),
+        np.asfortranarray(positions),
+        np.repeat(positions, 2, axis=0)[::2],
+        np.hstack([positions, positions])[:, 1:3][:, ::-1],
+    ):
+        np.testing.assert_array_equal(grid_map.at_position("a", other, method), expected)
+
+
+def test_a_method_may_be_named():
+    grid_map = bumpy()
+    for method in METHODS:
+        assert grid_map.at_position("a", (1.2, 3.4), method.value) == grid_map.at_position(
+            "a", (1.2, 3.4), method
+        )
+    assert grid_map.at_position("a", (1.2, 3.4)) == grid_map["a"][grid_map.get_index((1.2, 3.4))]
+
+
+@by_method
+def test_neither_the_map_nor_the_positions_are_changed(method):
+    grid_map = bumpy()
+    grid_map["a"][3:5, 7] = np.nan
+    positions = np.asfortranarray(np.random.default_rng(4).uniform(-14, 14, (9, 2)))
+    layer, given = grid_map["a"].copy(), positions.copy()
+    grid_map["a"].flags.writeable = False
+    positions.flags.writeable = False
+    grid_map.at_position("a", positions, method)
+    np.testing.assert_array_equal(grid_map["a"], layer)
+    np.testing.assert_array_equal(positions, given)
+
+
+@by_method
+@pytest.mark.parametrize("position", [(-2.5, 0.0), (1e300, 0.0), (0.0, np.nan), (np.inf, 0.0)])
+def test_the_first_position_outside_the_map_is_named(method, position):
+    grid_map = GridMap((5, 5), 1.0, layers={"a": 1.0})
+    many = np.vstack([np.zeros((10_000, 2)), position, [(-7.0, 7.0)]])
+    x, y = map(str, np.array(position).tolist())
+    with pytest.raises(OutOfMapError) as error:
+        grid_map.at_position("a", many, method)
+    assert f"position ({x}, {y}) is outside the map: centre (0.0, 0.0)" in str(error.value)
+
+
+@pytest.mark.parametrize("positions", [1.0, [1.0, 2.0, 3.0], [[1.0], [2.0]], "here", []])
+def test_positions_of_a_wrong_shape_are_refused(positions):
+    with pytest.raises(GeometryError, match="position: expected"):
+        bumpy().at_position("a", positions, LINEAR)
+
+
+def test_an_unknown_layer_is_refused():
+    with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a"):
+        bumpy().at_position("b", (0, 0))
+
+
+@pytest.mark.parametrize("method", ["spline", 1, None])
+def test_an_unknown_method_is_refused(method):
+    known = "expected one of nearest, linear, cubic_convolution, cubic, got"
+    with pytest.raises(GridMapError, match=f"interpolation: {known} {method!r}"):
+        bumpy().at_position("a", (0, 0), method)

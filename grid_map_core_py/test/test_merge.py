@@ -1,0 +1,359 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Growing a map, and adding the data of another one."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+
+
+@pytest.fixture
+def terrain() -> GridMap:
+    values = np.arange(8 * 5, dtype=np.float32).reshape(8, 5)
+    return GridMap((8, 5), 1.0, (0.5, 0.0), {"elevation": values, "variance": 0.1}, frame_id="map")
+
+
+@st.composite
+def neighbours(draw, layers=("elevation", "extra")):
+    """Draw two maps that lie near each other, often with centres on borders of cells."""
+    grid_map, other = draw(grid_maps(max_side=6)), draw(grid_maps(layers, max_side=6))
+    other.frame_id = draw(st.sampled_from(["", grid_map.frame_id]))
+    quarters = st.integers(-20, 20).map(lambda number: number / 4)
+    offset = draw(st.tuples(*[quarters | st.floats(-5, 5)] * 2))
+    unit = draw(st.sampled_from([grid_map.resolution, other.resolution]))
+    other.position = grid_map.position + np.multiply(offset, unit)
+    return grid_map, other
+
+
+def borders(grid_map):
+    return grid_map.position - 0.5 * grid_map.length, grid_map.position + 0.5 * grid_map.length
+
+
+def covers(grid_map, other):
+    (lower, upper), (other_lower, other_upper) = borders(grid_map), borders(other)
+    return bool((lower <= other_lower + 1e-9).all() and (upper >= other_upper - 1e-9).all())
+
+
+def by_position(grid_map, layer):
+    """Return the values by their cell's place on the lattice, which growing must not change."""
+    positions = grid_map.get_positions()
+    values = [grid_map[layer][tuple(index)] for index in grid_map.get_indices(positions)[0]]
+    cells = np.round(positions / grid_map.resolution, 3)
+    return {tuple(cell): value for cell, value in zip(cells.tolist(), values, strict=True)}
+
+
+def assert_grown(grown, before, other):
+    """Assert that a map is the smallest one that keeps the cells of another and has a third."""
+    assert covers(grown, before)
+    assert covers(grown, other)
+    for axis in (0, 1):
+        extra = grown.size[axis] - before.size[axis]
+        (lower, upper), (other_lower, other_upper) = borders(before), borders(other)
+        missing = [lower - other_lower, other_upper - upper]
+        needed = [int(np.ceil(m[axis] / before.resolution - 1e-6)) for m in missing if m[axis] > 0]
+        assert extra == sum(needed)
+    for layer in before:
+        values, expected = by_position(grown, layer), by_position(before, layer)
+        for cell, value in values.items():
+            np.testing.assert_equal(value, expected.pop(cell, np.nan))
+        assert not expected
+    assert grown.layers == before.layers
+    assert grown.basic_layers == before.basic_layers
+    assert (grown.frame_id, grown.timestamp) == (before.frame_id, before.timestamp)
+
+
+def naively_added(grid_map, other, *, overwrite_data, layers):
+    """Return `grid_map` with data of `other`, cell by cell."""
+    result = grid_map.copy()
+    for layer in layers:
+        if layer not in result:
+            result.add(layer)
+        for index in np.ndindex(result.size):
+            position = result.get_position(index)
+            if not other.is_inside(position):
+                continue
+            value = other[layer][other.get_index(position)]
+            if np.isfinite(value) and (overwrite_data or not np.isfinite(result[layer][index])):
+                result[layer][index] = value
+    return result
+
+
+class TestExtendToInclude:
+    CASES = golden.load("extend_to_include")["cases"]
+
+    def run(self, case):
+        grid_map, other = golden.to_map(case["map"]), self.other(case)
+        grid_map.extend_to_include(other)
+        return grid_map
+
+    def other(self, case):
+        geometry = case["other_geometry"]
+        return GridMap(geometry["length"], geometry["resolution"], geometry["position"])
+
+    def test_equals_cpp(self):
+        compared = 0
+        for case in self.CASES:
+            expected = golden.to_map(case["result"])
+            # C++ often leaves a part of the other map out; see the next test.
+            if covers(expected, self.other(case)):
+                grown = self.run(case)
+                assert_maps_equal(grown, expected)
+                assert grown.start_index == expected.start_index
+                compared += 1
+        assert compared == 9
+
+    def test_covers_the_other_map_where_cpp_does_not(self):
+        checked = 0
+        for case in self.CASES:
+            if not covers(golden.to_map(case["result"]), self.other(case)):
+                assert_grown(self.run(case), golden.to_map(case["map"]), self.other(case))
+                checked += 1
+        assert checked == 15
+
+    @given(neighbours())
+    def test_keeps_every_cell_and_covers_the_other_map(self, maps):
+        grid_map, other = maps
+        before, other_before = grid_map.copy(), other.copy()
+        grid_map.extend_to_include(other)
+        assert_grown(grid_map, before, other)
+        assert_maps_equal(other, other_before)
+        assert other.start_index == other_before.start_index
+
+    @given(neighbours(), st.data())
+    def test_is_the_same_moved_or_not(self, maps, data):
+        grid_map, other = maps
+        start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
+        moved = moved_in_buffer(grid_map, start)
+        grid_map.extend_to_include(other)
+        moved.extend_to_include(other)
+        assert_maps_equal(moved, grid_map)
+
+    @given(neighbours())
+    def test_once_more_changes_nothing(self, maps):
+        grid_map, other = maps
+        grid_map.extend_to_include(other)
+        before, layer = grid_map.copy(), grid_map["elevation"]
+        grid_map.extend_to_include(other)
+        grid_map.extend_to_include(grid_map)
+        assert_maps_equal(grid_map, before)
+        assert grid_map["elevation"] is layer
+        assert grid_map.start_index == before.start_index
+
+    def test_a_map_that_covers_the_other_stays_as_it_is(self, terrain):
+        terrain.start_index = (3, 2)
+        layer = terrain["elevation"]
+        terrain.extend_to_include(GridMap((8 + 1e-9, 5), 1.0, (0.5, 1e-10)))
+        terrain.extend_to_include(GridMap((1, 1), 0.1, (4.0, -2.0)))
+        assert terrain["elevation"] is layer
+        assert terrain.start_index == (3, 2)
+
+    @pytest.mark.parametrize("centre", [(1, 2), (-1, 2), (1, -2), (-1, -2)])
+    def test_works_where_a_border_lies_at_zero(self, centre):
+        grid_map = GridMap((2, 4), 0.5, centre, {"a": 1.0})
+        grid_map.extend_to_include(GridMap((2, 4), 0.5, np.negative(centre)))
+        assert grid_map.size == (8, 16)
+        assert grid_map.position.tolist() == [0.0, 0.0]
+        assert np.isfinite(grid_map["a"]).sum() == 32
+
+    @pytest.mark.parametrize("cells", [0, 3, 41])
+    def test_takes_no_further_cell_for_rounding_far_from_the_origin(self, cells):
+        for origin in np.random.default_rng(1).uniform(4e6, 6e6, (50, 2)):
+            grid_map = GridMap((4, 3), 0.1, origin, layers=["a"])
+            grid_map.extend_to_include(GridMap((4, 3), 0.1, origin + 0.1 * cells))
+            assert grid_map.size == (40 + cells, 30 + cells)
+
+    def test_needs_little_memory(self):
+        grid_map = GridMap((300, 200), 1.0, layers={"a": 1.0, "b": 2.0})
+        grid_map.start_index = (7, 9)
+        grid_map.basic_layers = ["a"]
+        other = GridMap((300, 200), 1.0, (50, 50))
+        peak = peak_memory(lambda: grid_map.extend_to_include(other))
+        assert peak <= 2.0 * sum(grid_map[layer].nbytes for layer in grid_map)
+
+
+class TestAddDataFrom:
+    CASES = golden.load("add_data_from")["cases"]
+
+    def run(self, case):
+        grid_map = golden.to_map(case["map"])
+        grid_map.add_data_from(golden.to_map(case["other"]), **self.options(case))
+        return grid_map
+
+    def options(self, case):
+        layers = None if case["copy_all_layers"] else case["layers"]
+        return {**{key: case[key] for key in ("extend_map", "overwrite_data")}, "layers": layers}
+
+    def is_wrong_in_cpp(self, case):
+        # C++ asks the basic layers whether it may overwrite, and grows as in the class above.
+        overwrites = not case["overwrite_data"] and not case["map"]["basic_layers"]
+        result, other = golden.to_map(case["result"]), golden.to_map(case["other"])
+        return overwrites or (case["extend_map"] and not covers(result, other))
+
+    def test_equals_cpp(self):
+        compared = 0
+        for case in self.CASES:
+            if not self.is_wrong_in_cpp(case):
+                result, expected = self.run(case), golden.to_map(case["result"])
+                assert_maps_equal(result, expected)
+                assert result.start_index == expected.start_index
+                compared += 1
+        assert compared == 33
+
+    def test_is_right_where_cpp_is_not(self):
+        checked = 0
+        for case in self.CASES:
+            if self.is_wrong_in_cpp(case):
+                grown, other = golden.to_map(case["map"]), golden.to_map(case["other"])
+                if case["extend_map"]:
+                    grown.extend_to_include(other)
+                assert case["copy_all_layers"]
+                expected = naively_added(
+                    grown, other, overwrite_data=case["overwrite_data"], layers=other.layers
+                )
+                assert_maps_equal(self.run(case), expected)
+                checked += 1
+        assert checked == 39
+
+    @given(neighbours(), st.booleans(), st.booleans(), st.booleans())
+    def test_equals_a_loop_over_all_cells(self, maps, extend, overwrite, every_layer):
+        grid_map, other = maps
+        layers = other.layers if every_layer else ("extra",)
+        grown, other_before = grid_map.copy(), other.copy()
+        if extend:
+            grown.extend_to_include(other)
+        expected = naively_added(grown, other, overwrite_data=overwrite, layers=layers)
+        grid_map.add_data_from(
+            other,
+            extend_map=extend,
+            overwrite_data=overwrite,
+            layers=None if every_layer else (name for name in layers),
+        )
+        assert_maps_equal(grid_map, expected)
+        assert grid_map.start_index == grown.start_index
+        assert_maps_equal(other, other_before)
+        assert all(data.flags.f_contiguous for data in map(grid_map.__getitem__, grid_map))
+
+    @given(neighbours(), st.booleans(), st.booleans(), st.data())
+    def test_is_the_same_for_moved_maps(self, maps, extend, overwrite, data):
+        def moved(grid_map):
+            start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
+            return moved_in_buffer(grid_map, start)
+
+        options = {"extend_map": extend, "overwrite_data": overwrite}
+        (grid_map, other), (moved_map, moved_other) = maps, map(moved, maps)
+        grid_map.add_data_from(other, **options)
+        moved_map.add_data_from(moved_other, **options)
+        assert_maps_equal(moved_map, grid_map)
+
+    @given(grid_maps(("a", "b")), st.booleans(), st.booleans())
+    def test_a_map_gains_nothing_from_itself(self, grid_map, extend, overwrite):
+        before = grid_map.copy()
+        grid_map.add_data_from(grid_map, extend_map=extend, overwrite_data=overwrite)
+        assert_maps_equal(grid_map, before)
+        assert grid_map.start_index == before.start_index
+
+    @given(neighbours(("elevation",)))
+    def test_without_overwriting_no_finite_value_changes(self, maps):
+        grid_map, other = maps
+        before = grid_map["elevation"].copy()
+        grid_map.add_data_from(other, extend_map=False, overwrite_data=False)
+        finite = np.isfinite(before)
+        np.testing.assert_array_equal(grid_map["elevation"][finite], before[finite])
+
+    def test_validity_is_judged_layer_by_layer(self):
+        """Neither a valid basic layer protects the others, nor the reverse."""
+        layers = {"a": [[1], [np.nan], [1]], "b": [[np.nan], [2], [2]]}
+        grid_map = GridMap((3, 1), 1.0, layers=layers)
+        grid_map.basic_layers = ["a"]
+        other = GridMap((3, 1), 1.0, layers={"a": 7, "b": 8})
+        grid_map.add_data_from(other, extend_map=False, overwrite_data=False)
+        assert grid_map["a"].ravel().tolist() == [1, 7, 1]
+        assert grid_map["b"].ravel().tolist() == [8, 2, 2]
+
+    def test_a_finer_map_gives_the_cells_under_the_centres(self):
+        coarse = GridMap((2, 2), 1.0, layers=["a"])
+        fine = GridMap((1.5, 0.9), 0.3, layers={"a": np.arange(15).reshape(5, 3)})
+        coarse.add_data_from(fine, extend_map=False, overwrite_data=True)
+        # The centres at y = +-0.5 lie beside the finer map, which ends at +-0.45.
+        assert np.isnan(coarse["a"]).all()
+        fine.position = (0.0, 0.5)
+        coarse.add_data_from(fine, extend_map=False, overwrite_data=True)
+        np.testing.assert_array_equal(coarse["a"], [[1, np.nan], [13, np.nan]])
+
+    def test_writes_into_the_live_layers_unless_the_map_grows(self, terrain):
+        layer = terrain["elevation"]
+        other = GridMap((2, 2), 1.0, (0.5, 0.5), {"elevation": -1.0})
+        terrain.add_data_from(other, extend_map=True, overwrite_data=True)
+        assert terrain["elevation"] is layer
+        assert (layer == -1).sum() == 4
+
+    def test_layers_that_are_missing_are_added_even_without_overlap(self, terrain):
+        other = GridMap((2, 2), 1.0, (90, 90), {"a": 1.0, "b": 2.0})
+        before = terrain.copy()
+        terrain.add_data_from(other, extend_map=False, overwrite_data=True, layers="b")
+        assert terrain.layers == ("elevation", "variance", "b")
+        assert np.isnan(terrain["b"]).all()
+        assert_maps_equal(terrain.without_layers("b"), before)
+
+    def test_no_layers_are_none(self, terrain):
+        before = terrain.copy()
+        other = GridMap((2, 2), 1.0, (0, 0), {"elevation": 1.0})
+        terrain.add_data_from(other, extend_map=False, overwrite_data=True, layers=[])
+        assert_maps_equal(terrain, before)
+
+    @pytest.mark.parametrize(
+        ("layers", "position", "frame_id", "error", "message"),
+        [
+            (["a", "b"], (0, 9), "map", LayerNotFoundError, "no layer 'b'; available: a"),
+            (["a", 5], (0, 9), "map", LayerNotFoundError, "no layer 5"),
+            (5, (0, 9), "map", GridMapError, "expected names of layers, got 5"),
+            (None, (0, 9), "odom", GridMapError, "in frame 'odom', this one in 'map'"),
+            (None, (0, 1e12), "map", GeometryError, "too many cells"),
+            (None, (0, 1e308), "map", GeometryError, "length"),
+        ],
+    )
+    def test_what_is_refused_changes_nothing(
+        self, terrain, layers, position, frame_id, error, message
+    ):
+        terrain.start_index = (3, 2)
+        before = terrain.copy()
+        other = GridMap((2, 2), 1.0, position, {"a": 1.0}, frame_id=frame_id)
+        with pytest.raises(error, match=message):
+            terrain.add_data_from(other, extend_map=True, overwrite_data=True, layers=layers)
+        assert_maps_equal(terrain, before)
+        assert terrain.start_index == (3, 2)
+
+    @pytest.mark.parametrize("other", [None, {"elevation": 1.0}, np.zeros((2, 2))])
+    def test_what_is_no_map_is_refused(self, terrain, other):
+        with pytest.raises(GridMapError, match="other: expected a map"):
+            terrain.add_data_from(other, extend_map=False, overwrite_data=True)
+        with pytest.raises(GridMapError, match="other: expected a map"):
+            terrain.extend_to_include(other)
+
+    def test_frames_that_differ_are_refused_when_growing(self, terrain):
+        with pytest.raises(GridMapError, match="get_transformed_map"):
+            terrain.extend_to_include(GridMap((1, 1), 1.0, frame_id="odom"))
+
+    def test_needs_little_memory(self):
+        grid_map = GridMap((600, 500), 1.0, layers={"a": 1.0})
+        other = GridMap((600, 500), 1.0, (50, 50), layers={"a": 1.0, "b": 2.0})
+        options = {"extend_map": False, "overwrite_data": False}
+        peak = peak_memory(lambda: grid_map.add_data_from(other, **options))
+        assert peak <= 2.0 * sum(grid_map[layer].nbytes for layer in grid_map)
+
+
+def peak_memory(operation):
+    """Return the largest number of bytes allocated while an operation runs."""
+    tracemalloc.start()
+    try:
+        operation()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

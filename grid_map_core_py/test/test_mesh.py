@@ -1,0 +1,261 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers made of triangle meshes."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from grid_map_core_py import GeometryError, GridMap, GridMapError
+from grid_map_core_py.mesh import grid_map_from_mesh, rasterize_triangles
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+
+SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
+
+
+def hits_by_hand(grid_map, vertices, faces) -> np.ndarray:
+    """Oracle: for each cell and triangle, solve for the point of the plane over the centre."""
+    layer = np.full(grid_map.size, np.nan)
+    for index in np.ndindex(grid_map.size):
+        point = grid_map.get_position(index)
+        for face in faces:
+            height = height_at(point, vertices[list(face)])
+            if height is not None:
+                layer[index] = np.fmax(layer[index], height)
+    return layer
+
+
+def height_at(point, corners) -> float | None:
+    matrix = np.vstack([corners[:, :2].T, np.ones(3)])
+    if not np.isfinite(corners).all() or abs(np.linalg.det(matrix)) < 1e-9:
+        return None
+    weights = np.linalg.solve(matrix, [*point, 1.0])
+    return weights @ corners[:, 2] if (weights >= -1e-9).all() else None
+
+
+@st.composite
+def meshes(draw):
+    """A map, and triangles whose corners lie at or between its cell centres, or anywhere near."""
+    grid_map = draw(grid_maps(max_side=7))
+    # Quarters of cells: the oracle and we agree on whether a centre lies on an edge.
+    quarters = arrays.arrays(np.int64, (draw(st.integers(3, 9)), 2), elements=st.integers(-8, 36))
+    corner = grid_map.geometry.corner - 0.5 * grid_map.resolution
+    xy = corner - 0.25 * grid_map.resolution * draw(quarters)
+    heights = draw(arrays.arrays(np.float64, len(xy), elements=st.integers(-9, 9)))
+    count = st.integers(0, 8)
+    indices = st.integers(0, len(xy) - 1)
+    faces = draw(arrays.arrays(np.int64, st.tuples(count, st.just(3)), elements=indices))
+    return grid_map, np.column_stack([xy, heights]), faces
+
+
+@given(meshes())
+def test_the_highest_hit_equals_that_found_by_hand(case):
+    grid_map, vertices, faces = case
+    result = rasterize_triangles(vertices, faces, grid_map)
+    expected = hits_by_hand(grid_map, vertices, faces)
+    np.testing.assert_allclose(result["elevation"], expected, rtol=1e-5, atol=1e-5)
+
+
+@given(meshes(), st.randoms(use_true_random=False))
+def test_neither_order_nor_turn_of_the_faces_matters(case, random):
+    grid_map, vertices, faces = case
+    shuffled = [random.sample(face, 3) for face in random.sample(faces.tolist(), len(faces))]
+    shuffled = np.array(shuffled, dtype=np.int32).reshape(-1, 3)
+    one = rasterize_triangles(vertices, faces, grid_map)
+    other = rasterize_triangles(vertices, shuffled, grid_map)
+    assert_maps_equal(one, other, rtol=1e-5, atol=1e-5)
+
+
+@given(meshes(), st.data())
+def test_a_moved_map_gets_the_same_heights(case, data):
+    grid_map, vertices, faces = case
+    rows, columns = grid_map.size
+    start = data.draw(st.tuples(st.integers(0, rows - 1), st.integers(0, columns - 1)))
+    moved = moved_in_buffer(grid_map, start)
+    assert_maps_equal(
+        rasterize_triangles(vertices, faces, moved),
+        rasterize_triangles(vertices, faces, grid_map),
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4])
+@pytest.mark.parametrize("offset", [0.0, 500_000.0])
+def test_no_cell_is_missed_where_triangles_meet(dtype, angle, offset):
+    """A turned mesh far from the origin, with cell centres on many of its edges."""
+    steps = np.linspace(-3, 3, 25)
+    x, y = np.meshgrid(steps, steps, indexing="ij")
+    vertices = np.column_stack([x.ravel(), y.ravel(), 2 * x.ravel() - y.ravel()])
+    turn = np.array([(np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))])
+    vertices[:, :2] = vertices[:, :2] @ turn.T + (offset, -offset)
+    first = np.arange(25 * 24).reshape(24, 25)[:, :-1].ravel()
+    faces = np.vstack(
+        [
+            np.column_stack([first, first + 1, first + 26]),
+            np.column_stack([first, first + 26, first + 25]),
+        ]
+    )
+    grid_map = GridMap((4, 3.75), 0.125, (offset, -offset))
+    result = rasterize_triangles(vertices.astype(dtype), faces, grid_map)["elevation"]
+    xy = (grid_map.get_positions() - (offset, -offset)) @ turn
+    expected = (2 * xy[:, 0] - xy[:, 1]).reshape(grid_map.size, order="F")
+    tolerance = 1e-5 if dtype == np.float64 or offset == 0 else 0.15
+    np.testing.assert_allclose(result, expected, atol=tolerance)
+
+
+def test_a_plane_is_met_at_its_heights_and_only_under_it():
+    vertices = [(0, 0, 0), (2, 0, 2), (0, 2, 4)]
+    result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((4, 4), 1.0), "height")["height"]
+    expected = np.full((4, 4), np.nan)
+    # Heights x + 2 y at the centres 0.5 and 1.5; the outermost lies beyond the third edge.
+    expected[0:2, 0:2] = [(np.nan, 2.5), (3.5, 1.5)]
+    np.testing.assert_allclose(result, expected)
+
+
+def test_the_highest_of_several_surfaces_counts():
+    vertices = np.vstack([SQUARE, SQUARE + (0, 0, 3), SQUARE + (0, 0, -2)])
+    faces = np.vstack([[(0, 1, 2, 3)], [(4, 5, 6, 7)], [(8, 9, 10, 11)]])
+    result = rasterize_triangles(vertices, faces, GridMap((2, 2), 0.5))
+    assert (result["elevation"] == 3).all()
+
+
+def test_polygons_are_cut_into_fans():
+    angles = 2 * np.pi * np.arange(6) / 6
+    vertices = np.column_stack([np.cos(angles), np.sin(angles), np.ones(6)])
+    grid_map = GridMap((2, 2), 0.05)
+    result = rasterize_triangles(vertices, [range(6)], grid_map)["elevation"]
+    inside = np.ones(len(grid_map.get_positions()), bool)
+    for angle in angles + np.pi / 6:
+        normal = np.array([np.cos(angle), np.sin(angle)])
+        inside &= grid_map.get_positions() @ normal <= np.cos(np.pi / 6) + 1e-9
+    np.testing.assert_array_equal(np.isfinite(result).ravel("F"), inside)
+
+
+def test_a_vertical_wall_is_met_at_its_floor_and_roof_only():
+    wall = [(0.25, -1, 0), (0.25, 1, 0), (0.25, 1, 5), (0.25, -1, 5)]
+    grid_map = GridMap((2, 2), 0.5)
+    assert np.isnan(rasterize_triangles(wall, [range(4)], grid_map)["elevation"]).all()
+    steep = np.array(wall) + [(1e-4, 0, 0), (1e-4, 0, 0), (0, 0, 0), (0, 0, 0)]
+    steep_heights = rasterize_triangles(steep, [range(4)], grid_map)["elevation"]
+    assert np.nanmin(steep_heights) >= 0
+    assert np.nanmax(steep_heights) <= 5
+
+
+@pytest.mark.parametrize(("gap", "is_hit"), [(5e-10, True), (5e-9, False)])
+def test_a_centre_within_a_nanometre_of_an_edge_is_hit(gap, is_hit):
+    """By a triangle so steep that its plane is far below its lowest corner there."""
+    steep = [(gap, -1, 0), (gap, 1, 0), (gap + 1e-6, 0, 100)]
+    heights = rasterize_triangles(steep, [(0, 1, 2)], GridMap((1, 1), 1.0))["elevation"]
+    np.testing.assert_array_equal(heights, [[0.0 if is_hit else np.nan]])
+
+
+@pytest.mark.parametrize(
+    "faces", [[(0, 0, 1)], [(2, 2, 2)], [(0, 1, 4)], np.empty((0, 3), int), [(0, 1, 5)]]
+)
+def test_triangles_without_area_or_not_finite_are_not_hit(faces):
+    vertices = np.vstack([SQUARE, [(0, -1, 0), (0, np.nan, 0)]])
+    assert np.isnan(rasterize_triangles(vertices, faces, GridMap((2, 2), 0.5))["elevation"]).all()
+
+
+def test_infinite_heights_and_places_are_ignored():
+    for axis in range(3):
+        vertices = SQUARE.copy()
+        vertices[0, axis] = np.inf
+        result = rasterize_triangles(vertices, [(0, 1, 2), (1, 2, 3)], GridMap((2, 2), 0.5))
+        expected = rasterize_triangles(SQUARE, [(1, 2, 3)], GridMap((2, 2), 0.5))
+        assert_maps_equal(result, expected)
+
+
+def test_a_triangle_beside_the_map_is_not_hit():
+    vertices = SQUARE + (5, 0, 0)
+    assert np.isnan(
+        rasterize_triangles(vertices, [range(4)], GridMap((2, 2), 0.5))["elevation"]
+    ).all()
+
+
+def test_one_huge_triangle_covers_every_cell():
+    vertices = [(-1e7, -1e7, 1), (1e7, -1e7, 1), (0, 2e7, 1)]
+    result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((20, 30), 0.1))
+    assert (result["elevation"] == 1).all()
+
+
+def test_the_input_is_not_changed_and_other_layers_are_shared():
+    vertices, faces = SQUARE.copy(), np.array([(0, 1, 2)])
+    grid_map = GridMap((2, 2), 0.5, layers={"elevation": 7.0, "other": 1.0})
+    result = rasterize_triangles(vertices, faces, grid_map)
+    np.testing.assert_array_equal(vertices, SQUARE)
+    assert (grid_map["elevation"] == 7).all()
+    assert result["other"] is grid_map["other"]
+    assert result["elevation"].flags.f_contiguous
+
+
+# Maps made to fit
+
+
+@pytest.mark.parametrize("resolution", [0.1, 0.3, 1.0, 5.0])
+def test_a_map_made_to_fit_covers_the_mesh(resolution):
+    vertices = np.vstack([SQUARE * (1, 2, 1) + (7, 3, 1), [(99, 99, 99), (np.nan, 0, 0)]])
+    faces = [(0, 1, 2), (0, 2, 3), (0, 1, 5)]
+    grid_map = grid_map_from_mesh(vertices, faces, resolution, "z", frame_id="odom", timestamp=3)
+    np.testing.assert_array_equal(
+        grid_map.size, np.maximum(np.ceil(np.array([2, 4]) / resolution), 1)
+    )
+    np.testing.assert_allclose(grid_map.position, (7, 3))
+    centres = grid_map.get_positions() - (7, 3)
+    over = (np.abs(centres) <= (1 + 1e-9, 2 + 1e-9)).all(axis=1)
+    np.testing.assert_array_equal(np.isfinite(grid_map["z"]).ravel("F"), over)
+    assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 3)
+
+
+def test_a_mesh_without_extent_or_faces():
+    wall = [(0.25, -1, 0), (0.25, 1, 0), (0.25, 1, 5)]
+    assert grid_map_from_mesh(wall, [(0, 1, 2)], 0.5).size == (1, 4)
+    with pytest.raises(GridMapError, match="no face has a finite vertex"):
+        grid_map_from_mesh(SQUARE, np.empty((0, 3), int), 0.5)
+    with pytest.raises(GeometryError, match="resolution"):
+        grid_map_from_mesh(SQUARE, [(0, 1, 2)], 0.0)
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (SQUARE[:, :2], [(0, 1, 2)], "vertices: expected x, y, z"),
+        ("abc", [(0, 1, 2)], "vertices: expected numbers"),
+        (SQUARE, [(0, 1)], r"faces: expected integers of shape \(F, 3\)"),
+        (SQUARE, [0, 1, 2], r"faces: expected integers of shape \(F, 3\)"),
+        (SQUARE, [(0.0, 1.0, 2.0)], "faces: expected integers"),
+        (SQUARE, [(0, 1, 4)], "faces: expected vertices from 0 to 3, found 0 to 4"),
+        (SQUARE, [(-1, 1, 2)], "faces: expected vertices from 0 to 3, found -1 to 2"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(vertices, faces, message):
+    grid_map = GridMap((1, 1), 0.5)
+    with pytest.raises(GeometryError, match=message):
+        rasterize_triangles(vertices, faces, grid_map)
+    assert grid_map.layers == ()
+
+
+def test_ragged_faces_are_refused():
+    with pytest.raises(GridMapError, match="faces"):
+        rasterize_triangles(SQUARE, [(0, 1, 2), (0, 1, 2, 3)], GridMap((1, 1), 0.5))
+
+
+def test_memory_goes_with_the_cells_alone():
+    large = (20 * SQUARE, np.array([(0, 1, 2), (0, 2, 3)]))
+    small = (np.tile(SQUARE * 0.001, (50_000, 1)), np.arange(200_000 // 3 * 3).reshape(-1, 3))
+    for vertices, faces in (large, small):
+        grid_map = GridMap((20, 20), 0.02)
+        tracemalloc.start()
+        try:
+            rasterize_triangles(vertices, faces, grid_map)
+            _, peak = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+        assert peak <= 1.1 * 4 * 1000 * 1000 + 8e6

@@ -1,0 +1,367 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers made of point clouds."""
+
+import statistics
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from grid_map_core_py import (
+    ConfigError,
+    GeometryError,
+    GridMap,
+    GridMapError,
+    color_value_to_vector,
+    color_vector_to_value,
+)
+from grid_map_core_py.point_cloud import as_points, grid_map_from_points, rasterize
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+
+ORACLES = {
+    "max": max,
+    "min": min,
+    "mean": statistics.fmean,
+    "median": statistics.median,
+    "first": lambda values: values[0],
+    "last": lambda values: values[-1],
+    "count": len,
+    "variance": statistics.pvariance,
+}
+ALL = {reduction: reduction for reduction in ORACLES}
+
+SPECIAL = st.sampled_from([np.nan, np.inf, -np.inf])
+
+
+def clouds(reach: float = 1.25) -> st.SearchStrategy[np.ndarray]:
+    """Points around the origin, some at the same place, some not finite."""
+    numbers = st.floats(-reach, reach, width=32) | st.sampled_from([0.0, 0.5, -0.5]) | SPECIAL
+    shapes = st.tuples(st.integers(0, 40), st.just(3))
+    return arrays.arrays(np.float64, shapes, elements=numbers)
+
+
+def around(grid_map: GridMap, cloud: np.ndarray) -> np.ndarray:
+    """Return the cloud stretched to the place and size of a map; 0.5 is its border."""
+    cloud = cloud.copy()
+    cloud[:, :2] = grid_map.position + cloud[:, :2] * grid_map.length
+    return cloud
+
+
+def reduce_by_hand(grid_map, points, values, low=-np.inf, high=np.inf) -> dict[str, np.ndarray]:
+    """Oracle: sort the values into lists per cell one by one, then let Python reduce each list."""
+    members = {}
+    for (x, y, z), value in zip(points[:, :3].tolist(), values.tolist(), strict=True):
+        counts = np.isfinite([x, y, z, value]).all() and low <= z <= high
+        if counts and grid_map.is_inside((x, y)):
+            members.setdefault(grid_map.get_index((x, y)), []).append(value)
+    layers = {name: np.full(grid_map.size, np.nan) for name in ORACLES}
+    layers["count"][...] = 0
+    for cell, inside in members.items():
+        for name, oracle in ORACLES.items():
+            layers[name][cell] = oracle(inside)
+    return layers
+
+
+@given(grid_maps(), clouds())
+def test_heights_equal_those_sorted_by_hand(grid_map, cloud):
+    points = around(grid_map, cloud)
+    result = rasterize(points, grid_map, ALL)
+    for name, expected in reduce_by_hand(grid_map, points, points[:, 2]).items():
+        np.testing.assert_allclose(result[name], expected, rtol=1e-6, atol=1e-12, err_msg=name)
+        assert result[name].dtype == np.float32
+        assert result[name].flags.f_contiguous
+
+
+@given(grid_maps(max_side=4), clouds(), st.data())
+def test_fields_equal_those_sorted_by_hand(grid_map, cloud, data):
+    points = around(grid_map, cloud)
+    numbers = st.floats(-9, 9, width=32) | SPECIAL
+    values = data.draw(arrays.arrays(np.float64, len(points), elements=numbers))
+    fields = dict.fromkeys(ORACLES, values)
+    result = rasterize(points, grid_map, {}, fields=fields, field_reductions=ALL)
+    for name, expected in reduce_by_hand(grid_map, points, values).items():
+        np.testing.assert_allclose(result[name], expected, rtol=1e-6, atol=1e-12, err_msg=name)
+
+
+@given(grid_maps(), clouds(), st.floats(-1, 1), st.floats(0, 1))
+def test_points_beyond_the_height_limits_are_left_out(grid_map, cloud, low, span):
+    points = around(grid_map, cloud)
+    limits = {"min_height": low, "max_height": low + span}
+    result = rasterize(points, grid_map, ALL, **limits)
+    expected = reduce_by_hand(grid_map, points, points[:, 2], low, low + span)
+    np.testing.assert_array_equal(result["count"], expected["count"])
+    np.testing.assert_allclose(result["last"], expected["last"], rtol=1e-6)
+
+
+def test_the_height_limits_are_within():
+    points = [(0.5, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 0.5, 2.5)]
+    result = rasterize(points, GridMap((4, 4), 1.0), ALL, min_height=1.0, max_height=2.0)
+    assert result["count"][1, 1] == 2
+    assert result["max"][1, 1] == 2.0
+
+
+@given(grid_maps(), clouds(), st.randoms(use_true_random=False))
+def test_the_order_of_points_matters_only_to_first_and_last(grid_map, cloud, random):
+    points = around(grid_map, cloud)
+    shuffled = points[random.sample(range(len(points)), len(points))]
+    others = {name: name for name in ORACLES if name not in ("first", "last")}
+    one, other = rasterize(points, grid_map, others), rasterize(shuffled, grid_map, others)
+    for name in others:
+        np.testing.assert_allclose(one[name], other[name], rtol=1e-5, atol=1e-12)
+
+
+@given(grid_maps(allow_moved=False), clouds(), st.data())
+def test_a_moved_map_gets_the_same_heights(grid_map, cloud, data):
+    points = around(grid_map, cloud)
+    rows, columns = grid_map.size
+    start = data.draw(st.tuples(st.integers(0, rows - 1), st.integers(0, columns - 1)))
+    moved = rasterize(points, moved_in_buffer(grid_map, start), ALL)
+    assert moved.start_index == start
+    assert_maps_equal(moved, rasterize(points, grid_map, ALL))
+
+
+def test_first_and_last_keep_to_the_order_over_many_points():
+    points = np.zeros((100_000, 3))
+    points[:, 2] = np.arange(100_000)
+    result = rasterize(points, GridMap((1, 1), 1.0), ALL)
+    assert result["first"] == 0
+    assert result["last"] == 99_999
+    assert result["count"] == 100_000
+    assert result["mean"] == result["median"] == np.float32(49_999.5)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e4, -1e6])
+def test_variance_and_mean_keep_their_digits_far_from_zero(offset):
+    rng = np.random.default_rng(3)
+    points = np.zeros((5000, 3))
+    points[:, 2] = offset + rng.normal(0, 0.01, 5000)
+    result = rasterize(points, GridMap((1, 1), 1.0), {"v": "variance", "m": "mean"})
+    np.testing.assert_allclose(result["v"], statistics.pvariance(points[:, 2].tolist()), rtol=1e-6)
+    np.testing.assert_allclose(result["m"], statistics.fmean(points[:, 2].tolist()), rtol=1e-7)
+
+
+def test_a_single_point_has_no_variance():
+    result = rasterize([(0, 0, 1e4)], GridMap((1, 1), 1.0), {"v": "variance"})
+    assert result["v"].tolist() == [[0.0]]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("width", [3, 5])
+def test_type_width_and_memory_order_of_the_points_do_not_matter(dtype, width):
+    points = np.random.default_rng(1).uniform(-1, 1, (200, width)).astype(np.float32)
+    grid_map = GridMap((2, 3), 0.25)
+    expected = rasterize(points, grid_map, ALL)
+    given_points = points.astype(dtype)
+    for variant in (np.asfortranarray(given_points), given_points.repeat(2, axis=0)[::2]):
+        assert_maps_equal(rasterize(variant, grid_map, ALL), expected)
+
+
+def test_lists_integers_and_masked_points_are_taken():
+    grid_map = GridMap((4, 4), 1.0)
+    expected = rasterize(np.array([(1.0, 1.0, 3.0)]), grid_map)
+    assert_maps_equal(rasterize([[1, 1, 3]], grid_map), expected)
+    assert_maps_equal(rasterize(np.array([[1, 1, 3]]), grid_map), expected)
+    masked = np.ma.masked_invalid([[1, 1, 3], [1, 1, np.inf]])
+    assert_maps_equal(rasterize(masked, grid_map), expected)
+    assert as_points(np.zeros((2, 3), np.float32)).dtype == np.float32
+
+
+def test_the_input_is_not_changed_and_other_layers_are_shared():
+    points = np.random.default_rng(1).uniform(-1, 1, (50, 3))
+    before = points.copy()
+    grid_map = GridMap((2, 2), 0.5, layers={"elevation": 7.0, "other": 1.0}, frame_id="map")
+    result = rasterize(points, grid_map, {"elevation": "min"})
+    np.testing.assert_array_equal(points, before)
+    assert (grid_map["elevation"] == 7).all()
+    assert result["other"] is grid_map["other"]
+    assert result.frame_id == "map"
+
+
+def test_no_points_make_an_empty_layer():
+    result = rasterize(np.empty((0, 3)), GridMap((1, 2), 0.5), {"elevation": "max", "n": "count"})
+    assert np.isnan(result["elevation"]).all()
+    assert (result["n"] == 0).all()
+
+
+# Colours
+
+
+def test_the_mean_of_colours_is_that_of_the_channels():
+    rgb = np.array([(10, 200, 0), (21, 100, 255), (0, 0, 8)], np.uint8)
+    points = [(0.5, 0.5, 0), (0.5, 0.5, 0), (-0.5, -0.5, 0)]
+    packed = color_vector_to_value(rgb)
+    opaque = packed.view(np.uint32) | np.uint32(0xFF << 24)
+    for colors in (packed, packed.astype(float), packed.view(np.uint32), opaque, opaque.view("f4")):
+        result = rasterize(points, GridMap((2, 2), 1.0), {}, fields={"rgb": colors})["rgb"]
+        channels = np.rint(255 * color_value_to_vector(result)).tolist()
+        assert channels[0][0] == [16, 150, 128]
+        assert channels[1][1] == [0, 0, 8]
+        assert np.isnan(result[0, 1])
+
+
+def test_first_and_last_keep_the_bits_of_colours_and_no_colour_is_left_out():
+    colors = np.array([np.nan, 3e-39, 1e-40, -np.nan], np.float32)
+    points = np.zeros((4, 3))
+    for reduction, expected in (("first", colors[1]), ("last", colors[2]), ("count", 2.0)):
+        result = rasterize(
+            points,
+            GridMap((1, 1), 1.0),
+            {},
+            fields={"color": colors},
+            field_reductions={"color": reduction},
+        )
+        assert result["color"] == np.float32(expected)
+
+
+def test_black_is_a_colour():
+    result = rasterize(np.zeros((2, 3)), GridMap((1, 1), 1.0), {}, fields={"rgb": [0, 0]})
+    assert result["rgb"].tolist() == [[0.0]]
+
+
+@pytest.mark.parametrize("reduction", ["max", "median", "variance"])
+def test_colours_have_no_order(reduction):
+    with pytest.raises(ConfigError, match=r"reduction of rgb.*one of mean, first, last"):
+        rasterize(
+            np.zeros((1, 3)),
+            GridMap((1, 1), 1.0),
+            fields={"rgb": [0]},
+            field_reductions={"rgb": reduction},
+        )
+
+
+# Maps made to fit
+
+
+@given(
+    clouds(),
+    st.sampled_from([0.05, 0.1, 0.3, 1.0]),
+    st.floats(-50, 50) | st.sampled_from([5e6, -4.5e5]),
+)
+def test_a_map_made_to_fit_holds_every_point_and_no_spare_row(cloud, resolution, shift):
+    cloud = cloud + (shift, -shift, 0)
+    finite = cloud[np.isfinite(cloud).all(axis=1)]
+    if not len(finite):
+        with pytest.raises(GridMapError, match="none is finite"):
+            grid_map_from_points(cloud, resolution)
+        return
+    grid_map = grid_map_from_points(cloud, resolution, {"n": "count"})
+    assert grid_map["n"].sum() == len(finite)
+    extent = np.ptp(finite[:, :2], axis=0)
+    assert (grid_map.length - extent <= 1.001 * resolution).all()
+    middle = 0.5 * (finite[:, :2].min(axis=0) + finite[:, :2].max(axis=0))
+    np.testing.assert_allclose(grid_map.position, middle, rtol=1e-15, atol=1e-9)
+
+
+def test_points_on_a_lattice_get_a_cell_each():
+    x, y = np.meshgrid(np.arange(11) * 0.1, np.arange(6) * 0.1)
+    points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
+    grid_map = grid_map_from_points(points, 0.1, {"n": "count"}, frame_id="odom", timestamp=5)
+    assert grid_map.size == (11, 6)
+    assert (grid_map["n"] == 1).all()
+    assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 5)
+
+
+@pytest.mark.parametrize("steps", range(1, 40))
+@pytest.mark.parametrize("resolution", [0.1, 0.3, 0.07])
+def test_rounding_takes_no_cell_from_a_lattice(steps, resolution):
+    """Some of these extents come a little short of whole cells, and some go beyond."""
+    points = [(0, 0, 1), (steps * resolution, 0, 1)]
+    grid_map = grid_map_from_points(points, resolution, {"n": "count"})
+    assert grid_map.size == (steps + 1, 1)
+    assert grid_map["n"].sum() == 2
+
+
+def test_length_and_position_may_be_given():
+    points = [(0.2, 0.3, 1.0), (1.4, 2.1, 2.0), (1.4, 2.1, np.nan)]
+    whole = grid_map_from_points(points, 0.5, length=(4, 2), position=(1, 1))
+    assert whole.size == (8, 4)
+    np.testing.assert_allclose(whole.position, (1, 1))
+    assert np.isfinite(whole["elevation"]).sum() == 1
+    centred = grid_map_from_points(points, 0.5, length=(4, 2))
+    np.testing.assert_allclose(centred.position, (0.8, 1.2))
+    around_origin = grid_map_from_points(points, 0.5, {"n": "count"}, position=(0, 0))
+    np.testing.assert_allclose(around_origin.position, (0, 0))
+    assert around_origin["n"].sum() == 2
+    assert around_origin.size == (6, 9)
+
+
+def test_a_map_made_to_fit_ignores_points_beyond_the_limits():
+    points = [(0, 0, 0), (1, 1, 0), (100, 100, 50)]
+    assert grid_map_from_points(points, 1.0, max_height=1.0).size == (2, 2)
+    with pytest.raises(GridMapError, match="within the height limits"):
+        grid_map_from_points(points, 1.0, min_height=60.0)
+
+
+def test_a_stray_point_does_not_ask_for_a_map_beyond_reason():
+    with pytest.raises(GridMapError, match="takes too many cells"):
+        grid_map_from_points([(0, 0, 0), (1e30, 1, 0)], 0.1)
+    with pytest.raises(GridMapError, match="takes too many cells"):
+        grid_map_from_points([(-1.7e308, 0, 0), (1.7e308, 1, 0)], 0.1)
+
+
+@pytest.mark.parametrize("resolution", [0, -1, np.nan, np.inf, "x", None])
+def test_the_resolution_must_be_positive(resolution):
+    with pytest.raises(GeometryError, match="resolution"):
+        grid_map_from_points([(0, 0, 0)], resolution)
+
+
+# Bad input
+
+GRID = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
+
+
+@pytest.mark.parametrize(
+    "points", [[1, 2, 3], [[1, 2]], np.zeros((2, 2, 3)), [], [["a", "b", "c"]], None, [[1j, 0, 0]]]
+)
+def test_points_must_be_x_y_z(points):
+    with pytest.raises(GeometryError, match="points: expected"):
+        rasterize(points, GRID)
+
+
+@pytest.mark.parametrize("reduction", ["mode", "", None, 3])
+def test_an_unknown_reduction_names_those_that_exist(reduction):
+    with pytest.raises(ConfigError, match=r"reduction of z.*one of max, min, mean, median"):
+        rasterize([[0, 0, 0]], GRID, {"z": reduction})
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"min_height": 1, "max_height": 0}, ConfigError, "min_height <= max_height"),
+        ({"min_height": np.nan}, ConfigError, "min_height <= max_height"),
+        ({"max_height": "x"}, GeometryError, "max_height: expected a number"),
+        ({"fields": {"i": [1, 2]}}, GeometryError, r"field 'i': expected shape \(1,\), got \(2,\)"),
+        ({"fields": {"i": ["a"]}}, GeometryError, "field 'i': expected numbers"),
+        ({"fields": {"rgb": ["a"]}}, GeometryError, "field 'rgb': expected numbers"),
+        ({"fields": {"elevation": [1]}}, GridMapError, "both from the heights and from a field"),
+        ({"field_reductions": {"i": "max"}}, ConfigError, "'i', which is not among the fields"),
+        ({"fields": {"": [1]}}, GridMapError, "non-empty string"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        rasterize([[0, 0, 0]], GRID, **options)
+    assert (GRID["elevation"] == 1).all()
+    assert GRID.layers == ("elevation",)
+
+
+@pytest.mark.parametrize(
+    ("reduction", "times"),
+    [("max", 3), ("min", 3), ("mean", 4), ("first", 4), ("last", 4), ("count", 3), ("variance", 7)],
+)
+def test_memory_goes_with_the_cells_and_not_with_the_points(reduction, times):
+    """Beside the layer: sums of 64 bits, of which the variance takes two."""
+    points = np.random.default_rng(1).uniform(-1, 1, (400_000, 3)).astype(np.float32)
+    grid_map = GridMap((2, 2), 0.002)
+    layer = 4 * 1000 * 1000
+    tracemalloc.start()
+    try:
+        rasterize(points, grid_map, {"elevation": reduction})
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak <= times * layer + 4e6

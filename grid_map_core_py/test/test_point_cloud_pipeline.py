@@ -1,0 +1,323 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""From raw point clouds to elevation as upstream's grid_map_pcl does it."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from grid_map_core_py import ConfigError, GeometryError, GridMapError
+from grid_map_core_py.point_cloud_pipeline import (
+    CloudTransform,
+    ClusterExtraction,
+    Downsampling,
+    Grid,
+    OutlierRemoval,
+    PointCloudPipeline,
+    remove_outliers,
+)
+
+UPSTREAM = """
+pcl_grid_map_extraction:
+  num_processing_threads: 2
+  cloud_transform:
+    translation: {x: 1.0, y: 2.0, z: 3.0}
+    rotation: {r: 0.1, p: 0.2, y: 0.3}
+  cluster_extraction:
+    cluster_tolerance: 0.05
+    min_num_points: 4
+    max_num_points: 1000000
+    use_max_height_as_cell_elevation: true
+  outlier_removal:
+    is_remove_outliers: true
+    mean_K: 12
+    stddev_threshold: 2
+  downsampling:
+    is_downsample_cloud: true
+    voxel_size: {x: 0.02, y: 0.03, z: 0.04}
+  grid_map:
+    min_num_points_per_cell: 3
+    max_num_points_per_cell: 5000
+    resolution: 1
+    height_type: 1
+    height_thresh: 0.5
+"""
+
+
+def heights_by_hand(pipeline: PointCloudPipeline, points, grid_map) -> np.ndarray:
+    """Oracle: cell by cell and cluster by cluster."""
+    cells = {}
+    for point in points[np.isfinite(points).all(axis=1)]:
+        cells.setdefault(grid_map.get_index(point[:2]), []).append(point)
+    layer = np.full(grid_map.size, np.nan)
+    for cell, members in cells.items():
+        layer[cell] = height_by_hand(pipeline, np.array(members))
+    return layer
+
+
+def height_by_hand(pipeline, points) -> float:
+    settings, extraction = pipeline.grid_map, pipeline.cluster_extraction
+    if not settings.min_num_points_per_cell <= len(points) <= settings.max_num_points_per_cell:
+        return np.nan
+    clusters = [
+        points[cluster][:, 2]
+        for cluster in flooded(points, extraction.cluster_tolerance + 1e-9)
+        if extraction.min_num_points <= len(cluster) <= extraction.max_num_points
+    ]
+    if not clusters:
+        return np.nan
+    means = [cluster.mean() for cluster in clusters]
+    if settings.height_type == 0:
+        return max(means) if extraction.use_max_height_as_cell_elevation else min(means)
+    near = [
+        (-len(cluster), mean)
+        for cluster, mean in zip(clusters, means, strict=True)
+        if mean - min(means) <= settings.height_thresh
+    ]
+    return min(near)[1]
+
+
+def flooded(points, tolerance) -> list[list[int]]:
+    left, clusters = set(range(len(points))), []
+    while left:
+        cluster, front = [], [left.pop()]
+        while front:
+            cluster.append(front.pop())
+            distances = np.linalg.norm(points - points[cluster[-1]], axis=1)
+            near = {other for other in left if distances[other] <= tolerance}
+            left -= near
+            front += near
+        clusters.append(cluster)
+    return clusters
+
+
+@given(
+    arrays.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 60), st.just(3)),
+        elements=st.integers(0, 12).map(lambda number: 0.25 * number),
+    ),
+    st.builds(
+        ClusterExtraction,
+        cluster_tolerance=st.sampled_from([0.25, 0.4, 0.6]),
+        min_num_points=st.integers(0, 3),
+        max_num_points=st.integers(3, 8),
+        use_max_height_as_cell_elevation=st.booleans(),
+    ),
+    st.builds(
+        Grid,
+        resolution=st.sampled_from([0.7, 1.3, 5.0]),
+        min_num_points_per_cell=st.integers(0, 3),
+        max_num_points_per_cell=st.integers(3, 20),
+        height_type=st.sampled_from([0, 1]),
+        height_thresh=st.sampled_from([0.3, 1.0, 9.0]),
+    ),
+)
+def test_heights_equal_those_found_cell_by_cell(points, extraction, grid):
+    pipeline = PointCloudPipeline(
+        num_processing_threads=1, cluster_extraction=extraction, grid_map=grid
+    )
+    grid_map = pipeline(points)
+    expected = heights_by_hand(pipeline, points, grid_map)
+    np.testing.assert_allclose(grid_map["elevation"], expected, rtol=1e-6)
+
+
+def test_many_cells_are_worked_on_in_portions(monkeypatch):
+    points = np.random.default_rng(2).uniform(0, 1, (600, 3))
+    pipeline = PointCloudPipeline(cluster_extraction=ClusterExtraction(cluster_tolerance=0.05))
+    whole = pipeline(points)
+    monkeypatch.setattr("grid_map_core_py.point_cloud_pipeline._POINTS", 17)
+    np.testing.assert_array_equal(pipeline(points)["elevation"], whole["elevation"])
+    np.testing.assert_allclose(
+        whole["elevation"], heights_by_hand(pipeline, points, whole), rtol=1e-6
+    )
+
+
+GROUND = [(x, y, 0.5) for x in (0.0, 0.05) for y in (0.0, 0.05)]
+BRANCH = [(x, y, 1.2) for x in (0.0, 0.05) for y in (0.0, 0.02, 0.04)]
+ROOF = [(x, y, 4.0) for x in (0.0, 0.05) for y in (0.0, 0.01, 0.02, 0.03, 0.04)]
+
+
+@pytest.mark.parametrize(
+    ("grid", "use_highest", "height"),
+    [
+        ({}, False, 0.5),
+        ({}, True, 4.0),
+        ({"height_type": 1, "height_thresh": 10.0}, False, 4.0),
+        ({"height_type": 1}, False, 1.2),
+        ({"height_type": 1, "height_thresh": 0.1}, True, 0.5),
+        ({"min_num_points_per_cell": 21}, False, np.nan),
+        ({"max_num_points_per_cell": 19}, False, np.nan),
+        ({"max_num_points_per_cell": 20, "min_num_points_per_cell": 20}, False, 0.5),
+    ],
+)
+def test_the_kinds_of_height(grid, use_highest, height):
+    pipeline = PointCloudPipeline(
+        cluster_extraction=ClusterExtraction(use_max_height_as_cell_elevation=use_highest),
+        grid_map=Grid(resolution=1.0, **grid),
+    )
+    grid_map = pipeline(GROUND + BRANCH + ROOF, layer="z", frame_id="map", timestamp=4)
+    np.testing.assert_allclose(grid_map["z"], [[height]])
+    assert (grid_map.frame_id, grid_map.timestamp) == ("map", 4)
+
+
+def test_clusters_of_too_few_or_too_many_points_are_ignored():
+    for limits, height in (({"min_num_points": 5}, 1.2), ({"max_num_points": 3}, np.nan)):
+        pipeline = PointCloudPipeline(
+            cluster_extraction=ClusterExtraction(**limits), grid_map=Grid(resolution=1.0)
+        )
+        np.testing.assert_allclose(pipeline(GROUND + BRANCH)["elevation"], [[height]])
+
+
+# Stages
+
+
+def outliers_by_hand(points, neighbours, threshold) -> np.ndarray:
+    distances = []
+    for number, point in enumerate(points):
+        others = np.linalg.norm(np.delete(points, number, axis=0) - point, axis=1)
+        distances.append(np.mean(np.sort(others)[:neighbours]))
+    limit = np.mean(distances) + threshold * np.std(distances, ddof=1)
+    return points[np.array(distances) <= limit]
+
+
+@given(
+    st.integers(2, 40),
+    st.integers(1, 12),
+    st.sampled_from([-0.5, 0.0, 0.7, 1.3, 3.0]),
+    st.integers(0, 2**32),
+)
+def test_outliers_are_those_far_from_their_neighbours(count, neighbours, threshold, seed):
+    points = np.random.default_rng(seed).standard_cauchy((count, 3))
+    result = remove_outliers(points, neighbours, threshold)
+    np.testing.assert_array_equal(result, outliers_by_hand(points, neighbours, threshold))
+
+
+def test_a_lone_point_and_equal_points_are_no_outliers():
+    assert len(remove_outliers([(1, 2, 3)], 5, 1.0)) == 1
+    assert len(remove_outliers(np.empty((0, 3)), 5, 1.0)) == 0
+    assert len(remove_outliers(np.ones((30, 3)), 5, 0.0)) == 30
+    assert len(remove_outliers([(1, 2, 3), (np.nan, 0, 0)], 5, 1.0)) == 1
+
+
+def test_the_rotation_is_about_x_then_the_new_y_then_the_new_z():
+    roll, pitch, yaw = 0.3, -0.5, 1.1
+
+    def rotation(axis, angle):
+        matrix, (one, other) = np.eye(3), [n for n in range(3) if n != axis]
+        matrix[one, one] = matrix[other, other] = np.cos(angle)
+        sign = -1 if axis == 1 else 1
+        matrix[one, other], matrix[other, one] = -sign * np.sin(angle), sign * np.sin(angle)
+        return matrix
+
+    pipeline = PointCloudPipeline(
+        cloud_transform=CloudTransform(translation=(1, 2, 3), rotation=(roll, pitch, yaw))
+    )
+    points = np.random.default_rng(1).normal(size=(5, 3))
+    turn = rotation(0, roll) @ rotation(1, pitch) @ rotation(2, yaw)
+    expected = [turn @ point + (1, 2, 3) for point in points]
+    np.testing.assert_allclose(pipeline.prepared(points), expected, atol=1e-12)
+
+
+def test_the_cloud_is_cleaned_before_it_is_transformed():
+    rng = np.random.default_rng(5)
+    points = np.vstack([rng.uniform(0, 1, (300, 3)), [(50, 50, 50), (np.nan, 0, 0)]])
+    pipeline = PointCloudPipeline(
+        cloud_transform=CloudTransform(rotation=(0, 0, np.pi / 2)),
+        outlier_removal=OutlierRemoval(is_remove_outliers=True, stddev_threshold=3.0),
+        downsampling=Downsampling(is_downsample_cloud=True, voxel_size=(0.5, 0.5, 2.0)),
+    )
+    prepared = pipeline.prepared(points)
+    assert len(prepared) == 4
+    quadrants = {tuple(np.floor(xy / 0.5).astype(int)) for xy in prepared[:, :2]}
+    assert quadrants == {(-1, 0), (-2, 0), (-1, 1), (-2, 1)}
+
+
+def test_the_points_are_not_changed():
+    points = np.random.default_rng(5).uniform(0, 1, (30, 3))
+    before = points.copy()
+    PointCloudPipeline(cloud_transform=CloudTransform(translation=(1, 1, 1)))(points)
+    np.testing.assert_array_equal(points, before)
+
+
+# Settings
+
+
+def test_a_parameter_file_of_upstream_loads():
+    config = yaml.safe_load(UPSTREAM)
+    pipeline = PointCloudPipeline.from_config(config)
+    assert pipeline == PointCloudPipeline(
+        num_processing_threads=2,
+        cloud_transform=CloudTransform(translation=(1.0, 2.0, 3.0), rotation=(0.1, 0.2, 0.3)),
+        cluster_extraction=ClusterExtraction(
+            cluster_tolerance=0.05, min_num_points=4, use_max_height_as_cell_elevation=True
+        ),
+        outlier_removal=OutlierRemoval(is_remove_outliers=True, mean_K=12, stddev_threshold=2.0),
+        downsampling=Downsampling(is_downsample_cloud=True, voxel_size=(0.02, 0.03, 0.04)),
+        grid_map=Grid(
+            min_num_points_per_cell=3,
+            max_num_points_per_cell=5000,
+            resolution=1.0,
+            height_type=1,
+            height_thresh=0.5,
+        ),
+    )
+    assert PointCloudPipeline.from_config(config["pcl_grid_map_extraction"]) == pipeline
+    assert PointCloudPipeline.from_config({}) == PointCloudPipeline()
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"grid": {}}, "unknown parameter 'grid'"),
+        ({"grid_map": {"size": 1}}, "grid_map: unknown parameter 'size'"),
+        ({"grid_map": 3}, "grid_map: expected a mapping"),
+        ({"grid_map": {"resolution": 0}}, "grid_map: parameter 'resolution': expected a positive"),
+        ({"grid_map": {"resolution": "x"}}, "grid_map: parameter 'resolution': expected a number"),
+        ({"grid_map": {"height_type": 2}}, "'height_type': expected one of 0, 1"),
+        ({"grid_map": {"height_thresh": -1}}, "'height_thresh': expected a number >= 0"),
+        ({"grid_map": {"min_num_points_per_cell": -1}}, "'min_num_points_per_cell'"),
+        ({"grid_map": {"max_num_points_per_cell": 1}}, "'max_num_points_per_cell'"),
+        ({"cluster_extraction": {"cluster_tolerance": 0}}, "'cluster_tolerance'"),
+        ({"cluster_extraction": {"max_num_points": 1}}, "'max_num_points'"),
+        ({"outlier_removal": {"mean_K": 0}}, "'mean_K': expected an integer >= 1"),
+        ({"outlier_removal": {"stddev_threshold": float("nan")}}, "'stddev_threshold'"),
+        ({"downsampling": {"voxel_size": {"x": 1, "y": 1}}}, "'voxel_size': expected numbers x"),
+        ({"downsampling": {"voxel_size": [1, 1]}}, "'voxel_size': expected three numbers"),
+        ({"downsampling": {"voxel_size": [1, 1, 0]}}, "'voxel_size': expected positive"),
+        ({"cloud_transform": {"rotation": {"x": 1, "y": 1, "z": 1}}}, "expected numbers r, p, y"),
+        ({"num_processing_threads": 0}, "'num_processing_threads': expected an integer >= 1"),
+        ({"pcl_grid_map_extraction": []}, "expected a mapping of parameters"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(config, message):
+    with pytest.raises(ConfigError, match=message):
+        PointCloudPipeline.from_config(config)
+
+
+def test_clouds_that_make_no_map_are_refused():
+    pipeline = PointCloudPipeline()
+    with pytest.raises(GeometryError, match="points: expected x, y, z"):
+        pipeline([(1, 2)])
+    for points in (np.empty((0, 3)), [(np.nan, 0, 0)]):
+        with pytest.raises(GridMapError, match="points: none is finite"):
+            pipeline(points)
+
+
+def test_memory_stays_bounded_however_dense_the_cloud():
+    """All pairs of neighbours in this cell would take more than a gigabyte."""
+    points = np.random.default_rng(1).uniform(0, 0.09, (20_000, 3))
+    pipeline = PointCloudPipeline(num_processing_threads=1)
+    tracemalloc.start()
+    try:
+        grid_map = pipeline(points)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(grid_map["elevation"], [[points[:, 2].mean()]], rtol=1e-6)
+    assert peak < 20e6

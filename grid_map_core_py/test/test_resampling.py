@@ -1,0 +1,347 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps of another resolution."""
+
+import math
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GeometryError, GridMap, color_vector_to_value
+from grid_map_core_py.image import change_resolution
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
+
+GOLDEN = golden.load("cv_change_resolution")
+CASES = [(GOLDEN["maps"][case["map"]], case) for case in GOLDEN["cases"]]
+FLAGS = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "area": cv2.INTER_AREA,
+    "lanczos": cv2.INTER_LANCZOS4,
+    "linear exact": cv2.INTER_LINEAR_EXACT,
+    "nearest exact": cv2.INTER_NEAREST_EXACT,
+}
+PICKING = (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT)
+INTERPOLATIONS = pytest.mark.parametrize("flag", FLAGS.values(), ids=FLAGS)
+RESOLUTIONS = [0.1, 0.05, 0.025, 0.07, 0.033, 0.31, 0.6]
+
+
+def to_map(description, case) -> GridMap:
+    return golden.to_map({**description, "layer_order": case["layers"]})
+
+
+def converted(description, case) -> GridMap:
+    grid_map = to_map(description, case)
+    return change_resolution(grid_map, case["resolution"], case["cv_interpolation"])
+
+
+def quantum(description, layer) -> float:
+    """C++ goes through images of 16 bits, for which it takes the range of the layer."""
+    values = golden.matrix(description["layers"][layer])
+    return float(np.nanmax(values) - np.nanmin(values)) / 65535
+
+
+def terrain(rows: int, columns: int, holes: float = 0.0) -> GridMap:
+    x, y = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    values = np.sin(0.3 * x) + np.cos(0.2 * y) + 0.01 * x * y
+    values[np.random.default_rng(8).random(values.shape) < holes] = np.nan
+    grid_map = GridMap((0.05 * rows, 0.05 * columns), 0.05, (1, 2), {"elevation": values})
+    grid_map.frame_id, grid_map.timestamp = "map", 5
+    return grid_map
+
+
+# --- against C++ ----------------------------------------------------------------------------------
+
+
+def rounds_half_down(description, case) -> bool:
+    """C++ rounds half a cell to an even number."""
+    sizes = np.multiply(description["size"], description["resolution"]) / case["resolution"]
+    return bool((np.isclose(sizes % 1, 0.5) & (np.floor(sizes) % 2 == 0)).any())
+
+
+def test_grids_are_those_of_cpp():
+    compared = [pair for pair in CASES if not rounds_half_down(*pair)]
+    assert len(compared) == 15
+    for description, case in compared:
+        result, expected = converted(description, case), golden.to_map(case["result"])
+        assert result.size == expected.size
+        assert (result.frame_id, result.timestamp) == (expected.frame_id, expected.timestamp)
+        assert (result.layers, result.start_index) == (expected.layers, (0, 0))
+        np.testing.assert_allclose(result.position, expected.position)
+        np.testing.assert_allclose(result.length, expected.length)
+
+
+def test_half_a_cell_is_rounded_away_from_zero():
+    others = [pair for pair in CASES if rounds_half_down(*pair)]
+    assert len(others) == 3
+    for description, case in others:
+        assert converted(description, case).size == (8, 7)
+        assert case["result"]["size"] == [8, 6]
+
+
+def test_layers_without_holes_are_those_of_cpp_but_for_its_16_bits():
+    assert len(CASES) == 18
+    for description, case in CASES:
+        expected = golden.matrix(case["result"]["layers"]["full"])
+        rows, columns = expected.shape
+        values = converted(description, case)["full"][:rows, :columns]
+        # An integer cannot overshoot the range.
+        source = golden.matrix(description["layers"]["full"])
+        values = np.clip(values, source.min(), source.max())
+        np.testing.assert_allclose(values, expected, atol=2 * quantum(description, "full"))
+
+
+def test_layers_with_holes_are_those_of_cpp_away_from_the_holes():
+    count = 0
+    for description, case in CASES:
+        expected = golden.matrix(case["result"]["layers"]["elevation"])
+        rows, columns = expected.shape
+        result = converted(description, case)
+        values = result["elevation"][:rows, :columns]
+        if case["cv_interpolation"] == cv2.INTER_NEAREST:
+            clean = np.ones(expected.shape, dtype=bool)
+        else:
+            # C++ takes holes for the lowest value, which shows in all cells that a kernel reaches.
+            clean = ~near_holes(description, case)[:rows, :columns]
+        source = golden.matrix(description["layers"]["elevation"])
+        values = np.clip(values, np.nanmin(source), np.nanmax(source))
+        tolerance = 2 * quantum(description, "elevation")
+        np.testing.assert_allclose(values[clean], expected[clean], atol=tolerance)
+        count += np.count_nonzero(clean)
+    assert count > 5000
+
+
+def test_layers_with_holes_are_right_next_to_the_holes():
+    count = 0
+    for description, case in CASES:
+        if case["cv_interpolation"] == cv2.INTER_NEAREST:
+            continue
+        source = to_map(description, case).unwrapped("elevation")
+        values = converted(description, case)["elevation"]
+        ratio = case["resolution"] / description["resolution"]
+        for row, column in np.argwhere(near_holes(description, case)):
+            centre = (np.array([row, column]) + 0.5) * ratio - 0.5
+            nearest = np.clip(
+                np.ceil(centre - 0.5 - 1e-9).astype(int), 0, np.array(source.shape) - 1
+            )
+            value = values[row, column]
+            assert np.isnan(value) == np.isnan(source[tuple(nearest)])
+            if np.isfinite(value):
+                around = source[kernel(centre)]
+                assert np.nanmin(around) - 1e-6 <= value <= np.nanmax(around) + 1e-6
+                count += 1
+    assert count > 1000
+
+
+def near_holes(description, case) -> np.ndarray:
+    grid_map = to_map(description, case)
+    source = np.isnan(grid_map.unwrapped("elevation"))
+    ratio = case["resolution"] / description["resolution"]
+    sizes = [math.floor(cells / ratio + 0.5 + 1e-9) for cells in source.shape]
+    touched = np.zeros(sizes, dtype=bool)
+    for row, column in np.ndindex(*sizes):
+        centre = (np.array([row, column]) + 0.5) * ratio - 0.5
+        touched[row, column] = source[kernel(centre)].any()
+    return touched
+
+
+def kernel(centre: np.ndarray) -> tuple[slice, slice]:
+    """Return the 4 x 4 cells around a place, as far as there are any."""
+    rows, columns = (
+        slice(max(first - 1, 0), first + 3) for first in np.floor(centre).astype(int).tolist()
+    )
+    return rows, columns
+
+
+# --- what the numbers mean ------------------------------------------------------------------------
+
+
+@INTERPOLATIONS
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize("size", [(24, 31), (31, 31), (300, 500)])
+def test_layers_without_holes_are_resized_as_by_opencv(flag, resolution, size):
+    grid_map = terrain(*size)
+    grid_map["again"] = grid_map["elevation"]
+    factor = 0.05 / resolution
+    expected = cv2.resize(
+        np.ascontiguousarray(grid_map["elevation"]), None, fx=factor, fy=factor, interpolation=flag
+    )
+    rows, columns = expected.shape
+    result = change_resolution(grid_map, resolution, flag)
+    for layer in result:
+        values = result[layer][:rows, :columns]
+        np.testing.assert_allclose(values, expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("flag", set(FLAGS.values()) - set(PICKING))
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_a_cell_is_missing_where_its_nearest_cell_is(flag, resolution):
+    grid_map = terrain(24, 31, holes=0.3)
+    missing = np.isnan(grid_map["elevation"])
+    found = np.isnan(change_resolution(grid_map, resolution, flag)["elevation"])
+    for row, column in np.ndindex(*found.shape):
+        centre = (np.array([row, column]) + 0.5) * resolution / 0.05 - 0.5
+        # Half-way between two cells either is the nearest.
+        candidates = {
+            tuple(np.clip(np.rint(centre + nudge).astype(int), 0, (23, 30)))
+            for nudge in (-1e-6, 1e-6)
+        }
+        assert found[row, column] in {missing[cell] for cell in candidates}
+
+
+@pytest.mark.parametrize("flag", PICKING)
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_picked_cells_are_those_that_opencv_picks(flag, resolution):
+    grid_map = terrain(24, 31, holes=0.3)
+    grid_map["elevation"][5:9, 3] = np.inf
+    factor = 0.05 / resolution
+    expected = cv2.resize(
+        np.ascontiguousarray(grid_map["elevation"]), None, fx=factor, fy=factor, interpolation=flag
+    )
+    rows, columns = expected.shape
+    values = change_resolution(grid_map, resolution, flag)["elevation"]
+    np.testing.assert_array_equal(values[:rows, :columns], expected)
+
+
+@INTERPOLATIONS
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_holes_do_not_bleed(flag, resolution):
+    grid_map = terrain(24, 31, holes=0.3)
+    known = np.isfinite(grid_map["elevation"])
+    grid_map["level"] = np.where(known, 1e3, np.nan)
+    grid_map["infinite"] = np.where(known, 1e3, np.inf)
+    result = change_resolution(grid_map, resolution, flag)
+    level = result["level"]
+    np.testing.assert_allclose(level[np.isfinite(level)], 1e3, rtol=1e-5)
+    # Infinities stay where they are.
+    np.testing.assert_array_equal(result["infinite"] == np.inf, np.isnan(level))
+    infinite = result["infinite"]
+    np.testing.assert_allclose(infinite[np.isfinite(infinite)], 1e3, rtol=1e-5)
+
+
+@INTERPOLATIONS
+@given(
+    grid_map=grid_maps(max_side=9),
+    resolution=st.sampled_from([0.013, 0.03, 0.05, 0.1, 0.21, 0.4, 1.0, 1.7]),
+)
+def test_moved_maps_give_the_same_and_stay_as_they_are(flag, grid_map, resolution):
+    cells = np.multiply(grid_map.size, grid_map.resolution) / resolution
+    if cells.min() < 0.5 or cells.max() > 300:
+        return
+    before = grid_map.copy()
+    result = change_resolution(grid_map, resolution, flag)
+    assert_maps_equal(grid_map, before)
+    grid_map.convert_to_default_start_index()
+    assert_maps_equal(change_resolution(grid_map, resolution, flag), result)
+    assert result.basic_layers == grid_map.basic_layers
+    assert (result.frame_id, result.timestamp) == (grid_map.frame_id, grid_map.timestamp)
+    np.testing.assert_array_equal(result.position, grid_map.position)
+    if cells.min() > 0.51:
+        expected = np.floor(cells + 0.5 + 1e-9)
+        assert result.size == tuple(expected.astype(int))
+    finite = grid_map["elevation"][np.isfinite(grid_map["elevation"])]
+    found = result["elevation"][np.isfinite(result["elevation"])]
+    if found.size:
+        # The weights of no kernel overshoot by more than this.
+        margin = 1.3 * (finite.max() - finite.min()) + 1e-5 * np.abs(finite).max() + 1e-6
+        assert found.min() >= finite.min() - margin
+        assert found.max() <= finite.max() + margin
+
+
+@INTERPOLATIONS
+def test_the_same_resolution_changes_nothing(flag):
+    grid_map = terrain(7, 12, holes=0.2)
+    assert_maps_equal(change_resolution(grid_map, 0.05, flag), grid_map, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("flag", "resolution"),
+    [
+        *((cv2.INTER_LINEAR, resolution) for resolution in (0.1, 0.05, 0.025, 0.0125)),
+        # OpenCV's cubic kernel keeps planes at symmetric places only; area enlarges in steps.
+        *(
+            (flag, resolution)
+            for flag in (cv2.INTER_CUBIC, cv2.INTER_AREA)
+            for resolution in (0.1, 0.05)
+        ),
+    ],
+)
+def test_planes_stay_planes_where_cells_fit(flag, resolution):
+    grid_map = GridMap((0.8, 1.2), 0.05, (3, -1))
+    x, y = np.meshgrid(*grid_map.geometry.axes(), indexing="ij")
+    grid_map["plane"] = 2 * x - 3 * y + 1
+    result = change_resolution(grid_map, resolution, flag)
+    x, y = np.meshgrid(*result.geometry.axes(), indexing="ij")
+    # At the border the kernels repeat the border cell.
+    edge = max(2, round(2 * 0.05 / resolution))
+    inner = slice(edge, -edge), slice(edge, -edge)
+    expected = (2 * x - 3 * y + 1)[inner]
+    assert expected.size
+    np.testing.assert_allclose(result["plane"][inner], expected, atol=1e-5)
+
+
+def test_one_cell_may_become_many_and_many_one():
+    one = GridMap((0.2, 0.2), 0.2, layers={"height": 7.0})
+    many = change_resolution(one, 0.01)
+    np.testing.assert_allclose(many["height"], np.full((20, 20), 7.0), rtol=1e-6)
+    again = change_resolution(many, 0.2, cv2.INTER_AREA)
+    np.testing.assert_allclose(again["height"], [[7.0]], rtol=1e-6)
+
+
+def test_layers_without_data_stay_without_data():
+    grid_map = terrain(9, 8)
+    grid_map["empty"] = np.nan
+    grid_map["lonely"] = np.nan
+    grid_map["lonely"][4, 4] = 3.5
+    grid_map.basic_layers = ["empty"]
+    result = change_resolution(grid_map, 0.025)
+    assert np.isnan(result["empty"]).all()
+    assert np.isfinite(result["lonely"]).sum() == 4
+    np.testing.assert_allclose(result["lonely"][8:10, 8:10], 3.5)
+    assert result.basic_layers == ("empty",)
+
+
+def test_colours_are_picked_not_mixed():
+    grid_map = GridMap((4, 4), 1.0)
+    colors = color_vector_to_value(np.random.default_rng(1).integers(0, 256, (4, 4, 3)))
+    grid_map["color"] = colors
+    result = change_resolution(grid_map, 0.5)
+    np.testing.assert_array_equal(result["color"], colors.repeat(2, axis=0).repeat(2, axis=1))
+
+
+def test_a_map_without_layers_has_a_resolution_too():
+    assert change_resolution(GridMap((4, 3), 1.0), 0.5).size == (8, 6)
+
+
+@pytest.mark.parametrize("resolution", [0.1, 0.025, 0.07])
+def test_nothing_takes_more_than_three_times_the_memory_of_its_result(resolution):
+    grid_map = terrain(1000, 1100, holes=0.05)
+    grid_map.start_index = (300, 1)
+    tracemalloc.start()
+    result = change_resolution(grid_map, resolution)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 3 * result["elevation"].nbytes
+
+
+@pytest.mark.parametrize("resolution", [0, -1, math.nan, math.inf, "fine"])
+def test_a_resolution_is_a_positive_number(resolution):
+    with pytest.raises(GeometryError, match="resolution: expected a"):
+        change_resolution(terrain(3, 4), resolution)
+
+
+def test_at_least_one_cell_is_left():
+    assert change_resolution(terrain(4, 4), 0.4).size == (1, 1)
+    with pytest.raises(GeometryError, match=r"resolution: expected at most twice the length \(0.1"):
+        change_resolution(terrain(2, 4), 0.25)
+
+
+def test_an_interpolation_is_one_that_opencv_knows():
+    with pytest.raises(GeometryError, match="interpolation: OpenCV cannot resize with 99"):
+        change_resolution(terrain(3, 4), 0.1, 99)

@@ -1,0 +1,166 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Windows around cells, one by one and all at once."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.cells import map_cells, sliding_windows, window_array
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+
+CASES = golden.cases("iterators")
+by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+ALL_EDGES = ["inside", "crop", "empty", "mean"]
+odd_sizes = st.sampled_from([1, 3, 5, 7, 15])
+
+
+@by_map
+def test_windows_equal_cpp(name, case):
+    """C++ refuses moved maps (contract 3: works on any start index), and misses the border cells
+    of windows that are set to one cell after they began as larger ones, with "inside".
+    """
+    grid_map = golden.to_map(golden.load("iterators")["maps"][name])
+    moved = grid_map.start_index != (0, 0)
+    compared = 0
+    for window in case["sliding_window"]:
+        edges, size = window["edge_handling"], window.get("window_size")
+        if size is not None and size % 2 == 0:
+            assert not window["ok"]
+            with pytest.raises(GeometryError, match="window_size: expected an odd number"):
+                sliding_windows(grid_map, "elevation", edges, size)
+            compared += 1
+            continue
+        length = window.get("set_window_length")
+        found = list(sliding_windows(grid_map, "elevation", edges, size, window_length=length))
+        size = size or window.get("resulting_window_size")
+        if moved or (length is not None and size == 1 and edges == "inside"):
+            continue
+        assert [list(index) for index, _ in found] == window["index"]
+        for (_, values), expected in zip(found, window.get("data", []), strict="data" in window):
+            np.testing.assert_allclose(values, np.array(expected, np.float32), rtol=1e-6)
+        compared += 1
+    assert compared >= (4 if moved else 28)
+
+
+def windows_by_hand(grid_map, edges, size):
+    """Oracle: look at the world cell by cell, in the order of the buffer."""
+    world, half = grid_map.unwrapped("elevation"), size // 2
+    rows, columns = world.shape
+    for index in map_cells(grid_map).tolist():
+        row, column = ((np.array(index) - grid_map.start_index) % world.shape).tolist()
+        window = np.full((size, size), np.nan, dtype=np.float32)
+        seen = np.zeros((size, size), dtype=bool)
+        for i in range(size):
+            for j in range(size):
+                r, c = row + i - half, column + j - half
+                if 0 <= r < rows and 0 <= c < columns:
+                    window[i, j], seen[i, j] = world[r, c], True
+        if edges == "inside" and not seen.all():
+            continue
+        if edges == "crop":
+            window = window[seen.any(axis=1)][:, seen.any(axis=0)]
+        finite = window[np.isfinite(window)].astype(np.float64)
+        if edges == "mean" and finite.size:
+            window[~seen] = finite.mean()
+        yield tuple(index), window
+
+
+@pytest.mark.parametrize("edges", ALL_EDGES)
+@given(grid_map=grid_maps(max_side=6), size=st.sampled_from([1, 3, 5, 9]))
+def test_windows_are_slices_of_the_world(edges, grid_map, size):
+    found = list(sliding_windows(grid_map, "elevation", edges, size))
+    expected = list(windows_by_hand(grid_map, edges, size))
+    assert [index for index, _ in found] == [index for index, _ in expected]
+    for (_, values), (_, wanted) in zip(found, expected, strict=True):
+        assert values.dtype == np.float32
+        np.testing.assert_allclose(values, wanted, rtol=1e-6)
+
+
+@pytest.mark.parametrize("edges", ["inside", "empty", "mean"])
+@given(grid_map=grid_maps(max_side=8), size=odd_sizes)
+def test_all_windows_at_once_are_those_of_the_unmoved_map(edges, grid_map, size):
+    windows = window_array(grid_map, "elevation", edges, size)
+    assert windows.dtype == np.float32
+    one_by_one = list(sliding_windows(moved_in_buffer(grid_map, (0, 0)), "elevation", edges, size))
+    assert windows.shape[0] * windows.shape[1] == len(one_by_one)
+    for (row, column), window in one_by_one:
+        margin = size // 2 if edges == "inside" else 0
+        np.testing.assert_array_equal(windows[row - margin, column - margin], window)
+
+
+def test_windows_of_an_empty_layer_are_empty():
+    grid_map = GridMap((0.3, 0.3), 0.1, layers=["elevation"])
+    for edges in ALL_EDGES:
+        for _, window in sliding_windows(grid_map, "elevation", edges, 3):
+            assert np.isnan(window).all()
+    assert np.isnan(window_array(grid_map, "elevation", "mean", 3)).all()
+
+
+def test_a_mean_skips_infinities():
+    grid_map = GridMap((0.2, 0.1), 0.1, layers={"elevation": [[np.inf], [2.0]]})
+    (_, window), _ = sliding_windows(grid_map, "elevation", "mean", 3)
+    np.testing.assert_array_equal(window, [[2, 2, 2], [2, np.inf, 2], [2, 2, 2]])
+
+
+def test_windows_show_the_layer_as_it_was_and_cannot_be_written_into():
+    grid_map = GridMap((0.3, 0.3), 0.1, layers={"elevation": 1.0})
+    for edges in ALL_EDGES:
+        grid_map["elevation"] = 1.0
+        for index, window in sliding_windows(grid_map, "elevation", edges, 3):
+            assert (window[np.isfinite(window)] == 1.0).all()
+            grid_map["elevation"][index] = 5.0
+            with pytest.raises(ValueError, match="read-only"):
+                window[0, 0] = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        window_array(grid_map, "elevation", "mean", 3)[0, 0, 0, 0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("length", "size"), [(0.04, 1), (0.1, 1), (0.2, 3), (0.25, 3), (0.34, 3), (0.46, 5)]
+)
+def test_a_window_length_becomes_an_odd_number_of_cells(length, size):
+    """Rounded to cells, then made odd by adding one."""
+    grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
+    windows = window_array(grid_map, "elevation", "empty", window_length=length)
+    assert windows.shape == (8, 8, size, size)
+
+
+@pytest.mark.parametrize("windows", [sliding_windows, window_array])
+def test_wrong_arguments_are_refused_before_the_first_window(windows):
+    grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
+    for size in (0, 2, -1, 2.5, "3"):
+        with pytest.raises(GeometryError, match="window_size: expected an odd number of cells"):
+            windows(grid_map, "elevation", "empty", size)
+    for length in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(GeometryError, match="window_length: expected a length > 0"):
+            windows(grid_map, "elevation", "empty", window_length=length)
+    for both_or_none in ({}, {"window_size": 3, "window_length": 0.3}):
+        with pytest.raises(GeometryError, match="either window_size or window_length"):
+            windows(grid_map, "elevation", "empty", **both_or_none)
+    with pytest.raises(GridMapError, match=r"edge_handling: expected one of inside, .*'wrap'"):
+        windows(grid_map, "elevation", "wrap", 3)
+    with pytest.raises(LayerNotFoundError, match="elevtion"):
+        windows(grid_map, "elevtion", "empty", 3)
+
+
+def test_cropped_windows_do_not_fit_into_one_array():
+    grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
+    with pytest.raises(GridMapError, match="expected one of inside, empty, mean"):
+        window_array(grid_map, "elevation", "crop", 3)
+
+
+@pytest.mark.parametrize(("edges", "layers"), [("inside", 1), ("empty", 1), ("mean", 25)])
+def test_all_windows_take_little_more_memory_than_promised(edges, layers):
+    grid_map = GridMap((30, 20), 0.1, layers={"elevation": 1.0})
+    grid_map.start_index = (7, 9)
+    tracemalloc.start()
+    window_array(grid_map, "elevation", edges, 5)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3 * layers * grid_map["elevation"].nbytes

@@ -1,0 +1,159 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Statistics of the finite values of an array."""
+
+import math
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+
+import golden
+from grid_map_core_py import GeometryError, GridMap
+from grid_map_core_py.statistics import (
+    max_of_finites,
+    mean_of_finites,
+    min_of_finites,
+    number_of_finites,
+    sum_of_finites,
+)
+
+FUNCTIONS = {
+    "numberOfFinites": number_of_finites,
+    "sumOfFinites": sum_of_finites,
+    "meanOfFinites": mean_of_finites,
+    "minCoeffOfFinites": min_of_finites,
+    "maxCoeffOfFinites": max_of_finites,
+}
+CASES = golden.load("eigen_plugin")["cases"]
+
+anything = st.floats(width=32) | st.sampled_from([np.nan, np.inf, -np.inf])
+
+
+def oracle(values) -> dict[str, float]:
+    finite = [float(value) for value in np.ravel(values) if math.isfinite(value)]
+    if not finite:
+        return dict.fromkeys(FUNCTIONS, np.nan) | {"numberOfFinites": 0}
+    total = math.fsum(finite)
+    results = len(finite), total, total / len(finite), min(finite), max(finite)
+    return dict(zip(FUNCTIONS, results, strict=True))
+
+
+def deviates(case) -> bool:
+    """C++ counts infinities as finite, and takes the sum of nothing for 0."""
+    values = np.array(case["matrix"], dtype=np.float32)
+    return bool(np.isinf(values).any()) or not np.isfinite(values).any()
+
+
+def test_reductions_are_those_of_cpp():
+    compared = [case for case in CASES if not deviates(case)]
+    assert len(compared) == 5
+    for case in compared:
+        values = np.array(case["matrix"], dtype=np.float32)
+        for name, function in FUNCTIONS.items():
+            # C++ adds up in float32.
+            tolerance = 1e-5 if name in ("sumOfFinites", "meanOfFinites") else 0
+            expected = np.float32(case[name])
+            np.testing.assert_allclose(function(values), expected, tolerance, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if deviates(case)], ids=lambda case: case["name"]
+)
+def test_infinities_are_not_finite_and_nothing_has_no_sum(case):
+    values = np.array(case["matrix"], dtype=np.float32)
+    assert {name: function(values) for name, function in FUNCTIONS.items()} == pytest.approx(
+        oracle(values), nan_ok=True
+    )
+
+
+def test_elementwise_functions_of_the_plugin_are_those_of_numpy():
+    compared = [case for case in CASES if case.get("square") is not None]
+    assert len(compared) == 7
+    for case in compared:
+        values = np.array(case["matrix"], dtype=np.float32)
+        np.testing.assert_array_equal(np.square(values), case["square"])
+        np.testing.assert_array_equal(np.clip(values, -1, 2), case["clamp_-1_2"])
+        assert np.isnan(values).any() == case["hasNaN"]
+
+
+@given(arrays(st.sampled_from([np.float32, np.float64]), array_shapes(), elements=anything))
+def test_reductions_skip_whatever_is_not_finite(values):
+    expected = oracle(values)
+    # The sum of large numbers of both signs is as exact as its largest addends.
+    finite = values[np.isfinite(values)].astype(np.float64)
+    error = 1e-12 * np.abs(finite).sum()
+    for name, function in FUNCTIONS.items():
+        np.testing.assert_allclose(function(values), expected[name], 1e-12, error, err_msg=name)
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint16, np.int64, bool, np.float16])
+def test_any_real_type_will_do(dtype):
+    values = np.array([[0, 1, 1], [1, 0, 1]], dtype=dtype)
+    assert [function(values) for function in FUNCTIONS.values()] == [
+        6,
+        4,
+        pytest.approx(4 / 6),
+        0,
+        1,
+    ]
+    assert mean_of_finites([1, 2, np.nan]) == 1.5
+    assert sum_of_finites(np.float32(3)) == 3
+
+
+def test_masked_values_are_skipped():
+    values = np.ma.masked_less([1.0, -5.0, 3.0], 0)
+    assert number_of_finites(values) == 2
+    assert min_of_finites(values) == 1
+
+
+@pytest.mark.parametrize("infinities", [False, True])
+@pytest.mark.parametrize("view", ["whole", "every other row", "transposed"])
+def test_large_layers_and_views_of_them(view, infinities):
+    rng = np.random.default_rng(5)
+    values = np.asfortranarray(rng.normal(1e3, 1, (700, 401)).astype(np.float32))
+    values[rng.random(values.shape) < 0.1] = np.nan
+    if infinities:
+        values[3, 4], values[699, 400] = np.inf, -np.inf
+    values = {"whole": values, "every other row": values[::2], "transposed": values.T}[view]
+    before = values.copy()
+    for name, expected in oracle(values).items():
+        assert FUNCTIONS[name](values) == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_array_equal(values, before)
+
+
+def test_sums_do_not_lose_small_values():
+    values = np.full(1_000_001, 0.1, dtype=np.float32)
+    values[0] = 2.0**24
+    assert sum_of_finites(values) == pytest.approx(
+        2.0**24 + 1e6 * float(np.float32(0.1)), rel=1e-12
+    )
+
+
+def test_layers_are_arrays():
+    grid_map = GridMap((1, 2), 0.5, layers={"a": [[1, 2, 3, np.nan]] * 2, "b": 2})
+    grid_map["sum"] = grid_map["a"] + grid_map["b"]
+    assert grid_map["sum"].dtype == np.float32
+    assert sum_of_finites(grid_map["sum"]) == 24
+    assert max_of_finites(grid_map["sum"]) == 5
+
+
+def test_no_whole_layer_is_copied():
+    layer = np.full((2000, 1000), np.nan, dtype=np.float32, order="F")
+    layer[5, 5] = 1
+    for function in FUNCTIONS.values():
+        tracemalloc.start()
+        assert function(layer) == 1
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < layer.nbytes / 4
+
+
+@pytest.mark.parametrize("function", FUNCTIONS.values())
+@pytest.mark.parametrize("values", ["high", None, [1j], [[1], [1, 2]]])
+def test_what_is_no_number_has_no_statistics(function, values):
+    with pytest.raises(GeometryError, match="values: expected numbers, got"):
+        function(values)

@@ -1,0 +1,328 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps in another frame."""
+
+import itertools
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import golden
+from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+
+GOLDEN = golden.load("transformed_map")
+RATIOS = st.sampled_from([0.0, 0.2, 0.25, 0.5, 1.3, -1.0])
+
+
+def rigid(roll=0.0, pitch=0.0, yaw=0.0, translation=(0.0, 0.0, 0.0)):
+    """Return a (4, 4) transform that turns about x, then y, then z [rad], then shifts [m]."""
+    matrix = np.eye(4)
+    for axes, angle in (((1, 2), roll), ((2, 0), pitch), ((0, 1), yaw)):
+        turn = np.eye(4)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turn[np.ix_(axes, axes)] = [[cosine, -sine], [sine, cosine]]
+        matrix = turn @ matrix
+    matrix[:3, 3] = translation
+    return matrix
+
+
+YAW90 = [[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+ANGLES = st.floats(-3.2, 3.2) | st.sampled_from([0.0, np.pi / 6, np.pi / 4, np.pi / 2, np.pi])
+SHIFTS = st.floats(-20, 20)
+TRANSFORMS = st.builds(rigid, ANGLES, ANGLES, ANGLES, st.tuples(SHIFTS, SHIFTS, SHIFTS))
+
+
+@st.composite
+def terrains(draw, layers=("elevation", "extra")):
+    """Draw maps whose heights are small enough for slopes to stay above the footprint."""
+    grid_map = draw(grid_maps(layers, max_side=8))
+    # The smallest one makes all of them equal.
+    grid_map["elevation"] *= draw(st.sampled_from([1e-30, 1e-4, 1e-3]))
+    grid_map["elevation"] = np.round(grid_map["elevation"], 2)
+    return grid_map
+
+
+def footprint(grid_map, transform):
+    """Return size and centre of the smallest grid round the moved corners."""
+    corners = [
+        transform @ [*(grid_map.position + np.multiply(signs, grid_map.length) / 2), 0.0, 1.0]
+        for signs in itertools.product((1, -1), repeat=2)
+    ]
+    lower, upper = np.min(corners, axis=0)[:2], np.max(corners, axis=0)[:2]
+    cells = np.ceil((upper - lower - 1e-9) / grid_map.resolution).astype(int)
+    return tuple(np.maximum(cells, 1).tolist()), (lower + upper) / 2
+
+
+def naively_transformed(grid_map, transform, height_layer, frame_id, sample_ratio, geometry):
+    """Return the map point by point; only the grid of the result is given."""
+    result = GridMap.from_geometry(
+        geometry,
+        grid_map.layers,
+        basic_layers=grid_map.basic_layers,
+        frame_id=frame_id,
+        timestamp=grid_map.timestamp,
+    )
+    step = sample_ratio * grid_map.resolution
+    steps = [(0.0, 0.0)]
+    if sample_ratio > 0:
+        steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
+    unmoved = grid_map.stored_from((0, 0))
+    rows, columns = unmoved.size
+    for index in ((i, j) for j in range(columns) for i in range(rows)):
+        height = float(unmoved[height_layer][index])
+        if not np.isfinite(height):
+            continue
+        centre = unmoved.get_position(index)
+        for dx, dy in steps:
+            x, y, z = (
+                (row[0] * (centre[0] + dx) + row[1] * (centre[1] + dy)) + (row[2] * height + row[3])
+                for row in transform.tolist()[:3]
+            )
+            if not result.is_inside((x, y)):
+                continue
+            target = result.get_index((x, y))
+            highest = result[height_layer][target]
+            if np.isnan(highest) or np.float32(z) >= highest:
+                for layer in grid_map:
+                    result[layer][target] = unmoved[layer][index]
+                result[height_layer][target] = z
+    return result
+
+
+def case_result(case):
+    grid_map = golden.to_map(GOLDEN["maps"][case["map"]])
+    arguments = case["transform_4x4"], case["height_layer"], "new_frame", case["sample_ratio"]
+    return grid_map, grid_map.get_transformed_map(*arguments)
+
+
+def is_rounded_down(case):
+    """Tell whether C++ took fewer cells than the footprint needs."""
+    grid_map = golden.to_map(GOLDEN["maps"][case["map"]])
+    size, _ = footprint(grid_map, np.array(case["transform_4x4"]))
+    return tuple(case["result"]["size"]) != size
+
+
+def test_equals_cpp():
+    compared = 0
+    for case in GOLDEN["cases"]:
+        if not (case["undefined_behaviour"] or is_rounded_down(case)):
+            _, result = case_result(case)
+            assert_maps_equal(result, golden.to_map(case["result"]), rtol=1e-6)
+            assert result.start_index == (0, 0)
+            compared += 1
+    assert compared == 23
+
+
+def test_covers_the_footprint_where_cpp_does_not():
+    checked = 0
+    for case in GOLDEN["cases"]:
+        if is_rounded_down(case):
+            grid_map, result = case_result(case)
+            transform = np.array(case["transform_4x4"], dtype=np.float64)
+            expected = naively_transformed(
+                grid_map, transform, "elevation", "new_frame", case["sample_ratio"], result.geometry
+            )
+            assert_maps_equal(result, expected)
+            size, centre = footprint(grid_map, transform)
+            assert result.size == size
+            np.testing.assert_allclose(result.position, centre, atol=1e-9)
+            np.testing.assert_allclose(result.position, case["result"]["position"], atol=1e-9)
+            checked += 1
+    assert checked == 13
+
+
+@given(terrains(), TRANSFORMS, RATIOS)
+def test_equals_a_loop_over_all_points(grid_map, transform, ratio):
+    before = grid_map.copy()
+    result = grid_map.get_transformed_map(transform, "elevation", "new", ratio)
+    size, centre = footprint(grid_map, transform)
+    np.testing.assert_allclose(result.position, centre, atol=1e-9)
+    assert result.size == size
+    expected = naively_transformed(grid_map, transform, "elevation", "new", ratio, result.geometry)
+    assert_maps_equal(result, expected)
+    assert_maps_equal(grid_map, before)
+    assert grid_map.start_index == before.start_index
+
+
+@given(terrains(("elevation",)), TRANSFORMS, RATIOS)
+def test_a_single_layer_equals_a_loop_over_all_points(grid_map, transform, ratio):
+    result = grid_map.get_transformed_map(transform, "elevation", "new", ratio)
+    expected = naively_transformed(grid_map, transform, "elevation", "new", ratio, result.geometry)
+    assert_maps_equal(result, expected)
+
+
+@given(terrains(), TRANSFORMS, RATIOS, st.data())
+def test_is_the_same_moved_or_not(grid_map, transform, ratio, data):
+    start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
+    moved = moved_in_buffer(grid_map, start)
+    arguments = transform, "elevation", "new", ratio
+    assert_maps_equal(
+        moved.get_transformed_map(*arguments), grid_map.get_transformed_map(*arguments)
+    )
+
+
+@given(terrains(), TRANSFORMS)
+def test_the_corners_lie_on_the_result(grid_map, transform):
+    result = grid_map.get_transformed_map(transform, "elevation", "new")
+    for signs in itertools.product((0.5, -0.5), repeat=2):
+        corner = transform @ [*(grid_map.position + np.multiply(signs, grid_map.length)), 0.0, 1.0]
+        assert (np.abs(corner[:2] - result.position) <= 0.5 * result.length + 1e-9).all()
+
+
+def without_cells_without_height(grid_map):
+    """Return a map where the cells whose height is not finite are empty in all layers."""
+    empty = ~np.isfinite(grid_map["elevation"])
+    return grid_map.with_layers(
+        {layer: np.where(empty, np.nan, grid_map[layer]) for layer in grid_map}
+    )
+
+
+@given(grid_maps(("elevation", "extra")), st.sampled_from([0.0, 0.25, 0.4]))
+def test_the_identity_keeps_cells_that_have_a_height(grid_map, ratio):
+    result = grid_map.get_transformed_map(np.eye(4), "elevation", grid_map.frame_id, ratio)
+    assert_maps_equal(result, without_cells_without_height(grid_map))
+    assert result.start_index == (0, 0)
+
+
+@given(grid_maps(("elevation", "extra")))
+def test_a_quarter_turn_turns_the_layers(grid_map):
+    result = grid_map.get_transformed_map(YAW90, "elevation", "new")
+    assert result.size == grid_map.size[::-1]
+    x, y = grid_map.position
+    np.testing.assert_allclose(result.position, (-y, x), atol=1e-9)
+    expected = without_cells_without_height(grid_map)
+    for layer in grid_map:
+        np.testing.assert_array_equal(result[layer], np.rot90(expected.unwrapped(layer)))
+
+
+@pytest.mark.parametrize("size", [(40_000, 1), (1, 40_000), (2, 20_000), (200, 300)])
+def test_maps_of_many_cells_are_complete_and_in_order(size):
+    values = np.arange(np.prod(size)).reshape(size)
+    grid_map = GridMap(size, 1.0, layers={"elevation": 0.0, "number": values})
+    result = grid_map.get_transformed_map(rigid(translation=(0, 0, 5)), "elevation", "new")
+    np.testing.assert_array_equal(result["number"], values)
+    assert (result["elevation"] == 5).all()
+    # Seen along the rows, all cells of a column are equally high: the last one stays.
+    edge = grid_map.get_transformed_map(rigid(pitch=np.pi / 2), "elevation", "new")
+    assert edge.size == (1, size[1])
+    lowest = grid_map.get_transformed_map(rigid(pitch=-np.pi / 2), "elevation", "new")
+    np.testing.assert_array_equal(edge["number"][0], values[-1])
+    np.testing.assert_array_equal(lowest["number"][0], values[0])
+
+
+def test_of_equally_high_cells_the_last_one_stays():
+    grid_map = GridMap((2, 2), 1.0, layers={"elevation": 0.0, "number": [[1, 3], [2, 4]]})
+    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", sample_ratio=1.0)
+    np.testing.assert_array_equal(result["number"], [[3, 4], [4, 4]])
+
+
+def test_the_highest_point_stays_and_takes_its_layers_along():
+    grid_map = GridMap(
+        (3, 1), 1.0, layers={"number": [[1], [2], [3]], "elevation": [[0], [5], [1]]}
+    )
+    grid_map.basic_layers = ["number"]
+    grid_map.timestamp = 7
+    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", sample_ratio=1.0)
+    assert result["number"].ravel().tolist() == [2, 2, 2]
+    assert result["elevation"].ravel().tolist() == [5, 5, 5]
+    assert result.layers == grid_map.layers
+    assert result.basic_layers == ("number",)
+    assert (result.frame_id, result.timestamp) == ("new", 7)
+
+
+def test_samples_close_the_gaps_of_a_turned_map():
+    grid_map = GridMap((20, 20), 0.5, layers={"elevation": 1.0})
+    turned, closed = (
+        grid_map.get_transformed_map(rigid(yaw=0.5), "elevation", "new", ratio)
+        for ratio in (0.0, 0.5)
+    )
+    positions = turned.get_positions() @ rigid(yaw=0.5)[:2, :2]
+    over = (np.abs(positions) < 9.5).all(axis=1).reshape(turned.size, order="F")
+    assert np.isnan(turned["elevation"][over]).any()
+    assert (closed["elevation"][over] == 1).all()
+
+
+def test_points_that_come_down_beside_the_result_are_lost():
+    grid_map = GridMap((4, 4), 1.0, layers={"elevation": 0.0})
+    grid_map["elevation"][0, 0] = 100.0
+    result = grid_map.get_transformed_map(rigid(pitch=0.5), "elevation", "new")
+    assert np.nanmax(result["elevation"]) < 2
+
+
+def test_an_empty_map_stays_empty():
+    grid_map = GridMap((4, 2), 1.0, layers=["elevation", "extra"])
+    result = grid_map.get_transformed_map(rigid(yaw=1.0), "elevation", "new", 0.5)
+    assert np.isnan(result["elevation"]).all()
+    assert np.isnan(result["extra"]).all()
+
+
+@pytest.mark.parametrize("centre", [(1, 2), (-1, -2)])
+def test_works_where_a_border_lies_at_zero(centre):
+    grid_map = GridMap((2, 4), 0.5, centre, {"elevation": 1.0})
+    result = grid_map.get_transformed_map(YAW90, "elevation", "new", 0.5)
+    assert result.size == (8, 4)
+    assert (result["elevation"] == 1).all()
+
+
+def test_far_from_the_origin_every_cell_finds_its_place():
+    for shift in np.random.default_rng(1).uniform(4e6, 6e6, (50, 3)):
+        grid_map = GridMap((4, 3), 0.1, layers={"elevation": 0.0, "number": np.ones((40, 30))})
+        result = grid_map.get_transformed_map(rigid(translation=shift), "elevation", "utm")
+        assert result.size == (40, 30)
+        assert (result["number"] == 1).all()
+
+
+def test_rounded_and_integer_transforms_are_taken():
+    grid_map = GridMap((4, 2), 1.0, layers={"elevation": 1.0})
+    rounded = np.round(rigid(yaw=0.7, pitch=0.1), 4).astype(np.float32)
+    assert grid_map.get_transformed_map(rounded, "elevation", "new").size == (5, 5)
+    assert grid_map.get_transformed_map(YAW90, "elevation", "new").size == (2, 4)
+
+
+BAD_TRANSFORMS = {
+    "three by four": (np.eye(4)[:3], r"expected \(4, 4\) finite numbers"),
+    "text": ("identity", r"expected \(4, 4\) finite numbers, got 'identity'"),
+    "ragged": ([[1, 0], [0]], r"expected \(4, 4\) finite numbers"),
+    "complex": (np.eye(4) * (1 + 0j), r"expected \(4, 4\) finite numbers"),
+    "NaN": (np.full((4, 4), np.nan), r"expected \(4, 4\) finite numbers"),
+    "transposed": (rigid(translation=(1, 2, 3)).T, r"\(0, 0, 0, 1\) as the last row"),
+    "scaled": (np.diag([2.0, 2.0, 2.0, 1.0]), "scales, shears or mirrors"),
+    "mirrored": (np.diag([-1.0, 1.0, 1.0, 1.0]), "scales, shears or mirrors"),
+}
+
+
+@pytest.mark.parametrize(
+    ("transform", "message"), BAD_TRANSFORMS.values(), ids=BAD_TRANSFORMS.keys()
+)
+def test_a_transform_that_is_not_rigid_is_refused(transform, message):
+    grid_map = GridMap((4, 2), 1.0, layers=["elevation"])
+    with pytest.raises(GeometryError, match=message):
+        grid_map.get_transformed_map(transform, "elevation", "new")
+
+
+def test_other_bad_arguments_are_refused():
+    grid_map = GridMap((4, 2), 1.0, layers=["elevation"])
+    with pytest.raises(LayerNotFoundError, match="no layer 'height'; available: elevation"):
+        grid_map.get_transformed_map(np.eye(4), "height", "new")
+    with pytest.raises(GridMapError, match="frame_id: expected a string"):
+        grid_map.get_transformed_map(np.eye(4), "elevation", 5)
+    for ratio in (np.nan, np.inf, "much"):
+        with pytest.raises(GeometryError, match="sample_ratio: expected a"):
+            grid_map.get_transformed_map(np.eye(4), "elevation", "new", ratio)
+
+
+@pytest.mark.parametrize("layers", [1, 2, 4])
+@pytest.mark.parametrize("start", [(0, 0), (7, 9)])
+def test_needs_little_memory(layers, start):
+    names = ["elevation", "a", "b", "c"][:layers]
+    grid_map = GridMap((800, 700), 1.0, layers=dict.fromkeys(names, 1.0))
+    grid_map.start_index = start
+    tracemalloc.start()
+    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", 0.25)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak <= 3.0 * sum(result[layer].nbytes for layer in result)
