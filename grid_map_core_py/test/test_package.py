@@ -28,10 +28,8 @@ for name in {MODULES!r}:
 
 
 def test_the_examples_in_the_docstrings_are_true():
-    attempted, public = (
-        0,
-        {name: getattr(grid_map_core_py, name) for name in grid_map_core_py.__all__},
-    )
+    attempted = 0
+    public = {name: getattr(grid_map_core_py, name) for name in grid_map_core_py.__all__}
     for name in MODULES:
         result = doctest.testmod(importlib.import_module(name), extraglobs=public)
         assert result.failed == 0, name
