@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Growing a map, and adding the data of another one."""
 
+import math
 import tracemalloc
 
 import numpy as np
@@ -57,7 +58,9 @@ def assert_grown(grown, before, other):
         extra = grown.size[axis] - before.size[axis]
         (lower, upper), (other_lower, other_upper) = borders(before), borders(other)
         missing = [lower - other_lower, other_upper - upper]
-        needed = [int(np.ceil(m[axis] / before.resolution - 1e-6)) for m in missing if m[axis] > 0]
+        needed = [
+            math.ceil((m[axis] - 1e-9) / before.resolution) for m in missing if m[axis] > 1e-9
+        ]
         assert extra == sum(needed)
     for layer in before:
         values, expected = by_position(grown, layer), by_position(before, layer)
