@@ -8,6 +8,7 @@ Cells are counted here from the corner with the largest x and y, rows towards -x
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -132,17 +133,19 @@ class GridGeometry:
         start, size = interleaved(start_index, cells), interleaved(self.size, cells)
         nearly_size = size - self._rounding
         steps = np.empty(half.size)
-        for part in chunks(points):
-            pairs, found = points[part].reshape(-1), cells[part].reshape(-1)
-            steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
-            steps /= -self.resolution
-            # One look at all is faster than to find the few that lie outside.
-            if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
-                inside[part] = self._contains(pairs, half, centre)
-                self._bound(steps)
-            found[...] = steps
-            if start_index != (0, 0):
-                ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
+        # The largest coordinates may become infinite, which is outside as well.
+        with np.errstate(over="ignore"):
+            for part in chunks(points):
+                pairs, found = points[part].reshape(-1), cells[part].reshape(-1)
+                steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
+                steps /= -self.resolution
+                # One look at all is faster than to find the few that lie outside.
+                if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
+                    inside[part] = self._contains(pairs, half, centre)
+                    self._bound(steps)
+                found[...] = steps
+                if start_index != (0, 0):
+                    ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
         return cells.reshape(positions.shape), inside.reshape(positions.shape[:-1])
 
     def centres(self, cells: npt.ArrayLike) -> Positions:
@@ -309,10 +312,11 @@ class GridGeometry:
 
     def _contains(self, pairs: Positions, half: Positions, centre: Positions) -> Mask:
         """Whether each x, y of x, y, x, y, ... is inside."""
-        keeps = np.logical_and(*self._within(pairs, half, centre))
+        with np.errstate(over="ignore"):
+            keeps = np.logical_and(*self._within(pairs, half, centre))
         return keeps[0::2] & keeps[1::2]
 
-    @property
+    @cached_property
     def _rounding(self) -> float:
         """More cells than by which the two differences can differ."""
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
@@ -325,7 +329,7 @@ class GridGeometry:
             np.fmax(along, 0.0, out=along)
             np.minimum(along, self.size[axis] - 1, out=along)
 
-    @property
+    @cached_property
     def _half(self) -> Positions:
         return 0.5 * self.length
 
