@@ -56,7 +56,7 @@ def as_number(value: object, name: str) -> float:
     """Return `value` as a float."""
     try:
         return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
+    except (OverflowError, TypeError, ValueError) as error:
         raise GeometryError(f"{name}: expected a number, got {value!r}") from error
 
 
@@ -109,8 +109,13 @@ def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
     return layer
 
 
+def as_text(values: npt.ArrayLike) -> str:
+    """Return a pair of numbers as the text of a tuple, for messages."""
+    return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
+
+
 def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
-    integers = np.asarray(values)
+    integers = as_numbers(values, name)
     if integers.size and integers.dtype.kind not in "iu":
         raise GeometryError(f"{name}: expected integers, got {values!r}")
     return integers.astype(np.int64, copy=False)

@@ -39,6 +39,18 @@ def euclidean_clusters(
     """
     if not len(points):
         return np.zeros(0, np.int64)
+    # A search tree cannot divide points at the same place, of which sensors may give thousands.
+    distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
+    clusters = _distinct_clusters(
+        distinct[:, :3], distinct[:, 3].astype(np.int64), tolerance, workers
+    )
+    return clusters[numbers.reshape(-1)]
+
+
+def _distinct_clusters(
+    points: Positions, groups: Integers, tolerance: float, workers: int
+) -> Integers:
+    """Return the clusters of points of which no two in a group are at the same place."""
     reach = tolerance + BORDER_TOLERANCE
     separated = _apart(points, groups, reach)
     _, neighbours = cKDTree(separated).query(

@@ -15,7 +15,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Layer, as_numbers
+from .arrays import Layer, as_number, as_numbers, as_pair, as_size
 from .errors import GeometryError
 from .geometry import GridGeometry
 from .grid_map import GridMap
@@ -62,12 +62,15 @@ class CostTable:
     _values: Layer = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        known = np.append(np.linspace(self.free, self.inscribed, LETHAL), self.lethal)
-        values = np.append(known, self.unknown).astype(np.float32)
+        for name in ("free", "inscribed", "lethal", "unknown"):
+            object.__setattr__(self, name, as_number(getattr(self, name), name))
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = np.append(np.linspace(self.free, self.inscribed, LETHAL), self.lethal)
+            values = np.append(known, self.unknown).astype(np.float32)
         if not (np.isfinite(known).all() and (np.diff(values[:UNKNOWN]) > 0).all()):
             raise GeometryError(f"expected free < inscribed < lethal, all finite, got {self}")
         if self.unknown in known:
-            raise GeometryError(f"unknown: {self.unknown} is the value of a known cost too")
+            raise GeometryError(f"unknown: {self.unknown:g} is the value of a known cost too")
         values.flags.writeable = False
         object.__setattr__(self, "_values", values)
 
@@ -125,6 +128,8 @@ class CostRange:
     data_max: float = LETHAL
 
     def __post_init__(self) -> None:
+        for name in ("data_min", "data_max"):
+            object.__setattr__(self, name, as_number(getattr(self, name), name))
         with np.errstate(over="ignore", invalid="ignore"):
             extent = self._extent
         if not np.isfinite(extent) or extent == 0:
@@ -223,13 +228,14 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
         GeometryError: the number of costs does not fit the size, or size or resolution make no
             sense.
     """
-    size = costmap.size_x, costmap.size_y
+    size = as_size((costmap.size_x, costmap.size_y), "size_x, size_y")
     costs = _as_costs(costmap.costmap)
     if costs.shape != (math.prod(size),):
         raise GeometryError(f"costmap: expected {size[0]} x {size[1]} costs, got {costs.shape}")
-    origin = np.array([costmap.origin_x, costmap.origin_y])
-    half = 0.5 * costmap.resolution * np.array(size)
-    geometry = GridGeometry.from_size(size, costmap.resolution, origin + half)
+    resolution = as_number(costmap.resolution, "resolution")
+    origin = as_pair((costmap.origin_x, costmap.origin_y), "origin_x, origin_y")
+    centre = origin + 0.5 * resolution * np.array(size)
+    geometry = GridGeometry.from_size(size, resolution, centre)
     values = codec.to_values(costs[::-1].reshape(size, order="F"))
     return GridMap.from_geometry(
         geometry, frame_id=costmap.global_frame_id, timestamp=timestamp

@@ -96,7 +96,7 @@ def _read_pcd(file: Path) -> Fields:
             raise ValueError(f"{cloud.points} points announced, {len(rows)} found")
     # A file may be damaged in any way, and the reader fails in as many.
     except Exception as error:
-        raise GridMapError(f"{file}: cannot be read: {error}") from error
+        raise GridMapError(f"{file}: cannot be read: {_first_line(error)}") from error
     # The reader gives unique names, which begin so, to the padding that PCL calls "_".
     return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
 
@@ -117,7 +117,7 @@ def _read_mesh(file: Path) -> list[Any]:
         # Trimesh would let another package guess what encoding this is.
         raise GridMapError(f"{file}: cannot be read: neither valid nor text in UTF-8") from error
     except Exception as error:
-        raise GridMapError(f"{file}: cannot be read: {error}{_hint(file)}") from error
+        raise GridMapError(f"{file}: cannot be read: {_first_line(error)}{_hint(error)}") from error
     if not geometries:
         raise GridMapError(f"{file}: cannot be read: nothing found in it")
     return geometries
@@ -135,9 +135,14 @@ def _reader(package: str, file: Path) -> Any:
         ) from error
 
 
-def _hint(file: Path) -> str:
+def _first_line(error: Exception) -> str:
+    """Return what an error says without its details, which may be many lines."""
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _hint(error: Exception) -> str:
     """Return what else than damage may be the reason."""
-    if file.suffix.lower() != ".ply":
+    if "PLY is unexpected length" not in str(error):
         return ""
     return " (the faces of a binary PLY file must all have the same number of vertices)"
 

@@ -23,12 +23,17 @@ from .arrays import (
     as_number,
     as_pair,
     as_positions,
+    as_size,
+    as_text,
 )
 from .errors import GeometryError, OutOfMapError
 from .pieces import chunks, interleaved
 
 BORDER_TOLERANCE = 1e-9
 """Metres by which an edge or a rim may miss a border or a cell centre and still count as on it."""
+
+_SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
+"""Metres; below it, numbers lose their digits."""
 
 _LARGEST_SIDE = 2**31
 """Cells; beyond it, layers could not be addressed anyway."""
@@ -58,7 +63,7 @@ class GridGeometry:
     def __post_init__(self) -> None:
         length = as_pair(self.length, "length")
         resolution = as_number(self.resolution, "resolution")
-        if not (math.isfinite(resolution) and resolution > 0):
+        if not _SMALLEST_RESOLUTION <= resolution < math.inf:
             raise GeometryError(f"resolution: expected a positive number, got {self.resolution!r}")
         if not (length > 0).all():
             raise GeometryError(f"length: expected positive numbers, got {tuple(length.tolist())}")
@@ -83,11 +88,17 @@ class GridGeometry:
         cls, size: Size, resolution: float, position: npt.ArrayLike = (0.0, 0.0)
     ) -> "GridGeometry":
         """Return the geometry with `size` rows and columns of cells."""
-        return cls(np.asarray(size) * float(resolution), resolution, as_pair(position, "position"))
+        length = np.multiply(as_size(size, "size"), as_number(resolution, "resolution"))
+        return cls(length, resolution, as_pair(position, "position"))
 
     def at(self, position: npt.ArrayLike) -> "GridGeometry":
         """Return the same grid centred on another position."""
         return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
+
+    @property
+    def place(self) -> str:
+        """Where the map lies, for messages."""
+        return f"centre {as_text(self.position)}, length {as_text(self.length)}"
 
     @property
     def corner(self) -> Positions:

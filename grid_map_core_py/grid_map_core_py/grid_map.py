@@ -17,8 +17,10 @@ from .arrays import (
     Size,
     as_cells,
     as_layer,
+    as_pair,
     as_point,
     as_size,
+    as_text,
 )
 from .errors import GridMapError, LayerNotFoundError, OutOfMapError
 from .geometry import GridGeometry
@@ -68,7 +70,9 @@ class GridMap:
         frame_id: str = "",
         timestamp: int = 0,
     ) -> None:
-        geometry = GridGeometry(np.asarray(length), resolution, np.asarray(position))
+        geometry = GridGeometry(
+            as_pair(length, "length"), resolution, as_pair(position, "position")
+        )
         self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
 
     @classmethod
@@ -300,8 +304,7 @@ class GridMap:
         index, inside = self.get_indices(as_point(position, "position"))
         if not inside:
             raise OutOfMapError(
-                f"position {_text(position)} is outside the map: centre {_text(self.position)}, "
-                f"length {_text(self.length)}"
+                f"position {as_text(position)} is outside the map: {self._geometry.place}"
             )
         return int(index[0]), int(index[1])
 
@@ -416,7 +419,8 @@ class GridMap:
         """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
         self._geometry.check_cells(as_cells(index))
         cell = as_size(index, "index")
-        return _finite_or_nan(np.array([self[prefix + axis][cell] for axis in "xyz"], np.float64))
+        vector = [self[f"{prefix}{axis}"][cell] for axis in "xyz"]
+        return _finite_or_nan(np.array(vector, np.float64))
 
     # Moving and cutting
 
@@ -572,7 +576,7 @@ class GridMap:
     def __repr__(self) -> str:
         return (
             f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
-            f"{_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
+            f"{as_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
         )
 
     def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
@@ -581,6 +585,8 @@ class GridMap:
             self.add(name, value)
 
     def _adopted(self, layers: Mapping[str, npt.ArrayLike]) -> dict[str, Layer]:
+        if not isinstance(layers, Mapping):
+            raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
         return {name: self._adopt(name, data) for name, data in layers.items()}
 
     def _adopt(self, name: str, data: npt.ArrayLike) -> Layer:
@@ -605,13 +611,13 @@ class GridMap:
 
     def _check_layers(self, names: Iterable[str]) -> None:
         for name in names:
-            if name not in self._layers:
+            if name not in self:
                 raise LayerNotFoundError(name, self._layers)
 
     def _validity_layers(self, layers: str | Iterable[str] | None) -> tuple[str, ...]:
         if layers is None:
             return self._basic_layers
-        names = (layers,) if isinstance(layers, str) else tuple(layers)
+        names = _names(layers)
         self._check_layers(names)
         return names
 
@@ -653,10 +659,6 @@ def _names(names: Iterable[str]) -> tuple[str, ...]:
         return (names,) if isinstance(names, str) else tuple(names)
     except TypeError:
         raise GridMapError(f"expected names of layers, got {names!r}") from None
-
-
-def _text(values: npt.ArrayLike) -> str:
-    return str(tuple(np.asarray(values, dtype=float).tolist()))
 
 
 def _finite_or_nan(vector: Positions) -> Positions:

@@ -31,7 +31,7 @@ from .color import color_channels_to_value, color_value_to_bytes
 from .errors import GeometryError
 from .geometry import GridGeometry
 from .grid_map import GridMap
-from .pieces import PIECE, slices
+from .pieces import piece_of, slices
 from .resampling import Axis, resample
 from .statistics import max_of_finites, min_of_finites
 
@@ -130,7 +130,7 @@ def _paint(
     """Return the image whose channels, but for alpha, `paint` makes of blocks of a layer."""
     rows, columns = grid_map.size
     image = np.empty((rows, columns, channels), pixel)
-    for part in slices(rows, PIECE // columns):
+    for part in slices(rows, piece_of(rows * columns) // columns):
         block = ring_buffer.block(grid_map[layer], grid_map.start_index, part, slice(0, columns))
         for channel, values in zip(range(channels), paint(block), strict=False):
             image[part, :, channel] = values
@@ -333,7 +333,7 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
     share = as_number(alpha_threshold, "alpha_threshold")
     _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
     threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
-    for part in slices(rows, PIECE // columns):
+    for part in slices(rows, piece_of(rows * columns) // columns):
         block = np.ascontiguousarray(pixels[part])
         values[part] = values_of(block)
         if channels == 4:
@@ -424,7 +424,10 @@ def _as_image(image: npt.ArrayLike, size: Size | None = None) -> Image:
     """Return an image as (rows, cols, channels)."""
     if image is None:
         raise GeometryError("image: got None, which cv2.imread returns for a file it cannot read")
-    pixels = np.asarray(image)
+    try:
+        pixels = np.asarray(image)
+    except ValueError as error:
+        raise GeometryError(f"image: expected an array of pixels, got {image!r}") from error
     pixels = pixels.astype(_pixel_type(pixels.dtype, "image"), copy=False)
     shape = pixels.shape if pixels.ndim != 2 else (*pixels.shape, 1)
     sensible = len(shape) == 3 and shape[2] in (1, 3, 4) and 0 not in shape

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Layer, Positions, Size, as_positions
+from .arrays import Layer, Positions, Size, as_positions, as_text
 from .errors import GridMapError, OutOfMapError
 from .geometry import GridGeometry
 from .pieces import CHUNK, chunks
@@ -214,8 +214,7 @@ class _Surface:
     def _refuse(self, points: Positions) -> None:
         outside = points[~self._geometry.is_inside(points)][0]
         raise OutOfMapError(
-            f"position {_text(outside)} is outside the map: "
-            f"centre {_text(self._geometry.position)}, length {_text(self._geometry.length)}"
+            f"position {as_text(outside)} is outside the map: {self._geometry.place}"
         )
 
 
@@ -290,7 +289,3 @@ def _as_interpolation(interpolation: Interpolation | str) -> Interpolation:
         raise GridMapError(
             f"interpolation: expected one of {known}, got {interpolation!r}"
         ) from None
-
-
-def _text(pair: Positions) -> str:
-    return str(tuple(pair.tolist()))

@@ -10,8 +10,11 @@ import numpy.typing as npt
 
 from .arrays import Positions
 
-PIECE = 2**15
-"""Elements of a piece."""
+_PIECE = 2**15
+"""Elements of a piece of a large array."""
+
+_SMALL_PIECE = 2**10
+"""Elements of the smallest piece that is worth its overhead."""
 
 CHUNK = 2**13
 """Points of a chunk."""
@@ -36,13 +39,21 @@ def elementwise(
         op_flags=(*(("readonly",) for _ in arrays), ("writeonly", "allocate")),
         op_dtypes=(*(None for _ in arrays), np.dtype(dtype)),
         order="K",
-        buffersize=PIECE,
+        buffersize=piece_of(max(array.size for array in arrays)),
     )
     with iterator:
         for *pieces, piece in iterator:
             piece[...] = function(*pieces)
         result: npt.NDArray[Any] = iterator.operands[-1]
     return result
+
+
+def piece_of(count: int) -> int:
+    """Return how many of `count` elements make a piece.
+
+    In a small array a piece is a small part of it, so that its temporaries do not outweigh it.
+    """
+    return max(_SMALL_PIECE, min(_PIECE, count // 16))
 
 
 def slices(count: int, step: int) -> Iterator[slice]:

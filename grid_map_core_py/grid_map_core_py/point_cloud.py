@@ -144,7 +144,7 @@ def as_colors(values: npt.ArrayLike, name: str = "colors") -> npt.NDArray[np.flo
     Raises:
         GeometryError: they are not numbers.
     """
-    given = np.asarray(values)
+    given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
     if given.dtype.kind in "iu":
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
@@ -242,30 +242,39 @@ def _columns(
     field_reductions: Mapping[str, str],
 ) -> dict[str, _Column]:
     """Return the columns of the layers by their names; everything is checked."""
-    for name in layers.keys() & fields.keys():
-        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
-    for name in field_reductions.keys() - fields.keys():
-        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
+    _check_names(layers, fields, field_reductions)
     heights = cloud.points[:, 2]
     columns = {
         name: _Column(heights, _chosen(REDUCERS, name, reduction), all_count=True)
         for name, reduction in layers.items()
     }
     for name, field in fields.items():
-        is_color = name in COLOR_FIELDS
-        values = (
-            as_colors(field, f"field {name!r}")
-            if is_color
-            else _as_floats(field, f"field {name!r}")
-        )
-        if values.shape != (len(heights),):
-            raise GeometryError(
-                f"field {name!r}: expected shape {(len(heights),)}, got {values.shape}"
-            )
-        kinds = COLOR_REDUCERS if is_color else REDUCERS
-        make = _chosen(kinds, name, field_reductions.get(name, "mean"))
-        columns[name] = _Column(values, make, all_count=False)
+        reduction = field_reductions.get(name, "mean")
+        columns[name] = _field_column(name, field, reduction, len(heights))
     return columns
+
+
+def _check_names(
+    layers: Mapping[str, str],
+    fields: Mapping[str, npt.ArrayLike],
+    field_reductions: Mapping[str, str],
+) -> None:
+    given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
+    for name, mapping in given.items():
+        check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
+    for name in layers.keys() & fields.keys():
+        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
+    for name in field_reductions.keys() - fields.keys():
+        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
+
+
+def _field_column(name: str, field: npt.ArrayLike, reduction: str, points: int) -> _Column:
+    is_color = name in COLOR_FIELDS
+    read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
+    values = read(field, f"field {name!r}")
+    if values.shape != (points,):
+        raise GeometryError(f"field {name!r}: expected shape {(points,)}, got {values.shape}")
+    return _Column(values, _chosen(kinds, name, reduction), all_count=False)
 
 
 def _chosen(

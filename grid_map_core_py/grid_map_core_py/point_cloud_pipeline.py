@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from .arrays import Positions
+from .arrays import Positions, as_number
 from .clusters import euclidean_clusters
 from .config import build, check
 from .errors import ConfigError, GridMapError
@@ -166,9 +166,7 @@ class PointCloudPipeline:
         Raises:
             ConfigError: a parameter is unknown, of the wrong type or makes no sense.
         """
-        config = config.get("pcl_grid_map_extraction", config)
-        if not isinstance(config, Mapping):
-            raise ConfigError(f"expected a mapping of parameters, found {config!r}")
+        config = _as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config))
         sections = {
             name: _section(name, kind, config[name])
             for name, kind in _SECTIONS.items()
@@ -288,21 +286,41 @@ def remove_outliers(
         mean_k: number of neighbours; all others where there are fewer.
         stddev_threshold: may be negative, which removes more.
         workers: threads that search for neighbours.
+
+    Raises:
+        GeometryError: the points have the wrong shape or are no numbers.
+        ConfigError: `mean_k` or `stddev_threshold` makes no sense.
     """
+    deviations = as_number(stddev_threshold, "stddev_threshold")
+    check(np.isfinite(deviations), "stddev_threshold", "a finite number", stddev_threshold)
+    check(as_number(mean_k, "mean_k") >= 1, "mean_k", "an integer >= 1", mean_k)
     cloud = finite_points(points)
-    neighbours = min(mean_k, len(cloud) - 1)
+    neighbours = min(int(mean_k), len(cloud) - 1)
     if neighbours < 1:
         return cloud
-    tree = cKDTree(cloud)
-    distances = np.empty(len(cloud))
-    for first in range(0, len(cloud), _POINTS):
-        part = slice(first, first + _POINTS)
-        # The nearest is the point itself, or one at the same place.
-        nearest, _ = tree.query(cloud[part], k=np.arange(2, neighbours + 2), workers=workers)
-        distances[part] = nearest.mean(axis=1)
-    limit = distances.mean() + stddev_threshold * distances.std(ddof=1)
+    distances = _mean_distances(cloud, neighbours, workers)
+    limit = distances.mean() + deviations * distances.std(ddof=1)
     kept: Positions = cloud[distances <= limit]
     return kept
+
+
+def _mean_distances(cloud: Positions, neighbours: int, workers: int) -> npt.NDArray[np.float64]:
+    """Return the mean distance (N,) of each point to its nearest neighbours."""
+    # A search tree cannot divide points at the same place, of which sensors may give thousands.
+    places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
+    # In place of a neighbour whose distance is infinite, one beyond the last is named.
+    copies = np.append(copies, neighbours)
+    tree, means = cKDTree(places), np.empty(len(places))
+    nearest_ones = np.arange(1, min(neighbours + 1, len(places)) + 1)
+    for first in range(0, len(places), _POINTS):
+        part = slice(first, first + _POINTS)
+        distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
+        others = np.cumsum(copies[found], axis=1) - 1
+        counts = np.diff(np.minimum(others, neighbours), axis=1, prepend=0)
+        # An infinite distance that does not count would be NaN.
+        distances[counts == 0] = 0.0
+        means[part] = (distances * counts).sum(axis=1) / neighbours
+    return means[numbers.reshape(-1)]
 
 
 _SECTIONS: Mapping[str, type[Any]] = {
@@ -317,11 +335,16 @@ _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
 """Parameters that are mappings of three letters to numbers, as upstream writes them."""
 
 
+def _as_mapping(parameters: object) -> Mapping[str, Any]:
+    if not isinstance(parameters, Mapping):
+        raise ConfigError(f"expected a mapping of parameters, found {parameters!r}")
+    return parameters
+
+
 def _section(name: str, kind: type[Any], section: object) -> object:
     try:
-        if not isinstance(section, Mapping):
-            raise ConfigError(f"expected a mapping of parameters, found {section!r}")
-        return build(kind, {key: _in_order(key, value) for key, value in section.items()})
+        parameters = _as_mapping(section).items()
+        return build(kind, {key: _in_order(key, value) for key, value in parameters})
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}") from error
 

@@ -49,22 +49,18 @@ class Extreme:
         return self._layer
 
 
-class First:
-    """The value of the first point."""
-
-    _choose: np.ufunc = np.minimum
-    _none: int = np.iinfo(np.int64).max
+class Last:
+    """The value of the last point."""
 
     def __init__(self, cells: int) -> None:
-        self._chosen = np.full(cells, self._none, np.int64)
         self._layer = np.full(cells, np.nan, np.float32)
-        self._seen = 0
+        self._chosen = np.empty(cells, np.int32)
 
     def add(self, cells: Cells, values: Values) -> None:
         # A plain assignment promises no order where a cell occurs more than once.
-        numbers = np.arange(self._seen, self._seen + len(cells))
-        self._seen += len(cells)
-        self._choose.at(self._chosen, cells, numbers)
+        numbers = np.arange(len(cells), dtype=np.int32)
+        self._chosen[cells] = -1
+        np.maximum.at(self._chosen, cells, numbers)
         chosen = self._chosen[cells] == numbers
         self._layer[cells[chosen]] = values[chosen]
 
@@ -72,11 +68,12 @@ class First:
         return self._layer
 
 
-class Last(First):
-    """The value of the last point."""
+class First(Last):
+    """The value of the first point, which is the last one when they come the other way round."""
 
-    _choose = np.maximum
-    _none = -1
+    def add(self, cells: Cells, values: Values) -> None:
+        new = np.isnan(self._layer[cells])
+        super().add(cells[new][::-1], values[new][::-1])
 
 
 class Count:

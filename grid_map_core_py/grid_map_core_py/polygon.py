@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Mask, Positions, as_number, as_pair, as_positions
+from .arrays import Mask, Positions, as_number, as_numbers, as_pair, as_positions
 from .errors import GeometryError
 from .geometry import BORDER_TOLERANCE
 
@@ -49,12 +49,17 @@ class Polygon:
     __slots__ = ("_vertices",)
 
     def __init__(self, vertices: npt.ArrayLike) -> None:
-        given = np.asarray(vertices)
+        given = as_numbers(vertices, "vertices")
         points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices").copy()
         if points.ndim != 2 or not np.isfinite(points).all():
             raise GeometryError(f"vertices: expected finite x, y of shape (V, 2), got {vertices!r}")
         points.flags.writeable = False
         self._vertices = points
+
+    @classmethod
+    def of(cls, polygon: "Polygon | npt.ArrayLike") -> "Polygon":
+        """Return a polygon itself, or the one with these (V, 2) vertices [m]."""
+        return polygon if isinstance(polygon, Polygon) else cls(polygon)
 
     @classmethod
     def from_circle(cls, center: npt.ArrayLike, radius: float, n: int = 20) -> "Polygon":
@@ -96,12 +101,18 @@ class Polygon:
         )
 
     @classmethod
-    def convex_hull(cls, *polygons: "Polygon") -> "Polygon":
+    def convex_hull(cls, *polygons: "Polygon | npt.ArrayLike") -> "Polygon":
         """Return the convex hull of polygons, counter-clockwise from the vertex of smallest x, y.
 
         Vertices in the middle of an edge are left out (Andrew's monotone chain).
+
+        Args:
+            polygons: each a polygon, or its (V, 2) vertices [m].
+
+        Raises:
+            GeometryError: vertices have another shape or are not finite.
         """
-        vertices = [polygon.vertices for polygon in polygons]
+        vertices = [cls.of(polygon).vertices for polygon in polygons]
         points = np.unique(np.concatenate([np.empty((0, 2)), *vertices]), axis=0).tolist()
         if len(points) < 3:
             return cls(points)

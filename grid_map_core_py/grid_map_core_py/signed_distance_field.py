@@ -54,13 +54,13 @@ class SignedDistanceField:
         grid_map: the map, which is not kept: later changes of it do not show.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
-        max_height: z that the highest level reaches at least [m].
+        max_height: z that the highest level reaches at least [m]; there are two levels or more.
         unknown: what cells without data (NaN) are; None refuses them, "free" takes them for cells
             of height -inf.
 
     Raises:
         LayerNotFoundError: there is no such layer.
-        GeometryError: a height is not finite, `max_height` is not above `min_height`, or there
+        GeometryError: a height is not finite, `max_height` is below `min_height`, or there
             would be more than 2**31 nodes.
         GridMapError: there are cells without data, or `unknown` is neither None nor "free".
 
@@ -190,7 +190,8 @@ class SignedDistanceField:
             (N, 4) float32 x, y, z and distance [m] in the order of `distances`: upwards, then
             towards -y, then towards -x.
         """
-        chosen = (self._distances >= lower) & (self._distances <= upper)
+        least, most = as_number(lower, "lower"), as_number(upper, "upper")
+        chosen = (self._distances >= least) & (self._distances <= most)
         points = np.empty((np.count_nonzero(chosen), 4), np.float32)
         for axis, coordinates in enumerate(np.ix_(*self._geometry.axes(), self._levels)):
             points[:, axis] = np.broadcast_to(coordinates, self.shape)[chosen]
@@ -392,9 +393,9 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
     """Return the z of the levels (levels,)."""
     lowest = as_number(min_height, "min_height")
     highest = as_number(max_height, "max_height")
-    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
+    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest):
         raise GeometryError(
-            "min_height, max_height: expected two finite numbers, the second one larger, "
+            "min_height, max_height: expected two finite numbers, the second one not smaller, "
             f"got {min_height!r}, {max_height!r}"
         )
     steps = (highest - lowest - BORDER_TOLERANCE) / geometry.resolution

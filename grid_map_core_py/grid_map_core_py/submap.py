@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which cells a submap takes."""
 
-import numpy as np
 import numpy.typing as npt
 
-from .arrays import as_pair
+from .arrays import as_pair, as_text
 from .errors import GeometryError, OutOfMapError
 from .geometry import GridGeometry
 
@@ -26,15 +25,11 @@ def submap_block(
     """
     centre, sides = as_pair(position, "position"), as_pair(length, "length")
     if (sides < 0).any():
-        raise GeometryError(f"length: expected no negative numbers, got {_text(sides)}")
+        raise GeometryError(f"length: expected no negative numbers, got {as_text(sides)}")
     rows, columns = geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
     if rows.start == rows.stop:
         raise OutOfMapError(
-            f"the submap at {_text(centre)} of length {_text(sides)} does not overlap the map: "
-            f"centre {_text(geometry.position)}, length {_text(geometry.length)}"
+            f"the submap at {as_text(centre)} of length {as_text(sides)} does not overlap the map: "
+            f"{geometry.place}"
         )
     return rows, columns
-
-
-def _text(values: npt.NDArray[np.float64]) -> str:
-    return str(tuple(values.tolist()))

@@ -5,7 +5,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import Positions
+from .arrays import Positions, as_array
 from .errors import GeometryError
 from .point_cloud import as_points
 
@@ -24,7 +24,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
         GeometryError: a side is not positive and finite, or is too small for the extent of the
             points.
     """
-    sides = np.asarray(voxel_size, dtype=np.float64)
+    sides = as_array(voxel_size, np.float64, "voxel_size")
     if sides.shape != (3,) or not (np.isfinite(sides).all() and (sides > 0).all()):
         raise GeometryError(f"voxel_size: expected three positive numbers, got {voxel_size!r}")
     xyz = finite_points(points)
@@ -32,7 +32,9 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
         return xyz
     first = np.floor(xyz.min(axis=0) / sides)
     counts = np.floor(xyz.max(axis=0) / sides) - first + 1
-    if not counts.prod() < 2.0**62:
+    with np.errstate(over="ignore"):
+        voxel_count = counts.prod()
+    if not voxel_count < 2.0**62:
         raise GeometryError(f"voxel_size: {tuple(sides.tolist())} m is too small for the points")
     voxels = np.zeros(len(xyz), np.int64)
     for axis in range(3):

@@ -82,15 +82,24 @@ def test_cells_index_the_layers_directly(grid_map):
     )
 
 
-def test_a_block_beyond_the_map_is_an_error():
+@given(grid_maps(), st.tuples(*[st.integers(0, 30)] * 2), st.data())
+def test_a_block_is_cut_off_at_the_border_of_the_map(grid_map, size, data):
+    first = [data.draw(st.integers(0, cells - 1)) for cells in grid_map.size]
+    world = moved_in_buffer(grid_map, (0, 0))
+    seen = np.zeros(grid_map.size, dtype=bool)
+    seen[first[0] : first[0] + size[0], first[1] : first[1] + size[1]] = True
+    start_index = (np.add(first, grid_map.start_index) % grid_map.size).tolist()
+    cells = submap_cells(grid_map, start_index, size)
+    # Row after row of the map, which is the order of `argwhere`.
+    np.testing.assert_array_equal((cells - grid_map.start_index) % grid_map.size, np.argwhere(seen))
+    np.testing.assert_array_equal(grid_map["elevation"][tuple(cells.T)], world["elevation"][seen])
+
+
+def test_a_block_that_makes_no_sense_is_an_error():
     grid_map = GridMap((4, 3), 1.0)
-    grid_map.start_index = (2, 1)
-    assert submap_cells(grid_map, (2, 1), (0, 3)).shape == (0, 2)
-    with pytest.raises(GeometryError, match=r"\(4, 3\) cells at index \(3, 1\) is not within"):
-        submap_cells(grid_map, (3, 1), (4, 3))
-    with pytest.raises(GeometryError):
+    with pytest.raises(GeometryError, match=r"size: expected no negative numbers, got \(-1, 1\)"):
         submap_cells(grid_map, (2, 1), (-1, 1))
-    with pytest.raises(OutOfMapError):
+    with pytest.raises(OutOfMapError, match=r"index \(4, 0\) is outside"):
         submap_cells(grid_map, (4, 0), (1, 1))
 
 

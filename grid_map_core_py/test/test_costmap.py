@@ -183,8 +183,9 @@ def test_a_costmap_begins_at_the_smallest_x_and_y():
     assert np.count_nonzero(costmap.costmap) == 1
 
 
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result():
-    grid_map = GridMap((1000, 500), 1.0, layers={"cost": 3.0})
+@pytest.mark.parametrize("size", [(1000, 500), (400, 400)])
+def test_nothing_takes_more_than_three_times_the_memory_of_its_result(size):
+    grid_map = GridMap(size, 1.0, layers={"cost": 3.0})
     grid_map.start_index = (17, 200)
     costmap = to_costmap(grid_map, "cost", CENTURY)
     for codec in (CENTURY, CostRange()):
@@ -208,6 +209,13 @@ def test_a_table_ascends(values):
         CostTable(*values)
 
 
+def test_values_of_a_codec_are_numbers():
+    with pytest.raises(GeometryError, match="inscribed: expected a number, got None"):
+        CostTable(0, None, 100, -1)
+    with pytest.raises(GeometryError, match="data_max: expected a number, got 'high'"):
+        CostRange(0, "high")
+
+
 def test_unknown_is_no_known_cost():
     with pytest.raises(GeometryError, match="unknown: 0 is the value of a known cost"):
         CostTable(0, 99, 100, 0)
@@ -227,3 +235,18 @@ def test_a_costmap_has_as_many_costs_as_cells():
         from_costmap(broken, "cost", DIRECT)
     with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
         to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "height", DIRECT)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "message"),
+    [
+        ("size_x", 2.5, "size_x, size_y: expected integers"),
+        ("resolution", "fine", "resolution: expected a number, got 'fine'"),
+        ("resolution", 0.0, "resolution: expected a positive number"),
+        ("origin_x", math.nan, "origin_x, origin_y: expected two finite numbers"),
+    ],
+)
+def test_a_costmap_without_a_place_is_refused(attribute, value, message):
+    costmap = to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
+    with pytest.raises(GeometryError, match=message):
+        from_costmap(SimpleNamespace(**{**vars(costmap), attribute: value}), "cost", DIRECT)

@@ -306,6 +306,14 @@ def test_a_damaged_file_is_one_error_that_names_it(write, name):
             load(path)
 
 
+@pytest.mark.parametrize("name", ["empty.pcd", "empty.ply"])
+def test_the_reason_of_damage_takes_one_line(write, name):
+    with pytest.raises(GridMapError) as caught:
+        load_points(write(name, ""))
+    assert len(str(caught.value).splitlines()) == 1
+    assert "number of vertices" not in str(caught.value)
+
+
 def test_faces_that_name_no_vertex_are_refused(write):
     with pytest.raises(GridMapError, match=r"m\.obj: cannot be read"):
         load_mesh(write("m.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 9\n"))

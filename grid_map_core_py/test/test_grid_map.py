@@ -131,6 +131,10 @@ def test_what_is_no_number_is_no_layer(terrain, name, value):
         (lambda m: m.get_submap((np.nan, 0), (1, 1)), "position: expected two finite numbers"),
         (lambda m: m.get_submap((0, 0), (1, 1, 1)), "length: expected two finite numbers"),
         (lambda m: setattr(m, "start_index", (0,)), "start_index: expected two integers"),
+        (lambda m: setattr(m, "start_index", ((0, 1), 2)), "start_index: expected numbers"),
+        (lambda m: m.get_positions([(0, 1), (2,)]), "index: expected numbers"),
+        (lambda _: GridMap([(1, 2), 3], 0.1), "length: expected numbers"),
+        (lambda _: GridMap((1, 1), 0.1, [(1, 2), 3]), "position: expected numbers"),
     ],
 )
 def test_arguments_that_make_no_sense_are_named(terrain, call, message):
@@ -473,6 +477,14 @@ def test_what_is_no_name_is_no_layer(terrain):
     assert ["elevation"] not in terrain
     with pytest.raises(LayerNotFoundError):
         terrain[["elevation"]]
+    with pytest.raises(LayerNotFoundError):
+        del terrain[["elevation"]]
+    with pytest.raises(LayerNotFoundError, match="no layer '5x'"):
+        terrain.get_vector(5, (0, 0))
+    with pytest.raises(GridMapError, match="expected names of layers, got 5"):
+        terrain.valid_mask(5)
+    with pytest.raises(GridMapError, match="layers: expected a mapping of names to values"):
+        terrain.with_layers(["elevation"])
 
 
 def test_the_text_of_a_map_tells_what_it_is(terrain):

@@ -418,10 +418,11 @@ def peak_of(function) -> tuple[float, np.ndarray]:
     return peak, result
 
 
+@pytest.mark.parametrize("size", [(1000, 800), (400, 400)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, channels):
-    grid_map = GridMap((1000, 800), 1.0, layers={"height": 3.0, "color": 0.0})
+def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, channels, size):
+    grid_map = GridMap(size, 1.0, layers={"height": 3.0, "color": 0.0})
     grid_map.start_index = (7, 300)
     peak, image = peak_of(lambda: to_image(grid_map, "height", dtype, channels, 0, 5))
     assert peak < 3 * image.nbytes
@@ -478,6 +479,7 @@ def test_a_missing_layer_is_named(terrain):
     [
         (None, {}, "which cv2.imread returns for a file it cannot read"),
         ([[1, 2]], {}, "image: expected one of uint8, uint16, float32, float64, got dtype"),
+        ([[1.0, 2.0], [3.0]], {}, "image: expected an array of pixels"),
         (np.zeros(4, np.uint8), {}, r"image: expected shape .* got \(4,\)"),
         (np.zeros((9, 6, 2), np.uint8), {}, r"image: expected shape .* got \(9, 6, 2\)"),
         (np.zeros((0, 6), np.uint8), {}, r"image: expected shape .* got \(0, 6\)"),

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """From raw point clouds to elevation as upstream's grid_map_pcl does it."""
 
+import time
 import tracemalloc
 
 import numpy as np
@@ -198,6 +199,12 @@ def test_outliers_are_those_far_from_their_neighbours(count, neighbours, thresho
     np.testing.assert_array_equal(result, outliers_by_hand(points, neighbours, threshold))
 
 
+@pytest.mark.parametrize(("mean_k", "threshold"), [(0, 1.0), (float("nan"), 1.0), (3, np.inf)])
+def test_settings_of_outliers_that_make_no_sense_are_refused(mean_k, threshold):
+    with pytest.raises(ConfigError, match=r"mean_k|stddev_threshold"):
+        remove_outliers([(0, 0, 0), (1, 0, 0)], mean_k, threshold)
+
+
 def test_a_lone_point_and_equal_points_are_no_outliers():
     assert len(remove_outliers([(1, 2, 3)], 5, 1.0)) == 1
     assert len(remove_outliers(np.empty((0, 3)), 5, 1.0)) == 0
@@ -292,6 +299,7 @@ def test_a_parameter_file_of_upstream_loads():
         ({"downsampling": {"voxel_size": [1, 1, 0]}}, "'voxel_size': expected positive"),
         ({"cloud_transform": {"rotation": {"x": 1, "y": 1, "z": 1}}}, "expected numbers r, p, y"),
         ({"num_processing_threads": 0}, "'num_processing_threads': expected an integer >= 1"),
+        (None, "expected a mapping of parameters, found None"),
         ({"pcl_grid_map_extraction": []}, "expected a mapping of parameters"),
     ],
 )
@@ -321,3 +329,14 @@ def test_memory_stays_bounded_however_dense_the_cloud():
         tracemalloc.stop()
     np.testing.assert_allclose(grid_map["elevation"], [[points[:, 2].mean()]], rtol=1e-6)
     assert peak < 20e6
+
+
+def test_many_points_at_one_place_take_no_time():
+    """Sensors give (0, 0, 0) where they see nothing; a search tree makes one leaf of these."""
+    same = np.zeros((99_000, 3))
+    cloud = np.concatenate([same, [(0.01, 0.0, 1.0)]])
+    pipeline = PointCloudPipeline.from_config({"outlier_removal": {"is_remove_outliers": True}})
+    started = time.perf_counter()
+    assert pipeline(same)["elevation"].tolist() == [[0.0]]
+    np.testing.assert_array_equal(remove_outliers(cloud, 3, 1.0), same)
+    assert time.perf_counter() - started < 5.0

@@ -326,6 +326,11 @@ def test_a_polygon_without_area_has_no_centroid():
     assert np.isnan(Polygon([(0, 0), (1, 1), (2, 2)]).centroid).all()
 
 
+def test_a_convex_hull_takes_polygons_and_vertices():
+    assert Polygon.convex_hull(SQUARE, [(3, 0)]) == Polygon.convex_hull(SQUARE, Polygon([(3, 0)]))
+    assert Polygon.convex_hull(SQUARE.vertices) == Polygon.convex_hull(SQUARE)
+
+
 def test_polygons_do_not_change():
     given_vertices = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)])
     polygon = Polygon(given_vertices)
@@ -349,7 +354,8 @@ def test_polygons_are_equal_when_their_vertices_are():
 
 
 @pytest.mark.parametrize(
-    "vertices", [[(0, np.nan)], [(0, np.inf)], [1, 2], [(1, 2, 3)], [[(1, 2)]], "abc", 3.0]
+    "vertices",
+    [[(0, np.nan)], [(0, np.inf)], [1, 2], [(1, 2, 3)], [[(1, 2)]], [(1, 2), (3,)], "abc", 3.0],
 )
 def test_vertices_are_pairs_of_finite_numbers(vertices):
     with pytest.raises(GeometryError, match="vertices"):
@@ -375,6 +381,8 @@ def test_wrong_arguments_are_named():
         Polygon.convex_hull_of_two_circles((0, 0), (1, np.nan), 1)
     with pytest.raises(GeometryError, match="points: expected x, y"):
         SQUARE.is_inside([1, 2, 3])
+    with pytest.raises(GeometryError, match="vertices: expected numbers, got None"):
+        Polygon.convex_hull(SQUARE, None)
 
 
 @pytest.mark.parametrize(("vertices", "count"), [(10, 200_000), (20_000, 100)])

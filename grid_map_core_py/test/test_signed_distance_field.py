@@ -441,7 +441,15 @@ def test_without_a_surface_every_distance_is_infinite(height, distance):
 
 @pytest.mark.parametrize(
     ("low", "high", "levels"),
-    [(0.0, 1.0, 11), (0.0, 0.3, 4), (0.0, 0.31, 5), (-0.5, 0.1, 7), (0.0, 0.01, 2), (0, 1, 11)],
+    [
+        (0.0, 1.0, 11),
+        (0.0, 0.3, 4),
+        (0.0, 0.31, 5),
+        (-0.5, 0.1, 7),
+        (0.0, 0.01, 2),
+        (0.3, 0.3, 2),
+        (0, 1, 11),
+    ],
 )
 def test_levels_are_one_resolution_apart_and_cover_the_heights(low, high, levels):
     field = SignedDistanceField(flat(), "elevation", low, high)
@@ -450,9 +458,7 @@ def test_levels_are_one_resolution_apart_and_cover_the_heights(low, high, levels
     assert field.levels[-1] >= high - 1e-9
 
 
-@pytest.mark.parametrize(
-    "limits", [(1.0, 1.0), (1.0, 0.0), (np.nan, 1.0), (0.0, np.inf), (-np.inf, 0.0)]
-)
+@pytest.mark.parametrize("limits", [(1.0, 0.0), (np.nan, 1.0), (0.0, np.inf), (-np.inf, 0.0)])
 def test_limits_must_be_finite_and_in_order(limits):
     with pytest.raises(GeometryError, match="min_height, max_height: expected two finite numbers"):
         SignedDistanceField(flat(), "elevation", *limits)
@@ -461,6 +467,12 @@ def test_limits_must_be_finite_and_in_order(limits):
 def test_limits_must_be_numbers():
     with pytest.raises(GeometryError, match="max_height: expected a number, got 'high'"):
         SignedDistanceField(flat(), "elevation", 0.0, "high")
+
+
+@pytest.mark.parametrize("limits", [{"lower": None}, {"upper": "near"}])
+def test_limits_of_points_must_be_numbers(limits):
+    with pytest.raises(GeometryError, match="er: expected a number"):
+        SignedDistanceField(flat(), "elevation", 0.0, 1.0).to_points(**limits)
 
 
 @pytest.mark.parametrize("high", [1e9, 1.7e308])

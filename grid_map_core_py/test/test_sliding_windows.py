@@ -131,6 +131,16 @@ def test_a_window_length_becomes_an_odd_number_of_cells(length, size):
     assert windows.shape == (8, 8, size, size)
 
 
+def test_windows_larger_than_any_map_take_no_memory():
+    grid_map = GridMap((3, 2), 1.0, layers={"elevation": 1.0})
+    grid_map.start_index = (1, 1)
+    for size in ({"window_size": 10**9 + 1}, {"window_length": 1e300}):
+        cropped = [window for _, window in sliding_windows(grid_map, "elevation", "crop", **size)]
+        assert len(cropped) == 6
+        assert all(np.array_equal(window, np.ones((3, 2))) for window in cropped)
+        assert not list(sliding_windows(grid_map, "elevation", "inside", **size))
+
+
 @pytest.mark.parametrize("windows", [sliding_windows, window_array])
 def test_wrong_arguments_are_refused_before_the_first_window(windows):
     grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])

@@ -45,6 +45,11 @@ def test_a_voxel_needs_three_positive_sides(size):
         downsample([(0, 0, 0)], size)
 
 
+def test_the_sides_of_a_voxel_are_numbers():
+    with pytest.raises(GeometryError, match="voxel_size: expected numbers, got 'small'"):
+        downsample([(0, 0, 0)], "small")
+
+
 def test_voxels_too_small_to_be_counted_are_refused():
     with pytest.raises(GeometryError, match=r"voxel_size: .* too small"):
         downsample([(0, 0, 0), (1e9, 1e9, 1e9)], (1e-3, 1e-3, 1e-3))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Cells, Mask, Positions, Size, as_cells, as_pair, as_size
+from ..arrays import Cells, Mask, Positions, Size, as_cells, as_pair, as_size, as_text
 from ..errors import OutOfMapError
 from ..geometry import GridGeometry
 from ._assembly import empty_cells, place
@@ -87,12 +87,8 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
         # The borders on -x and -y are not on the map; a line along them has its middle there too.
         if found.any():
             return cells[:2]
-    start, end, centre, length = (
-        tuple(pair.tolist()) for pair in (*ends, geometry.position, geometry.length)
-    )
-    raise OutOfMapError(
-        f"the line from {start} to {end} does not touch the map: centre {centre}, length {length}"
-    )
+    start, end = map(as_text, ends)
+    raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
 
 
 def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float, float]:

@@ -26,11 +26,9 @@ def polygon_cells(grid_map: "GridMap", polygon: Polygon | npt.ArrayLike) -> Cell
     Raises:
         GeometryError: the vertices have another shape or are not finite.
     """
-    if not isinstance(polygon, Polygon):
-        polygon = Polygon(polygon)
-    if not len(polygon):
+    vertices = Polygon.of(polygon).vertices
+    if not len(vertices):
         return empty_cells(0)
-    vertices = polygon.vertices
     rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
     x, y = grid_map.geometry.axes()
     mask = _inside(x[rows], y[columns], vertices)

@@ -50,6 +50,9 @@ def sliding_windows(
     """
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
+    if edge_handling in ("inside", "crop"):
+        # A larger window shows no more of the map, and its margin would take memory for nothing.
+        size = min(size, 2 * max(grid_map.size) + 1)
     padded = _padded(grid_map.unwrapped(layer), size // 2)
     return _windows(padded, grid_map.start_index, grid_map.size, edge_handling, size)
 

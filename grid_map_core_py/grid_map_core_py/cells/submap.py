@@ -18,17 +18,19 @@ if TYPE_CHECKING:
 def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.ArrayLike) -> Cells:
     """Return the (N, 2) buffer indices of a block of cells, row after row of the map.
 
+    Cells beyond the map are left out.
+
     Args:
         start_index: buffer index of the block's cell with the largest x and y.
-        size: rows and columns of the block.
+        size: rows and columns of the block, not negative.
 
     Raises:
         OutOfMapError: the start index is not on the map.
-        GeometryError: the block reaches beyond the map, or a size is negative.
+        GeometryError: a size is negative.
     """
-    start, extent = as_size(start_index, "start_index"), as_size(size, "size")
+    start = as_size(start_index, "start_index")
     grid_map.geometry.check_cells(as_cells(start))
-    _check_extent(grid_map, start, extent)
+    extent = _clipped(grid_map, start, as_size(size, "size"))
     rows, columns = (np.arange(count) for count in extent)
     place(rows, 0, start[0], grid_map.size[0])
     place(columns, 0, start[1], grid_map.size[1])
@@ -39,11 +41,14 @@ def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.Arra
     return cells
 
 
-def _check_extent(grid_map: "GridMap", start: Size, extent: Size) -> None:
-    for axis in (0, 1):
-        first = (start[axis] - grid_map.start_index[axis]) % grid_map.size[axis]
-        if not 0 <= extent[axis] <= grid_map.size[axis] - first:
-            raise GeometryError(
-                f"a block of {extent} cells at index {start} is not within the map of "
-                f"{grid_map.size} cells with start index {grid_map.start_index}"
-            )
+def _clipped(grid_map: "GridMap", start: Size, extent: Size) -> Size:
+    """Return how many rows and columns of a block that begins at a buffer index are on the map."""
+    if min(extent) < 0:
+        raise GeometryError(f"size: expected no negative numbers, got {extent}")
+    rows, columns = (
+        min(count, cells - (cell - first) % cells)
+        for count, cell, first, cells in zip(
+            extent, start, grid_map.start_index, grid_map.size, strict=True
+        )
+    )
+    return rows, columns
