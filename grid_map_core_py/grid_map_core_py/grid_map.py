@@ -631,11 +631,14 @@ class GridMap:
         table = np.concatenate(self._buffer_axes())
         points = cells.reshape(-1, 2)
         positions = np.empty(points.shape)
-        offsets = interleaved((0, self.size[0]), points)
+        offsets, size = interleaved((0, self.size[0]), points), interleaved(self.size, points)
         for part in chunks(points):
-            self._geometry.check_cells(points[part])
-            entries = points[part].reshape(-1) + offsets[: 2 * len(points[part])]
+            pairs = points[part].reshape(-1)
+            # Without sign, negative numbers are too large as well.
+            if not (pairs.view(np.uint64) < size.view(np.uint64)[: pairs.size]).all():
+                self._geometry.check_cells(points[part])
             # Checked already; any other mode would copy the results.
+            entries = pairs + offsets[: pairs.size]
             np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
         return positions.reshape(cells.shape)
 

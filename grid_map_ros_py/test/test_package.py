@@ -22,7 +22,7 @@ ros.from_message(ros.to_message(grid_map))
 ros.to_point_cloud(grid_map, "elevation")
 ros.to_occupancy_grid(grid_map, "elevation", 0, 1)
 ros.to_grid_cells(grid_map, "elevation", 0, 1)
-unwanted = {"rclpy", "nav2_msgs", "octomap_msgs", "cv_bridge", "tf2_ros", "rosbag2_py", "cv2"}
+unwanted = {"rclpy", "nav2_msgs", "octomap_msgs", "cv_bridge", "tf2_ros", "rosbag2_py"}
 print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 """
 
