@@ -167,7 +167,8 @@ FINITE = {script for script, topic in SCRIPTS.items() if not topic}
 
 @pytest.mark.parametrize(("script", "topic"), ENDLESS)
 def test_a_command_publishes_until_it_is_interrupted(script, topic):
-    source = nullcontext() if "grid_map_demos_py " in script else source_of_maps()
+    # Two sources of maps would be taken for each other.
+    source = nullcontext() if topic == "/grid_map" else source_of_maps()
     with source, peer() as listener, running(Process(["bash", "-c", f"cd {ROOT} && {script}"])):
         listener.listen(topic, message_type(listener, topic))
         listener.expect(topic)
@@ -257,7 +258,8 @@ def test_files_that_are_named_exist(any_page):
 
 
 def test_the_names_beside_those_of_cpp_exist():
-    known = {*dir(grid_map_core_py.GridMap), *dir(grid_map_core_py.SignedDistanceField)}
+    classes = grid_map_core_py.GridMap, grid_map_core_py.GridGeometry
+    known = {name for one in (*classes, grid_map_core_py.SignedDistanceField) for name in dir(one)}
     for module in (grid_map_core_py, grid_map_filters_py, grid_map_ros_py):
         known |= {*module.__all__}
     cells = [row[1] for row in table(page("README.md").section("Names")) if row[0] != "C++"]
@@ -270,11 +272,11 @@ def test_the_names_beside_those_of_cpp_exist():
 
 
 def test_every_deviation_has_a_test():
-    folder = ROOT / "grid_map_core_py" / "test"
-    code = "".join(path.read_text() for path in folder.glob("*.py"))
+    folders = [ROOT / package / "test" for package in ("grid_map_core_py", "grid_map_filters_py")]
+    code = "".join(path.read_text() for folder in folders for path in folder.glob("*.py"))
     tests = set(re.findall(r"def (test_\w+)\(", code))
     rows = [row for row in table(page("docs/deviations.md").text) if row[0] != "golden data"]
-    assert len(rows) > 30
+    assert len(rows) > 50
     for row in rows:
         named = re.findall(r"(?:`|::)(test_\w+)`", row[-1])
         assert named, row
@@ -289,6 +291,32 @@ def test_every_error_is_in_the_tree():
     assert len(errors) > 5
     tree = page("docs/architecture.md").section("Errors")
     assert [error.__name__ for error in errors if error.__name__ not in tree] == []
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+def picture_of(type_name: str) -> str:
+    """Return the name of the one picture in the section of a filter."""
+    section = page("docs/filters.md").section(type_name)
+    (name,) = re.findall(r"!\[[^\]]+\]\(images/filters/([\w.]+)\)", section)
+    return name
+
+
+@pytest.mark.parametrize("type_name", FILTERS_BUILT_IN)
+def test_the_page_of_filters_shows_what_every_filter_does(type_name):
+    picture = ROOT / "docs" / "images" / "filters" / picture_of(type_name)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_pictures_of_filters_are_small_and_drawn_by_their_script(tmp_path):
+    script = ROOT / "docs" / "images" / "make_filter_pictures.py"
+    done = run(sys.executable, script, tmp_path / "new", environ=environment(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    drawn = {path.name for path in (tmp_path / "new").iterdir()}
+    stored = [*(ROOT / "docs" / "images" / "filters").iterdir()]
+    assert drawn == {path.name for path in stored} == {*map(picture_of, FILTERS_BUILT_IN)}
+    assert sum(path.stat().st_size for path in stored) < 2_000_000
 
 
 # --- tables of parameters -------------------------------------------------------------------------

@@ -12,17 +12,25 @@ from .config import StepConfig
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 from .filter import Filter, FilterWarning
+from .offline import Failure, Filtered, filter_maps
+from .progress import ProgressBar
 from .registry import FILTERS
+from .step_times import StepTimes
 
 __all__ = [
     "FILTERS",
     "Expression",
     "ExpressionError",
+    "Failure",
     "Filter",
     "FilterChain",
     "FilterConfigError",
     "FilterError",
     "FilterWarning",
+    "Filtered",
+    "ProgressBar",
     "Step",
     "StepConfig",
+    "StepTimes",
+    "filter_maps",
 ]

@@ -4,8 +4,8 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,7 @@ class FilterChain:
         for step in self.steps:
             begin = time.perf_counter()
             result = _run(step, result)
-            if observer:
+            if observer is not None:
                 observer(step, time.perf_counter() - begin)
         keeps_start = not any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
         if keeps_start and grid_map.start_index != (0, 0) and result.size == grid_map.size:
@@ -105,10 +105,17 @@ class FilterChain:
 
 def _build(config: StepConfig) -> Filter:
     try:
-        return build(FILTERS[config.type], config.params)
+        return _made(FILTERS[config.type], config.params)
     # Whatever the class of a third party raises, the message must say which filter it was.
     except Exception as error:
-        raise FilterConfigError(f"{config}: {_message(error)}") from error
+        raise FilterConfigError(f"{config}: {message_of(error)}") from error
+
+
+def _made(cls: type[Filter], params: Mapping[str, object]) -> Filter:
+    result = build(cls, params) if is_dataclass(cls) else None
+    if not callable(result):
+        raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
+    return result
 
 
 def _run(step: Step, grid_map: GridMap) -> GridMap:
@@ -117,7 +124,7 @@ def _run(step: Step, grid_map: GridMap) -> GridMap:
         try:
             result = step.filter(grid_map)
         except Exception as error:
-            raise FilterError(f"{step.config}: {_message(error)}") from error
+            raise FilterError(f"{step.config}: {message_of(error)}") from error
     for warning in caught:
         _pass_on(warning, step)
     if not isinstance(result, GridMap):
@@ -125,7 +132,8 @@ def _run(step: Step, grid_map: GridMap) -> GridMap:
     return result
 
 
-def _message(error: Exception) -> str:
+def message_of(error: Exception) -> str:
+    """Return the text of an error; what it is of comes first, unless the text explains itself."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
 
 

@@ -118,7 +118,13 @@ def _ros_parameters(content: Mapping[str, Any], path: str = "") -> Iterator[tupl
 
 
 def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
-    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`."""
+    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
+
+    None, as which an empty mapping in a ROS parameter file arrives, gives way to a mapping.
+
+    Raises:
+        FilterConfigError: a parameter has both a value and parameters below it.
+    """
     result: dict[str, Any] = {}
     for name, value in parameters.items():
         *parents, last = str(name).split(".")
@@ -127,16 +133,42 @@ def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
             place = _below(place, parent, name)
         if isinstance(value, Mapping):
             _below(place, last, name).update(nested(value))
-        else:
+        elif not isinstance(place.get(last), dict):
             place[last] = value
+        elif value is not None:
+            raise _both(name, last, value)
     return result
 
 
 def _below(place: dict[str, Any], key: str, name: object) -> dict[str, Any]:
-    inner = place.setdefault(key, {})
+    inner = {} if place.get(key) is None else place[key]
+    place[key] = inner
     if not isinstance(inner, dict):
-        raise FilterConfigError(f"{name}: {key!r} has a value, {inner!r}, and parameters below it")
+        raise _both(name, key, inner)
     return inner
+
+
+def flat(parameters: Mapping[object, object]) -> dict[str, object]:
+    """Return the parameters of a filter with names that its fields can have.
+
+    `min: {value: 1}`, ROS 1's `min/value: 1` and `min.value: 1` become `min_value: 1`.
+
+    Raises:
+        FilterConfigError: two spellings of one parameter.
+    """
+    result: dict[str, object] = {}
+    for key, value in parameters.items():
+        name = re.sub("[/.]", "_", str(key))
+        below = flat(value) if isinstance(value, Mapping) else None
+        entries = {name: value} if below is None else {f"{name}_{n}": v for n, v in below.items()}
+        for entry in entries.keys() & result.keys():
+            raise FilterConfigError(f"parameter {entry!r} is given twice, in two spellings")
+        result |= entries
+    return result
+
+
+def _both(name: object, key: str, value: object) -> FilterConfigError:
+    return FilterConfigError(f"{name}: {key!r} has a value, {value!r}, and parameters below it")
 
 
 def _numbered(config: Mapping[object, object]) -> list[object]:
@@ -169,7 +201,10 @@ def _step(number: int, entry: object) -> StepConfig:
         raise FilterConfigError(
             f"filter {number} {name!r}: params: expected a mapping, found {_found(params)}"
         )
-    return StepConfig(number, name, type_name, params or {})
+    try:
+        return StepConfig(number, name, type_name, flat(params or {}))
+    except FilterConfigError as error:
+        raise FilterConfigError(f"filter {number} {name!r}: {error}") from None
 
 
 def _text(number: int, entry: Mapping[object, object], key: str) -> str:

@@ -33,6 +33,6 @@ def warn(message: str) -> None:
     warnings.warn(message, FilterWarning, stacklevel=3)
 
 
-def check_radius(radius: float) -> None:
-    """Check the parameter `radius` of a filter that looks at a disc around each cell."""
-    check(math.isfinite(radius) and radius >= 0, "radius", "a length >= 0 [m]", radius)
+def check_radius(radius: float, name: str = "radius") -> None:
+    """Check the parameter `name` of a filter that looks at a disc around each cell."""
+    check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)

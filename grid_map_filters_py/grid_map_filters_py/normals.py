@@ -2,24 +2,58 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Surface normals of a layer."""
 
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask
 
-from .disc import Disc, Sums, centred, correlate
+from .disc import Disc, Flat, Tile, tiles, typical_value
 
 Normals = tuple[Layer, Layer, Layer]
 Field = npt.NDArray[np.float64]
+Components = tuple[Field, Field, Field]
 
 _SMALLEST_SPREAD = 1e-8
 """Variance [m^2] across a line of points below which they span no plane."""
 
-_SMALLEST_GAP = 1e-6
+_SMALLEST_GAP = 0.03
 """Product of the relative gaps between eigenvalues below which the formula loses digits."""
 
-_SMALLEST_SHARE = 1e-4
-"""Square of the z component of a normal below which the formula loses digits."""
+_SMALLEST_Z = 0.01
+"""z component of a normal below which the formula loses digits."""
+
+
+class Symmetric(NamedTuple):
+    """Symmetric 3 x 3 matrices, given by arrays of their elements."""
+
+    xx: Field
+    xy: Field
+    xz: Field
+    yy: Field
+    yz: Field
+    zz: Field
+
+
+class Moments(NamedTuple):
+    """How many points discs have, and sums of their coordinates and of products of these.
+
+    In cells from the centre of the disc, along rows, columns and downwards.
+    """
+
+    n: Flat
+    x: Flat
+    y: Flat
+    z: Flat
+    xx: Flat
+    xy: Flat
+    xz: Flat
+    yy: Flat
+    yz: Flat
+    zz: Flat
 
 
 def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
@@ -36,12 +70,12 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     Returns:
         x, y and z components (rows, cols) of unit vectors; NaN where the layer is not finite.
     """
-    mask, heights, _ = centred(layer)
-    count, covariance = _covariance(mask, heights, Disc(radius, resolution, layer.shape))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normals, spread = _smallest_eigenvectors(*covariance)
-    flat = (count < 3) | ~(spread > _SMALLEST_SPREAD)
-    return _store(normals, flat, mask)
+    normals = _empty(layer)
+    offset = typical_value(layer)
+    for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
+        known, heights = tile.finite(layer, offset)
+        _store(normals, tile, _area_normals(known, heights, tile))
+    return normals
 
 
 def raster_normals(layer: Layer, resolution: float) -> Normals:
@@ -57,112 +91,301 @@ def raster_normals(layer: Layer, resolution: float) -> Normals:
         x, y and z components (rows, cols) of unit vectors; NaN in the cells at the border of the
         map and where a slope has no two finite cells.
     """
-    heights = layer.astype(np.float64)
-    heights[~np.isfinite(heights)] = np.nan
-    centre = heights[1:-1, 1:-1]
-    slope_x = _slope(heights[:-2, 1:-1], centre, heights[2:, 1:-1], resolution)
-    slope_y = _slope(heights[1:-1, :-2], centre, heights[1:-1, 2:], resolution)
-    length = np.sqrt(np.square(slope_x) + np.square(slope_y) + 1.0)
-    normals = tuple(np.full(layer.shape, np.nan, np.float32, order="F") for _ in range(3))
-    for normal, component in zip(normals, (-slope_x, -slope_y, 1.0), strict=True):
-        normal[1:-1, 1:-1] = component / length
-    return normals  # type: ignore[return-value]
+    normals = _empty(layer)
+    if min(layer.shape) > 2:
+        for tile in tiles(Disc(resolution, resolution, layer.shape), _side(layer)):
+            _store(normals, tile, _raster_normals(layer, tile))
+    for normal in normals:
+        normal[[0, -1], :] = np.nan
+        normal[:, [0, -1]] = np.nan
+    return normals
 
 
 def flip_towards(normals: Normals, axis: int) -> Normals:
     """Turn the normals so that their component along an axis (0, 1, 2) is not negative."""
     away = normals[axis] < 0
-    for component in normals:
-        np.negative(component, out=component, where=away)
+    if away.any():
+        for component in normals:
+            np.negative(component, out=component, where=away)
     return normals
 
 
-def _slope(ahead: Field, centre: Field, behind: Field, resolution: float) -> Field:
-    """Return the rise along the axis that points from `behind` to `ahead`."""
-    central = (ahead - behind) / (2 * resolution)
-    forward, backward = (ahead - centre) / resolution, (centre - behind) / resolution
-    one_sided = np.where(np.isnan(forward), backward, forward)
-    return np.where(np.isnan(central), one_sided, central)
+def deviations_along(normals: Normals, layer: Layer, radius: float, resolution: float) -> Layer:
+    """Return the standard deviations of the points in a disc along the normal of its centre.
+
+    Args:
+        normals: x, y and z components (rows, cols) of unit vectors.
+        layer: (rows, cols) heights [m] in map order; not finite where unknown.
+        radius: of the disc [m].
+        resolution: side of a cell [m].
+
+    Returns:
+        (rows, cols) [m], of a sample: with n - 1 in place of n; NaN where it has one point or the
+        normal is NaN.
+    """
+    deviations = np.empty(layer.shape, np.float32, order="F")
+    offset = typical_value(layer)
+    for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
+        known, heights = tile.finite(layer, offset)
+        heights *= -1.0 / resolution
+        moments = _moments(known, heights, tile)
+        directions = [normal[tile.rows, tile.columns].astype(np.float64) for normal in normals]
+        squares = np.zeros_like(directions[0])
+        pairs = combinations_with_replacement(directions, 2)
+        for (one, other), element in zip(pairs, _covariance(moments), strict=True):
+            squares += (1.0 if one is other else 2.0) * one * other * tile.cells(element)
+        count = tile.cells(moments.n).astype(np.float64)
+        with np.errstate(invalid="ignore"):
+            variance = np.maximum(squares, 0.0) / (count * (count - 1.0))
+        deviations[tile.rows, tile.columns] = resolution * np.sqrt(variance)
+    return deviations
 
 
-def _covariance(mask: Mask, z: Sums, disc: Disc) -> tuple[Sums, tuple[Field, ...]]:
-    """Return how many points a disc has, and xx, xy, xz, yy, yz, zz of their covariance [m^2]."""
-    known = np.asarray(mask, dtype=np.float64, order="F")
-    kernel, (rows, columns) = disc.kernel, disc.offsets
-    # Rows run towards -x and columns towards -y.
-    x, y = -disc.resolution * rows * kernel, -disc.resolution * columns * kernel
-    count = correlate(known, kernel)
-    share = 1.0 / np.maximum(count, 1.0)
-    mean_x, mean_y, mean_z = (
-        correlate(values, weights) * share
-        for values, weights in ((known, x), (known, y), (z, kernel))
-    )
-    xx, xy, yy = (correlate(known, weights) * share for weights in (x * x, x * y, y * y))
-    xz, yz, zz = (
-        correlate(values, weights) * share for values, weights in ((z, x), (z, y), (z * z, kernel))
-    )
-    return count, (
-        xx - mean_x * mean_x,
-        xy - mean_x * mean_y,
-        xz - mean_x * mean_z,
-        yy - mean_y * mean_y,
-        yz - mean_y * mean_z,
-        zz - mean_z * mean_z,
-    )
+def _side(layer: Layer) -> int:
+    """Return the cells along a side of what is computed together.
+
+    Then some twenty arrays stay in the cache, and far smaller than those of the map.
+    """
+    return int(max(128, min(256, max(layer.shape) // 5)))
 
 
-def _smallest_eigenvectors(
-    xx: Field, xy: Field, xz: Field, yy: Field, yz: Field, zz: Field
-) -> tuple[tuple[Field, Field, Field], Field]:
+def _empty(layer: Layer) -> Normals:
+    x, y, z = (np.empty(layer.shape, np.float32, order="F") for _ in range(3))
+    return x, y, z
+
+
+def _store(normals: Normals, tile: Tile, components: Components) -> None:
+    for normal, component in zip(normals, components, strict=True):
+        normal[tile.rows, tile.columns] = tile.cells(component)
+
+
+def _raster_normals(layer: Layer, tile: Tile) -> Components:
+    """Return the flat components for a tile, as if the map went on with unknown cells."""
+    heights = tile.cut(layer, np.float64)
+    np.copyto(heights, np.nan, where=np.isinf(heights))
+    # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
+    minus_x = _slope(heights, tile, rows=1)
+    minus_y = _slope(heights, tile, columns=1)
+    z = minus_x * minus_x
+    z += minus_y * minus_y
+    z += 1.0
+    np.sqrt(z, out=z)
+    np.divide(1.0, z, out=z)
+    minus_x *= z
+    minus_y *= z
+    return minus_x, minus_y, z
+
+
+def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
+    """Return the slope towards the neighbour that lies so many rows and columns further."""
+    behind, ahead = (tile.neighbours(heights, s * rows, s * columns) for s in (-1, 1))
+    slope = ahead - behind
+    slope *= 0.5 / tile.disc.resolution
+    # Only few cells lie beside a hole.
+    places = np.flatnonzero(np.isnan(slope))
+    centre = tile.neighbours(heights)[places]
+    from_behind, to_ahead = centre - behind[places], ahead[places] - centre
+    slope[places] = np.where(np.isnan(to_ahead), from_behind, to_ahead) / tile.disc.resolution
+    return slope
+
+
+def _area_normals(known: Flat, heights: Flat, tile: Tile) -> Components:
+    """Return the flat components for a tile."""
+    resolution = tile.disc.resolution
+    # In cells, so that all but the heights are whole numbers. Rows run towards -x and columns
+    # towards -y: with heights upside down all signs are right.
+    heights *= -1.0 / resolution
+    moments = _moments(known, heights, tile)
+    return _normals_of(moments, tile.neighbours(known), _SMALLEST_SPREAD / resolution**2)
+
+
+def _moments(known: Flat, z: Flat, tile: Tile) -> Moments:
+    # The smallest integers that hold all moments of a whole disc are the fastest.
+    largest = np.count_nonzero(tile.disc.kernel) * max(tile.disc.reach) ** 2
+    one = known.astype(np.min_scalar_type(-largest - 1))
+    sum_z, xz = _moments_across(tile, z, 1, (0, 1))
+    (yz,) = _moments_across(tile, z, 0, (1,))
+    x, xx = _moments_across(tile, one, 1, (1, 2))
+    y, yy = _moments_across(tile, one, 0, (1, 2))
+    (xy,) = _moments_across(tile, one, 0, (1,), moments=True)
+    return Moments(tile.counts(known), x, y, sum_z, xx, xy, xz, yy, yz, tile.sums(z * z))
+
+
+def _moments_across(
+    tile: Tile, values: Flat, axis: int, orders: Sequence[int], *, moments: bool = False
+) -> list[Flat]:
+    """Return the sums of values times powers of their distance across the lines along `axis`.
+
+    Args:
+        tile: whose discs.
+        values: flat.
+        axis: along which the lines run; the distance is that along the other one.
+        orders: the powers, of 0 to 2.
+        moments: of the values times their distance along the lines.
+    """
+    totals = [np.zeros(tile.count, values.dtype) for _ in orders]
+    for distance, ahead, behind in tile.lines(values, axis, moments=moments):
+        for total, order in zip(totals, orders, strict=True):
+            if distance:
+                both = ahead - behind if order == 1 else ahead + behind
+                if distance**order != 1:
+                    both *= distance**order
+                total += both
+            elif order == 0:
+                total += ahead
+    return totals
+
+
+def _normals_of(moments: Moments, known: Mask, smallest_spread: float) -> Components:
+    """Return unit vectors, NaN where not `known`.
+
+    Args:
+        moments: of the points in the discs.
+        known: where a normal is wanted.
+        smallest_spread: of points that span a plane [cells^2].
+    """
+    matrices = _covariance(moments)
+    count = moments.n.astype(np.float64)
+    spread = smallest_spread * count * count
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        vectors, doubtful = _smallest_eigenvectors(matrices)
+    xx, xy, _, yy, _, _ = matrices
+    # The second eigenvalue is at least the smaller one of the points seen from above; it is large
+    # enough where the diagonal and the determinant of xx - spread, xy, yy - spread are positive.
+    doubtful |= (xx <= spread) | ((xx - spread) * (yy - spread) <= xy * xy)
+    lone = count < 3
+    doubtful &= known & ~lone
+    places = np.flatnonzero(doubtful)
+    # LAPACK takes long to find that it has nothing to do.
+    if places.size:
+        exact = _eigenvectors_or_upright(_as_matrices(matrices, places), spread[places])
+        for component, values in zip(vectors, exact, strict=True):
+            component[places] = values
+    for component, upright in zip(vectors, (0.0, 0.0, 1.0), strict=True):
+        component[lone] = upright
+        component[~known] = np.nan
+    return vectors
+
+
+def _eigenvectors_or_upright(matrices: Field, spread: Field) -> Field:
+    """Return (3, N) eigenvectors of the smallest eigenvalue; the z axis if the second is small."""
+    values, vectors = np.linalg.eigh(matrices)
+    upwards = np.copysign(1.0, vectors[:, 2, :1])
+    spans_plane = values[:, 1, None] > spread[:, None]
+    return np.where(spans_plane, vectors[:, :, 0] * upwards, (0.0, 0.0, 1.0)).T
+
+
+def _covariance(moments: Moments) -> Symmetric:
+    """Return the covariances of the points, times the square of their number [cells^2]."""
+    n, x, y, z = (sums.astype(np.float64) for sums in moments[:4])
+    elements = []
+    for (first, second), sums in zip(
+        combinations_with_replacement((x, y, z), 2), moments[4:], strict=True
+    ):
+        element = sums.astype(np.float64)
+        element *= n
+        element -= first * second
+        elements.append(element)
+    return Symmetric(*elements)
+
+
+def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
     """Return unit eigenvectors of the smallest eigenvalue of symmetric 3 x 3 matrices.
 
     The adjugate of a matrix minus its smallest eigenvalue is the eigenvector times itself, up to a
-    factor. Its last column is taken; the few matrices where that loses digits, those of vertical
-    walls and of two eigenvalues close together, are left to LAPACK.
+    factor. Its last column is taken.
 
     Returns:
-        The x, y and z components, and the second eigenvalue.
+        The x, y and z components, and where they lost digits: those of vertical walls and of two
+        eigenvalues close together.
     """
-    smallest, middle = _eigenvalues(xx, xy, xz, yy, yz, zz)
+    xx, xy, xz, yy, yz, zz = matrices
+    smallest, doubtful = _smallest_eigenvalues(matrices)
     a, b, c = xx - smallest, yy - smallest, zz - smallest
-    x, y, z = xy * yz - xz * b, xy * xz - a * yz, a * b - xy * xy
-    # The product of the distances to the other two eigenvalues, and the factor.
-    gaps = (b * c - yz * yz) + (a * c - xz * xz) + z
-    length = np.sqrt(x * x + y * y + z * z)
-    vectors = np.stack([x, y, z]) / length
-    weak = (gaps <= _SMALLEST_GAP * np.square(xx + yy + zz)) | (z <= _SMALLEST_SHARE * gaps)
-    matrices = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[:, :, weak]
-    vectors[:, weak] = np.linalg.eigh(np.moveaxis(matrices, 2, 0))[1][:, :, 0].T
-    return (vectors[0], vectors[1], vectors[2]), middle
+    x, y, z = xy * yz, xy * xz, a * b
+    x -= xz * b
+    y -= yz * a
+    z -= xy * xy
+    # The trace of the adjugate is the factor. Beside it a column of nothing but rounding is short.
+    factor = (a + b) * c
+    factor -= xz * xz
+    factor -= yz * yz
+    factor += z
+    scale = x * x
+    scale += y * y
+    scale += z * z
+    np.sqrt(scale, out=scale)
+    doubtful |= ~(scale > _SMALLEST_Z * factor)
+    np.divide(1.0, scale, out=scale)
+    for component in (x, y, z):
+        component *= scale
+    return (x, y, z), doubtful
 
 
-def _eigenvalues(
-    xx: Field, xy: Field, xz: Field, yy: Field, yz: Field, zz: Field
-) -> tuple[Field, Field]:
-    """Return the smallest and the middle eigenvalue of symmetric 3 x 3 matrices.
+def _smallest_eigenvalues(matrices: Symmetric) -> tuple[Field, Mask]:
+    """Return the smallest eigenvalues of symmetric 3 x 3 matrices, and which are not exact.
 
-    The smallest is a trigonometric root of the characteristic polynomial (O. K. Smith, 1961).
+    They are trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     """
-    mean = (xx + yy + zz) / 3.0
+    xx, xy, xz, yy, yz, zz = matrices
+    mean = xx + yy
+    mean += zz
+    mean *= 1.0 / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
-    off_diagonal = xy * xy + xz * xz + yz * yz
-    radius = np.sqrt((a * a + b * b + c * c + 2.0 * off_diagonal) / 6.0)
-    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-    angle = np.arccos(np.clip(determinant / (2.0 * radius**3), -1.0, 1.0)) / 3.0
-    smallest = mean + 2.0 * radius * np.cos(angle + 2.0 * np.pi / 3.0)
-    # The other two follow from their sum and their product.
-    half_sum = 0.5 * (3.0 * mean - smallest)
-    product = xx * yy + xx * zz + yy * zz - off_diagonal - 2.0 * smallest * half_sum
-    middle = half_sum - np.sqrt(np.maximum(half_sum * half_sum - product, 0.0))
-    return smallest, middle
+    xy2, xz2, yz2 = xy * xy, xz * xz, yz * yz
+    # The diagonal a, b, c adds up to 0, hence its squares to twice b * b - a * c.
+    square = b * b
+    square -= a * c
+    square += xy2
+    square += xz2
+    square += yz2
+    square *= 1.0 / 3.0
+    radius = np.sqrt(square)
+    determinant = b * c
+    determinant -= yz2
+    determinant *= a
+    determinant -= np.multiply(xz2, b, out=xz2)
+    determinant -= np.multiply(xy2, c, out=xy2)
+    product = xy * xz
+    product *= yz
+    product *= 2.0
+    determinant += product
+    square *= radius
+    square *= 2.0
+    determinant /= square
+    roots, doubtful = _smallest_roots(determinant)
+    roots *= radius
+    roots *= 2.0
+    roots += mean
+    return roots, doubtful
 
 
-def _store(normals: tuple[Field, Field, Field], flat: Mask, mask: Mask) -> Normals:
-    """Return float32 layers with the z axis where `flat` and NaN where not `mask`."""
-    layers = []
-    for component, upwards in zip(normals, (0.0, 0.0, 1.0), strict=True):
-        layer = np.asarray(component, dtype=np.float32, order="F")
-        layer[flat] = upwards
-        layer[~mask] = np.nan
-        layers.append(layer)
-    return layers[0], layers[1], layers[2]
+def _smallest_roots(cosine: Field) -> tuple[Field, Mask]:
+    """Return the smallest t with 4 t^3 - 3 t = cosine, which is cos((acos(cosine) + 2 pi) / 3).
+
+    A step of Newton's method makes a number in double precision of one in single precision, where
+    the next root is not close by; that is several times as fast as cosines in double precision.
+
+    Returns:
+        t, and where it is not exact.
+    """
+    angle = cosine.astype(np.float32)
+    np.clip(angle, -1.0, 1.0, out=angle)
+    np.arccos(angle, out=angle)
+    angle += np.float32(2.0 * np.pi)
+    angle *= np.float32(1.0 / 3.0)
+    roots = np.cos(angle, out=angle).astype(np.float64)
+    slope = roots * roots
+    roots *= slope
+    roots *= 8.0
+    roots += cosine
+    slope *= 12.0
+    slope -= 3.0
+    roots /= slope
+    return roots, ~(slope > _SMALLEST_GAP)
+
+
+def _as_matrices(matrices: Symmetric, places: npt.NDArray[np.intp]) -> Field:
+    """Return (N, 3, 3) matrices."""
+    xx, xy, xz, yy, yz, zz = (field[places] for field in matrices)
+    return np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)

@@ -8,30 +8,89 @@ the entry point is the type, its object the filter class.
 
 from grid_map_core_py.registry import Registry
 
+from .builtin.bilateral import Bilateral
 from .builtin.buffer_normalizer import BufferNormalizer
+from .builtin.color_blending import ColorBlending
+from .builtin.color_fill import ColorFill
+from .builtin.color_map import ColorMap
+from .builtin.curvature import Curvature
 from .builtin.deletion import Deletion
+from .builtin.dilation import Dilation
 from .builtin.duplication import Duplication
+from .builtin.erosion import Erosion
+from .builtin.gaussian_blur import GaussianBlur
 from .builtin.inpaint import Inpaint
+from .builtin.light_intensity import LightIntensity
 from .builtin.math_expression import MathExpression
 from .builtin.mean_in_radius import MeanInRadius
+from .builtin.median_fill import MedianFill
+from .builtin.min_in_radius import MinInRadius
 from .builtin.normal_color_map import NormalColorMap
 from .builtin.normal_vectors import NormalVectors
+from .builtin.roughness import Roughness
+from .builtin.set_basic_layers import SetBasicLayers
 from .builtin.sliding_window_math_expression import SlidingWindowMathExpression
+from .builtin.slope import Slope
+from .builtin.step_height import StepHeight
 from .builtin.threshold import Threshold
+from .builtin.traversability import Traversability
 from .filter import Filter
 
 BUILT_IN: dict[str, type[Filter]] = {
     "gridMapCv/InpaintFilter": Inpaint,
+    "gridMapFilters/BilateralFilter": Bilateral,
     "gridMapFilters/BufferNormalizerFilter": BufferNormalizer,
+    "gridMapFilters/ColorBlendingFilter": ColorBlending,
+    "gridMapFilters/ColorFillFilter": ColorFill,
+    "gridMapFilters/ColorMapFilter": ColorMap,
+    "gridMapFilters/CurvatureFilter": Curvature,
     "gridMapFilters/DeletionFilter": Deletion,
+    "gridMapFilters/DilationFilter": Dilation,
     "gridMapFilters/DuplicationFilter": Duplication,
+    "gridMapFilters/ErosionFilter": Erosion,
+    "gridMapFilters/GaussianBlurFilter": GaussianBlur,
+    "gridMapFilters/LightIntensityFilter": LightIntensity,
     "gridMapFilters/MathExpressionFilter": MathExpression,
     "gridMapFilters/MeanInRadiusFilter": MeanInRadius,
+    "gridMapFilters/MedianFillFilter": MedianFill,
+    "gridMapFilters/MinInRadiusFilter": MinInRadius,
     "gridMapFilters/NormalColorMapFilter": NormalColorMap,
     "gridMapFilters/NormalVectorsFilter": NormalVectors,
+    "gridMapFilters/RoughnessFilter": Roughness,
+    "gridMapFilters/SetBasicLayersFilter": SetBasicLayers,
     "gridMapFilters/SlidingWindowMathExpressionFilter": SlidingWindowMathExpression,
+    "gridMapFilters/SlopeFilter": Slope,
+    "gridMapFilters/StepHeightFilter": StepHeight,
     "gridMapFilters/ThresholdFilter": Threshold,
+    "gridMapFilters/TraversabilityFilter": Traversability,
 }
 
-FILTERS: Registry[Filter] = Registry(BUILT_IN, "grid_map_filters_py.filters")
-"""All filters: `FILTERS["gridMapFilters/ThresholdFilter"]`, `FILTERS.types`."""
+PREFIXES = ("gridMapFilters/", "gridMapCv/", "")
+"""What may stand before the name of a built-in filter; the last is the short form."""
+
+
+def _aliases(type_name: str) -> list[str]:
+    """Return other spellings of a type: `gridMapFilters/XFilter`, `gridMapCv/XFilter`, `X`."""
+    name = type_name.partition("/")[2]
+    spellings = [prefix + name if prefix else name.removesuffix("Filter") for prefix in PREFIXES]
+    return [spelling for spelling in spellings if spelling != type_name]
+
+
+ALIASES: dict[str, type[Filter]] = {
+    alias: filter_class
+    for type_name, filter_class in BUILT_IN.items()
+    for alias in _aliases(type_name)
+}
+
+
+class FilterRegistry(Registry[Filter]):
+    """Finds filters by their aliases too, and lists each of them once."""
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """All type names but aliases, sorted."""
+        return tuple(name for name in super().types if name not in ALIASES)
+
+
+FILTERS = FilterRegistry(BUILT_IN | ALIASES, "grid_map_filters_py.filters")
+"""All filters: `FILTERS["Threshold"]`, also `FILTERS["gridMapFilters/ThresholdFilter"]`."""

@@ -3,6 +3,7 @@
 """Chains from configurations, and what they do with filters that fail."""
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from grid_map_filters_py import (
     Step,
     StepConfig,
 )
+from grid_map_filters_py.config import nested
+from grid_map_filters_py.step_times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
 MATH = "gridMapFilters/MathExpressionFilter"
@@ -77,6 +80,37 @@ def test_an_observer_is_told_of_every_step(grid_map):
     chain(grid_map, lambda s, seconds: seen.append((s.config.name, seconds >= 0)))
     assert seen == [("one", True), ("two", True)]
     assert len(chain) == 2
+
+
+def test_the_times_of_a_chain_are_collected_over_maps(grid_map):
+    times = StepTimes()
+    chain = FilterChain.from_config([step("one", "1"), step("two", "2")])
+    for _ in range(3):
+        chain(grid_map, times)
+    assert [(time.config.name, time.runs) for time in times] == [("one", 3), ("two", 3)]
+    for time in times:
+        assert 0 < time.last <= time.longest <= time.total
+    assert times.last == sum(time.last for time in times)
+
+
+def test_times_are_printed_as_a_table():
+    times = StepTimes()
+    long, short = (
+        Step(StepConfig(number, name, "my/Filter"), lambda grid_map: grid_map)
+        for number, name in [(2, "smoothing"), (1, "cut")]
+    )
+    for filter_step, milliseconds in [(long, 30.0), (short, 2.5), (long, 10.0), (short, 7.5)]:
+        times(filter_step, milliseconds / 1e3)
+    assert str(times) == (
+        "step       type       maps  last ms  mean ms  max ms  share\n"
+        "cut        my/Filter     2    7.500    5.000   7.500    20%\n"
+        "smoothing  my/Filter     2   10.000   20.000  30.000    80%\n"
+        "sum                          17.500   25.000"
+    )
+
+
+def test_times_of_nothing_can_be_printed():
+    assert str(StepTimes()).splitlines()[-1].split() == ["sum", "0.000", "0.000"]
 
 
 def test_a_missing_layer_names_filter_layer_and_layers(grid_map):
@@ -267,6 +301,33 @@ def test_a_chain_that_cannot_be_built_says_where_and_why(config, message):
     assert isinstance(caught.value, ConfigError)
 
 
+@dataclass(frozen=True)
+class NotCallable:
+    layer: str = "a"
+
+
+@pytest.mark.parametrize("cls", [NotCallable, dict, print], ids=["no call", "no dataclass", "none"])
+def test_what_is_no_filter_is_refused(monkeypatch, cls):
+    monkeypatch.setattr("grid_map_filters_py.chain.FILTERS", {"my/Filter": cls})
+    with pytest.raises(FilterConfigError) as caught:
+        FilterChain.from_config(with_params("my/Filter"))
+    assert str(caught.value) == (
+        f"filter 1 'n' (my/Filter): expected a dataclass that can be called, found {cls!r}"
+    )
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"filter1.params": None, "filter1.params.radius": 1},
+        {"filter1.params.radius": 1, "filter1.params": None},
+        {"filter1": {"params": {"radius": 1}}},
+    ],
+)
+def test_what_has_no_value_gives_way_to_parameters_below_it(parameters):
+    assert nested(parameters) == {"filter1": {"params": {"radius": 1}}}
+
+
 def test_a_syntax_error_shows_the_place():
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_config([step("n", "abs(a -)")])
@@ -364,6 +425,7 @@ def test_a_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
         ("3", "expected a YAML mapping, found 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
         ("a: {ros__parameters: {filters: 1, filters.filter1.name: a}}", "'filters' has a value, 1"),
+        ("a: {ros__parameters: {filters.filter1.name: a, filters: 1}}", "'filters' has a value, 1"),
         ("a: {ros__parameters: {x: 1}}", "found no filter chain 'filters'"),
         ("a: [1]\nb: [2]", "found no filter chain 'filters'"),
         (

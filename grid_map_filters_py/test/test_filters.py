@@ -4,15 +4,19 @@
 
 import warnings
 
+import filter_oracles as oracles
 import numpy as np
 import pytest
+import test_more_filters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grid_map_core_py import GridMap, circle_cells, color_value_to_vector
+from grid_map_core_py import GridMap, circle_cells, color_value_to_vector, color_vector_to_value
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
-from grid_map_filters_py import FilterChain, FilterError, FilterWarning
+from grid_map_filters_py import FILTERS, FilterChain, FilterConfigError, FilterError, FilterWarning
+from grid_map_filters_py.medians import put_window_medians
 
+MORE_FILTERS = test_more_filters.EVERY_FILTER
 LAYERS = ("elevation", "other", "n_x", "n_y", "n_z")
 
 
@@ -68,6 +72,76 @@ def terrain(size=(9, 7), resolution=0.1, start_index=(0, 0), **layers) -> GridMa
 EVERY_FILTER = [
     ("gridMapFilters/BufferNormalizerFilter", {}),
     ("gridMapFilters/DeletionFilter", {"layers": ["other"]}),
+    ("gridMapFilters/SetBasicLayersFilter", {"layers": ["other"]}),
+    (
+        "gridMapFilters/ColorFillFilter",
+        {"red": 0.1, "green": 0.5, "blue": 0.9, "output_layer": "color"},
+    ),
+    (
+        "gridMapFilters/ColorFillFilter",
+        {"red": 0.1, "green": 0.5, "blue": 0.9, "mask_layer": "other", "output_layer": "color"},
+    ),
+    *(
+        (
+            "gridMapFilters/ColorBlendingFilter",
+            {
+                "background_layer": "elevation",
+                "foreground_layer": "other",
+                "blend_mode": mode,
+                "opacity": 0.4,
+                "output_layer": "color",
+            },
+        )
+        for mode in ("normal", "hard_light", "soft_light")
+    ),
+    (
+        "gridMapFilters/ColorMapFilter",
+        {
+            "input_layer": "elevation",
+            "output_layer": "color",
+            "min": {"value": -1.0, "color": [0, 0, 1]},
+            "max": {"value": 1.0, "color": [1, 0, 0]},
+        },
+    ),
+    ("gridMapFilters/CurvatureFilter", {"input_layer": "elevation", "output_layer": "elevation"}),
+    (
+        "gridMapFilters/LightIntensityFilter",
+        {"input_layers_prefix": "n_", "output_layer": "color", "light_direction": [0.3, 0.1, -1]},
+    ),
+    (
+        "gridMapFilters/MedianFillFilter",
+        {
+            "input_layer": "elevation",
+            "output_layer": "elevation",
+            "fill_hole_radius": 0.2,
+            "filter_existing_values": True,
+            "existing_value_radius": 0.1,
+            "fill_mask_layer": "mask",
+            "debug": True,
+            "debug_infill_mask_layer": "opened",
+        },
+    ),
+    (
+        "gridMapFilters/MedianFillFilter",
+        {
+            "input_layer": "elevation",
+            "output_layer": "filled",
+            "fill_hole_radius": 0.3,
+            "fill_mask_layer": "other",
+        },
+    ),
+    (
+        "gridMapFilters/MinInRadiusFilter",
+        {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
+    ),
+    (
+        "gridMapFilters/TraversabilityFilter",
+        {
+            "input_layers": ["elevation", "other"],
+            "critical_values": [1.0, 2.0],
+            "output_layer": "out",
+        },
+    ),
     ("gridMapFilters/DuplicationFilter", {"input_layer": "elevation", "output_layer": "out"}),
     (
         "gridMapFilters/MathExpressionFilter",
@@ -119,6 +193,40 @@ EVERY_FILTER = [
 ]
 
 
+def with_those_of_the_other_page():
+    yield from EVERY_FILTER
+    for type_name, params in MORE_FILTERS:
+        yield type_name, {"input_layer": "elevation", "output_layer": "out", **params}
+
+
+def test_every_registered_filter_is_among_those_that_are_tested_together():
+    assert {type_name for type_name, _ in with_those_of_the_other_page()} == {*FILTERS.types}
+
+
+EXTREMES = {
+    "nothing": [np.nan],
+    "infinite": [np.inf, -np.inf],
+    "mixed": [1.0, np.nan, -np.inf, 0.25, np.inf, -3.0, np.nan],
+    "huge": [3e38, -3e38, 1e-45],
+}
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 6), (7, 1), (5, 4)], ids=str)
+@pytest.mark.parametrize("values", EXTREMES.values(), ids=EXTREMES)
+def test_every_filter_works_on_maps_of_one_cell_or_row_without_data_or_with_infinities(
+    size, values
+):
+    for type_name, params in with_those_of_the_other_page():
+        grid_map = terrain(size, **{name: np.resize(values, size) for name in LAYERS})
+        before, elsewhere = grid_map.copy(), tuple(np.subtract(size, 1) // 2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FilterWarning)
+            result = run(type_name, grid_map, **params)
+            again = run(type_name, moved_in_buffer(grid_map, elsewhere), **params)
+        assert_maps_equal(grid_map, before)
+        assert_maps_equal(again, result)
+
+
 @pytest.mark.parametrize(("type_name", "params"), EVERY_FILTER, ids=lambda value: str(value)[:60])
 @given(grid_maps(LAYERS, max_side=7))
 @settings(max_examples=25)
@@ -140,7 +248,7 @@ def test_every_filter_leaves_its_input_alone_and_gives_the_same_on_a_moved_map(
         assert not any(np.shares_memory(result[layer], grid_map[name]) for name in grid_map)
 
 
-@pytest.mark.parametrize(("type_name", "params"), EVERY_FILTER[2:], ids=lambda v: str(v)[:60])
+@pytest.mark.parametrize(("type_name", "params"), EVERY_FILTER[4:], ids=lambda v: str(v)[:60])
 def test_a_filter_on_a_map_without_its_layer_names_the_layers_there_are(type_name, params):
     with pytest.raises(FilterError, match="available: only"):
         run(type_name, terrain(only=0.0), **params)
@@ -249,6 +357,16 @@ def test_points_closer_to_a_line_than_1e_8_have_no_plane(spread):
     middle = normals(grid_map, radius=resolution * 20)[0, 20]
     upright = middle.tolist() == [0, 0, 1]
     assert upright == (spread < 1e-8)
+
+
+def test_points_that_mirror_each_other_have_an_exactly_horizontal_normal():
+    """They lie closest to the plane of the mirror; all that the formula leaves is rounding."""
+    heights = [[np.nan, 1.0], [0.5, -3.0], [-3.0, 1.0], [1.0, 0.5]]
+    grid_map = terrain((4, 2), 1.0, elevation=heights)
+    expected = np.linalg.eigh(np.cov(points_in_disc(grid_map, (2, 0), 2.0).T))[1][:, 0]
+    assert abs(expected[2]) < 1e-9
+    normal = normals(grid_map, radius=2.0)[2, 0]
+    np.testing.assert_allclose(np.abs(normal), np.abs(expected), atol=1e-6)
 
 
 def test_a_wall_has_a_horizontal_normal():
@@ -404,3 +522,293 @@ def test_empty_cells_stay_empty_when_they_are_not_to_be_computed():
     type_name = "gridMapFilters/SlidingWindowMathExpressionFilter"
     assert run(type_name, grid_map, compute_empty_cells=True, **params)["n"][1, 1] == 8
     assert np.isnan(run(type_name, grid_map, compute_empty_cells=False, **params)["n"][1, 1])
+
+
+# --- filters against loops over cells -------------------------------------------------------------
+
+WHOLE_CELLS = st.sampled_from([0.0, 0.9, 1.0, 1.5, 2.0, 2.3, 5.0, 8.0])
+
+
+@given(grid_maps(), WHOLE_CELLS)
+@settings(max_examples=40)
+def test_min_in_radius_is_the_smallest_finite_value_in_the_disc_of_a_finite_cell(grid_map, cells):
+    grid_map.convert_to_default_start_index()
+    radius = cells * grid_map.resolution
+    params = {"input_layer": "elevation", "output_layer": "out", "radius": radius}
+    result = run("MinInRadius", grid_map, **params)["out"]
+    expected = oracles.min_in_radius(grid_map["elevation"], grid_map.resolution, radius)
+    np.testing.assert_array_equal(result, expected.astype(np.float32))
+
+
+@given(grid_maps())
+@settings(max_examples=60)
+def test_curvature_is_minus_the_second_differences(grid_map):
+    grid_map.convert_to_default_start_index()
+    params = {"input_layer": "elevation", "output_layer": "out"}
+    result = run("Curvature", grid_map, **params)["out"]
+    expected = oracles.curvature(grid_map["elevation"], grid_map.resolution)
+    slack = 1e-6 * 1e3 / grid_map.resolution**2
+    np.testing.assert_allclose(result, expected, atol=slack)
+
+
+def test_a_hilltop_has_positive_curvature_and_a_plane_has_none():
+    grid_map = terrain((9, 300))
+    x, y = grid_map.geometry.axes()
+    grid_map["hill"] = -(x[:, None] ** 2) - y[None, :] ** 2
+    grid_map["plane"] = 1000 + 0.5 * x[:, None] + 0.25 * y[None, :]
+    for name, expected, atol in (("hill", 4.0, 0.1), ("plane", 0.0, 0.1)):
+        result = run("Curvature", grid_map, input_layer=name, output_layer="out")["out"]
+        np.testing.assert_allclose(result[1:-1, 1:-1], expected, atol=atol)
+
+
+class TestMedians:
+    """Scattered cells, all cells, and all cells with large windows are computed in other ways."""
+
+    def medians_of(self, layer, cells, half_width):
+        output = np.full(layer.shape, -99, np.float32, order="F")
+        put_window_medians(output, layer, cells, half_width)
+        return output
+
+    @pytest.mark.parametrize("share", [0.1, 0.6, 1.0])
+    @pytest.mark.parametrize("half_width", [0, 1, 2, 3, 5, 30])
+    @pytest.mark.parametrize("missing", [0.0, 0.2, 0.95, 1.0])
+    @pytest.mark.parametrize("size", [(1, 1), (1, 9), (14, 11), (13, 6)], ids=str)
+    def test_are_the_upper_medians_of_the_finite_values(self, size, missing, half_width, share):
+        random = np.random.default_rng(sum(size) + half_width)
+        # Few different values, so that many are equal.
+        layer = np.asfortranarray(random.integers(-9, 9, size).astype(np.float32))
+        holes = random.random(size) < missing
+        layer[holes] = random.choice([np.nan, np.inf, -np.inf], size)[holes]
+        cells = np.asfortranarray(random.random(size) < share)
+        medians = self.medians_of(layer, cells, half_width)
+        for cell in np.ndindex(size):
+            expected = -99.0
+            if cells[cell]:
+                expected = oracles.upper_median(oracles.in_square(layer, half_width, *cell))
+            np.testing.assert_array_equal(medians[cell], expected)
+
+    def test_do_not_depend_on_how_the_cells_are_divided_into_pieces(self):
+        layer = np.random.default_rng(1).normal(size=(301, 257)).astype(np.float32, order="F")
+        layer[::7, ::3] = np.nan
+        everywhere = np.ones(layer.shape, dtype=bool, order="F")
+        few = np.zeros_like(everywhere)
+        few[5::40, 3::30] = True
+        for half_width in (2, 6):
+            medians = self.medians_of(layer, everywhere, half_width)
+            np.testing.assert_array_equal(
+                medians[few], self.medians_of(layer, few, half_width)[few]
+            )
+
+
+class TestMedianFill:
+    PARAMS = {  # noqa: RUF012
+        "input_layer": "elevation",
+        "output_layer": "out",
+        "fill_hole_radius": 0.2,
+        "fill_mask_layer": "mask",
+    }
+
+    def fill(self, grid_map, **params):
+        return run("MedianFill", grid_map, **self.PARAMS | params)
+
+    @given(grid_maps(), st.integers(0, 5), st.booleans())
+    @settings(max_examples=40)
+    def test_fills_where_the_closed_mask_says(self, grid_map, iterations, existing):
+        grid_map.convert_to_default_start_index()
+        layer, resolution = grid_map["elevation"], grid_map.resolution
+        result = self.fill(
+            grid_map,
+            fill_hole_radius=2.5 * resolution,
+            num_erode_dilation_iterations=iterations,
+            filter_existing_values=existing,
+            existing_value_radius=resolution,
+            debug=True,
+            debug_infill_mask_layer="opened",
+        )
+        opened, mask = oracles.fill_mask(layer, iterations)
+        expected = oracles.median_fill(layer, mask, 2, 1 if existing else None)
+        np.testing.assert_array_equal(result["out"], expected)
+        np.testing.assert_array_equal(result["opened"], opened)
+        np.testing.assert_array_equal(result["mask"], mask)
+        assert result.basic_layers == ()
+
+    def test_takes_the_mask_of_the_map_and_computes_none(self):
+        heights = np.array([[np.nan, 1, 2], [np.nan, 3, 4], [5, 6, np.nan]])
+        grid_map = terrain((3, 3), elevation=heights, mask=[[0.5, 1, 1], [0, 0, 0], [1, 1, np.nan]])
+        result = self.fill(grid_map, debug=True, debug_infill_mask_layer="opened")
+        assert result.layers == ("elevation", "mask", "out")
+        np.testing.assert_array_equal(result["mask"], grid_map["mask"])
+        np.testing.assert_array_equal(result["out"], [[4, 1, 2], [np.nan, 3, 4], [5, 6, 4]])
+
+    def test_as_many_iterations_as_one_likes_close_everything(self):
+        grid_map = terrain((20, 20), elevation=np.nan)
+        grid_map["elevation"][3:6, 3:6] = 1.0
+        result = self.fill(grid_map, num_erode_dilation_iterations=2**31, fill_hole_radius=1e9)
+        np.testing.assert_array_equal(result["mask"], 1.0)
+        np.testing.assert_array_equal(result["out"], 1.0)
+
+    @pytest.mark.parametrize(
+        ("params", "message"),
+        [
+            ({"fill_hole_radius": -0.1}, "'fill_hole_radius': expected a length >= 0"),
+            ({"filter_existing_values": True}, "needs an 'existing_value_radius'"),
+            ({"existing_value_radius": np.inf}, "'existing_value_radius': expected a length >= 0"),
+            ({"debug": True}, "needs a 'debug_infill_mask_layer'"),
+            ({"num_erode_dilation_iterations": -1}, "expected an integer >= 0, found -1"),
+        ],
+    )
+    def test_refuses_parameters_that_make_no_sense(self, params, message):
+        with pytest.raises(FilterConfigError, match=message):
+            self.fill(terrain(elevation=0.0), **params)
+
+
+# --- colours --------------------------------------------------------------------------------------
+
+
+def assert_bytes_near(color, expected):
+    """Fractions of 1/255 are cut off, and rounding may decide which."""
+    cut_off = np.clip(expected, 0, 255) - oracles.to_bytes(color)
+    assert cut_off.min() > -1e-3
+    assert cut_off.max() < 1 + 1e-3
+
+
+class TestColorMap:
+    PARAMS = {  # noqa: RUF012
+        "input_layer": "a",
+        "output_layer": "color",
+        "min_value": -1.0,
+        "max_value": 3.0,
+        "min_color": [0.0, 1.0, 0.25],
+        "max_color": [1.0, 0.0, 0.5],
+    }
+
+    def test_is_a_ramp_that_is_flat_beyond_its_ends(self):
+        values = np.array([[-np.inf, np.nan, -9, -1, 0, 1, 2.5, 3, 9, np.inf]])
+        colors = run("ColorMap", terrain(values.shape, a=values), **self.PARAMS)["color"][0]
+        assert np.isnan(colors[[0, 1, 9]]).all()
+        assert oracles.to_bytes(colors[2]) == oracles.to_bytes(colors[3]) == (0, 255, 63)
+        assert oracles.to_bytes(colors[7]) == oracles.to_bytes(colors[8]) == (255, 0, 127)
+        for number in (4, 5, 6):
+            share = (values[0, number] + 1) / 4
+            assert_bytes_near(colors[number], 255 * np.array([share, 1 - share, (1 + share) / 4]))
+
+    @pytest.mark.parametrize(
+        "spelling",
+        [
+            {
+                "min": {"value": -1, "color": [0, 1, 0.25]},
+                "max": {"value": 3, "color": [1, 0, 0.5]},
+            },
+            {
+                "min/value": -1,
+                "min/color": [0, 1, 0.25],
+                "max/value": 3.0,
+                "max/color": [1, 0, 0.5],
+            },
+            {"min.value": -1, "min": {"color": [0, 1, 0.25]}, "max_value": 3}
+            | {"max/color": [1, 0, 0.5]},
+        ],
+        ids=["nested", "ROS 1", "mixed"],
+    )
+    def test_its_parameters_have_several_spellings(self, spelling):
+        grid_map = terrain((4, 3), a=np.linspace(-2, 4, 12).reshape(4, 3))
+        names = {"input_layer": "a", "output_layer": "color"}
+        result = run("ColorMap", grid_map, **names, **spelling)
+        assert_maps_equal(result, run("ColorMap", grid_map, **self.PARAMS))
+
+    def test_two_spellings_of_one_parameter_are_an_error(self):
+        with pytest.raises(FilterConfigError, match="'min_value' is given twice"):
+            run("ColorMap", terrain(a=0.0), **self.PARAMS, **{"min/value": 2.0})
+
+    @pytest.mark.parametrize(
+        ("params", "message"),
+        [
+            ({"max_value": -1.0}, "'max/value': expected a finite number above min/value, -1.0"),
+            ({"max_value": np.inf}, "'max/value': expected a finite number above"),
+            ({"min_value": -np.inf}, "'min/value': expected a finite number"),
+            ({"min_color": [0, 1]}, "'min/color': expected three finite numbers"),
+            ({"max_color": [0, 1, np.nan]}, "'max/color': expected three finite numbers"),
+        ],
+    )
+    def test_refuses_what_is_no_ramp(self, params, message):
+        with pytest.raises(FilterConfigError, match=message):
+            run("ColorMap", terrain(a=0.0), **self.PARAMS | params)
+
+
+def test_light_is_brightest_where_it_falls_straight_onto_the_surface():
+    normals = {
+        "n_x": [[0, 1, 0, 0.6, np.nan]],
+        "n_y": [[0, 0, 0, 0, 0]],
+        "n_z": [[1, 0, -1, 0.8, 1]],
+    }
+    grid_map = terrain((1, 5), **normals)
+    params = {"input_layers_prefix": "n_", "output_layer": "color"}
+    color = run("LightIntensity", grid_map, light_direction=[0, 0, -7], **params)["color"][0]
+    expected = [(255,) * 3, (0,) * 3, (0,) * 3, (204,) * 3]
+    assert [oracles.to_bytes(one) for one in color[:4]] == expected
+    assert np.isnan(color[4])
+    for direction in ([0, 0, 0], [1, 2], [0, 0, np.inf]):
+        with pytest.raises(FilterConfigError, match="'light_direction': expected three finite"):
+            run("LightIntensity", grid_map, light_direction=direction, **params)
+
+
+def test_color_fill_colours_all_cells_or_those_with_data_in_the_mask():
+    grid_map = terrain((1, 4), mask=[[1, np.nan, np.inf, -3]])
+    params = {"red": 0.2, "green": 2, "blue": -1, "output_layer": "color"}
+    everywhere = run("ColorFill", grid_map, **params)["color"]
+    assert {oracles.to_bytes(color) for color in everywhere.flat} == {(51, 255, 0)}
+    masked = run("ColorFill", grid_map, mask_layer="mask", **params)["color"][0]
+    np.testing.assert_array_equal(np.isnan(masked), [False, True, True, False])
+    assert {oracles.to_bytes(color) for color in masked[[0, 3]]} == {(51, 255, 0)}
+    with pytest.raises(FilterConfigError, match="'red, green, blue': expected three finite"):
+        run("ColorFill", grid_map, **params | {"red": np.nan})
+
+
+class TestColorBlending:
+    def blend(self, below, above, **params):
+        grid_map = terrain(below.shape, below=below, above=above)
+        layers = {"background_layer": "below", "foreground_layer": "above", "output_layer": "out"}
+        return run("ColorBlending", grid_map, **layers, **params)["out"]
+
+    @pytest.mark.parametrize("mode", ["normal", "hard_light", "soft_light"])
+    @given(opacity=st.floats(0, 1), seed=st.integers(0, 1000))
+    @settings(max_examples=20)
+    def test_mixes_cell_by_cell(self, mode, opacity, seed):
+        random = np.random.default_rng(seed)
+        below, above = (color_vector_to_value(random.random((6, 4, 3))) for _ in range(2))
+        result = self.blend(below, above, blend_mode=mode, opacity=opacity)
+        for cell in np.ndindex(result.shape):
+            channels = oracles.blend(below[cell], above[cell], mode, opacity)
+            assert_bytes_near(result[cell], channels)
+
+    @pytest.mark.parametrize("mode", ["normal", "hard_light", "soft_light"])
+    def test_takes_the_other_colour_where_there_is_one_only(self, mode):
+        red, blue = color_vector_to_value([[1.0, 0, 0], [0, 0, 1.0]])
+        below, above = np.array([[red, np.nan, np.nan]]), np.array([[np.nan, blue, np.nan]])
+        result = self.blend(below, above, blend_mode=mode, opacity=0.3)
+        np.testing.assert_array_equal(result, [[red, blue, np.nan]])
+
+    def test_mixes_normally_by_default_and_refuses_other_opacities(self):
+        below, above = (
+            color_vector_to_value([[[0.0, 0, 0]]]),
+            color_vector_to_value([[[1.0, 1, 1]]]),
+        )
+        assert oracles.to_bytes(self.blend(below, above, opacity=0.5)[0, 0]) == (127,) * 3
+        for opacity in (-0.1, 1.5, np.nan):
+            with pytest.raises(
+                FilterConfigError, match=r"'opacity': expected a number in \[0, 1\]"
+            ):
+                self.blend(below, above, opacity=opacity)
+
+
+def test_basic_layers_are_set_and_missing_ones_are_a_warning():
+    grid_map = terrain(a=1.0, b=2.0, c=3.0)
+    grid_map.basic_layers = ["c"]
+    for name in ("layers", "layer"):
+        with pytest.warns(FilterWarning, match="no layer nope to be basic; available: a, b, c"):
+            result = run("SetBasicLayers", grid_map, **{name: ["b", "nope", "a"]})
+        assert result.basic_layers == ("b", "a")
+    assert run("SetBasicLayers", grid_map, layers=None).basic_layers == ()
+    for params in ({}, {"layers": ["a"], "layer": ["b"]}):
+        with pytest.raises(FilterConfigError, match="expected either 'layers' or 'layer'"):
+            run("SetBasicLayers", grid_map, **params)

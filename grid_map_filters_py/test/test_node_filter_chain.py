@@ -7,7 +7,9 @@ import copy
 import numpy as np
 import pytest
 import yaml
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
 from grid_map_core_py import GridMap
@@ -218,37 +220,282 @@ def test_the_node_names_every_kind_of_malformed_map_and_filters_the_next_good_on
         assert_maps_equal(result, FilterChain.from_config(FILTERS)(terrain()))
 
 
-def test_a_map_without_the_layer_is_dropped_with_a_message_and_counted(parameters, other_side):
+def test_a_map_without_the_layer_is_dropped_with_a_message_and_the_node_goes_on(
+    parameters, other_side
+):
+    other_side.listen("/filtered_map", GridMapMessage)
+    with running_node(MODULE, *parameters()) as node:
+        other_side.publish("/grid_map", to_message(without_elevation()))
+        wait_until(lambda: NO_ELEVATION in node.text, "the message")
+        filtered(other_side, to_message(terrain()), 1)
+
+
+NO_ELEVATION = (
+    "filter 2 'inpaint' (gridMapCv/InpaintFilter): no layer 'elevation'; available: height"
+)
+
+
+def without_elevation() -> GridMap:
+    return GridMap((1.0, 1.0), 0.5, layers={"height": 1.0}, frame_id="odom")
+
+
+# --- statistics -----------------------------------------------------------------------------------
+
+
+def values(status: DiagnosticStatus) -> dict[str, str]:
+    return {value.key: value.value for value in status.values}
+
+
+def expect_status(other: Peer, **expected: str) -> DiagnosticStatus:
+    """Wait for statistics with these values, `maps_in="1"` for "maps in"; return them."""
+    wanted = {key.replace("_", " "): value for key, value in expected.items()}
+    reports = other.received["/diagnostics"]
+    other.wait_until(
+        lambda: reports and wanted.items() <= values(reports[-1].status[0]).items(),
+        f"diagnostics with {wanted}",
+    )
+    status = reports[-1].status[0]
+    assert status.name == "grid_map_filters: filter chain"
+    return status
+
+
+def test_the_statistics_count_maps_and_time_every_step(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
-    wrong = GridMap((1.0, 1.0), 0.5, layers={"height": 1.0}, frame_id="odom")
+    with running_node(MODULE, *parameters(diagnostics_period=0.1)):
+        # They come though no map has.
+        status = expect_status(other_side, maps_in="0", maps_out="0", maps_dropped="0")
+        assert status.level == DiagnosticStatus.OK
+        other_side.publish("/grid_map", to_message(without_elevation()))
+        status = expect_status(other_side, maps_in="1", maps_out="0", maps_dropped="1")
+        assert status.level == DiagnosticStatus.WARN
+        assert status.message == "1 of 1 maps dropped"
+        assert values(status)["last error"] == NO_ELEVATION
+        for count in (1, 2):
+            filtered(other_side, to_message(terrain()), count)
+        status = expect_status(other_side, maps_in="3", maps_out="2", maps_dropped="1")
+    assert status.level == DiagnosticStatus.OK
+    found = values(status)
+    steps = [step["name"] for step in FILTERS.values()]
+    assert [key for key in found if key.startswith("ms ")] == [f"ms {step}" for step in steps]
+    for step in steps:
+        last, mean, longest = (float(found[f"{kind}ms {step}"]) for kind in ("", "mean ", "max "))
+        assert 0 <= last <= longest
+        assert 0 <= mean <= longest
+    total = sum(float(found[f"ms {step}"]) for step in steps)
+    assert float(found["ms"]) == pytest.approx(total, abs=0.01)
+    assert total > 0
+
+
+def test_statistics_reach_whoever_listens_later(parameters, other_side):
+    with running_node(MODULE, *parameters(diagnostics_period=0.05)):
+        for _ in range(2):
+            subscription = other_side.listen("/diagnostics", DiagnosticArray, 10)
+            other_side.expect("/diagnostics", 2)
+            other_side.node.destroy_subscription(subscription)
+            other_side.received["/diagnostics"].clear()
+
+
+# --- parameters that change -----------------------------------------------------------------------
+
+
+def request(other: Peer, service: type, changes: dict[str, object]):
+    """Set parameters of the node by one of its services; None deletes one."""
+    name = {SetParameters: "set_parameters", SetParametersAtomically: "set_parameters_atomically"}
+    client = other.node.create_client(service, f"/grid_map_filters/{name[service]}")
+    other.wait_until(client.service_is_ready, name[service])
+    parameters = [Parameter(key, value=value).to_parameter_msg() for key, value in changes.items()]
+    future = client.call_async(service.Request(parameters=parameters))
+    other.wait_until(future.done, "an answer")
+    other.node.destroy_client(client)
+    return future.result()
+
+
+def set_one(other: Peer, name: str, value: object) -> tuple[bool, str]:
+    (result,) = request(other, SetParameters, {name: value}).results
+    return result.successful, result.reason
+
+
+def set_all(other: Peer, **steps: dict[str, object]) -> tuple[bool, str]:
+    """Set parameters below `filters` atomically: `filter2={"params.radius": 1.0}`."""
+    changes = {
+        f"filters.{step}.{key}": value
+        for step, parameters in steps.items()
+        for key, value in parameters.items()
+    }
+    result = request(other, SetParametersAtomically, changes).result
+    return result.successful, result.reason
+
+
+OK = (True, "")
+
+
+def with_changes(**steps: dict[str, object]) -> FilterChain:
+    """The chain of the node with other parameters of some filters."""
+    config = copy.deepcopy(FILTERS)
+    for step, params in steps.items():
+        config[step]["params"] |= params
+    return FilterChain.from_config(config)
+
+
+def test_a_parameter_that_is_set_takes_effect_with_the_next_map(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    message = to_message(terrain())
+    with running_node(MODULE, *parameters()):
+        before = filtered(other_side, message, 1)
+        # It was an integer in the file, and is a float from now on.
+        assert set_one(other_side, "filters.filter3.params.radius", 2.25) == OK
+        after = filtered(other_side, message, 2)
+        assert_maps_equal(after, with_changes(filter3={"radius": 2.25})(terrain()))
+        assert not np.array_equal(before["smooth"], after["smooth"])
+        # What was not given in the file, too.
+        assert set_one(other_side, "filters.filter3.params.radius", 1) == OK
+        assert_maps_equal(filtered(other_side, message, 3), before)
+
+
+WRONG = {
+    "filters.filter3.params.radius": (
+        -1.0,
+        (
+            "filter 3 'mean' (gridMapFilters/MeanInRadiusFilter): "
+            "parameter 'radius': expected a length >= 0 [m], found -1.0"
+        ),
+    ),
+    "filters.filter2.params.radius": (
+        "wide",
+        (
+            "filter 2 'inpaint' (gridMapCv/InpaintFilter): "
+            "parameter 'radius': expected a number, found 'wide' (str)"
+        ),
+    ),
+    "filters.filter3.params.raduis": (
+        1.0,
+        "filter 3 'mean' (gridMapFilters/MeanInRadiusFilter): unknown parameter 'raduis'",
+    ),
+    "filters.filter3.params.input_layer": (None, "missing parameter 'input_layer'"),
+    "filters.filter4.params.expression": (
+        "abs(filled -",
+        "filter 4 'roughness' (gridMapFilters/MathExpressionFilter)",
+    ),
+    "filters.filter4.type": ("gridMapFilters/MathFilter", "unknown type"),
+    "filters.filter4.name": ("mean", "the name 'mean' is already that of filter 3"),
+    "filters.filter5.name": ("last", "filter 5: type: expected a string, found nothing"),
+    "filters.filter6.name": ("last", "filters: filter5 is missing before filter6"),
+    "filters.filter3": (1, "filter3"),
+    "filters.fliter3.name": ("a", "filters: expected filter1 .. filterN, found 'fliter3'"),
+    "filters": ("x", "unknown parameter 'filters'; those that can be set begin with 'filters.'"),
+    "inptu_topic": ("/a", "unknown parameter 'inptu_topic'"),
+    "input_topic": ("/a", "read-only parameter: input_topic"),
+    "output_topic": ("/a", "read-only parameter: output_topic"),
+    "filter_chain_parameter_name": ("b", "read-only parameter: filter_chain_parameter_name"),
+    "diagnostics_period": (2.0, "read-only parameter: diagnostics_period"),
+}
+
+
+def test_a_wrong_value_is_refused_with_the_reason_and_the_old_chain_goes_on(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    message = to_message(terrain())
     with running_node(MODULE, *parameters()) as node:
-        other_side.publish("/grid_map", to_message(wrong))
-        text = (
-            "filter 2 'inpaint' (gridMapCv/InpaintFilter): no layer 'elevation'; available: height"
-        )
-        wait_until(lambda: text in node.text, "the message")
+        before = filtered(other_side, message, 1)
+        for name, (value, reason) in WRONG.items():
+            successful, found = set_one(other_side, name, value)
+            assert not successful, name
+            assert reason in found, name
+        assert_maps_equal(filtered(other_side, message, 2), before)
+        assert "Traceback" not in node.text
+        assert "now FilterChain" not in node.text
+
+
+def test_of_several_parameters_each_is_taken_or_refused_or_none_is(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    changes = {"filters.filter3.params.radius": 2.0, "filters.filter2.params.radius": -1.0}
+    message = to_message(terrain())
+    with running_node(MODULE, *parameters()):
+        before = filtered(other_side, message, 1)
+        result = request(other_side, SetParametersAtomically, changes).result
+        assert not result.successful
+        assert "filter 2 'inpaint'" in result.reason
+        assert_maps_equal(filtered(other_side, message, 2), before)
+        results = request(other_side, SetParameters, changes).results
+        assert [result.successful for result in results] == [True, False]
+        expected = with_changes(filter3={"radius": 2.0})(terrain())
+        assert_maps_equal(filtered(other_side, message, 3), expected)
+
+
+def test_parameters_of_rclpy_are_set_beside_those_of_the_chain(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    message = to_message(terrain())
+    changes = {"filters.filter3.params.radius": 2.0, "use_sim_time": "yes"}
+    with running_node(MODULE, *parameters()):
+        before = filtered(other_side, message, 1)
+        result = request(other_side, SetParametersAtomically, changes).result
+        assert not result.successful
+        assert "Wrong parameter type" in result.reason
+        assert_maps_equal(filtered(other_side, message, 2), before)
+        changes["use_sim_time"] = True
+        result = request(other_side, SetParametersAtomically, changes).result
+        assert (result.successful, result.reason) == OK
+        expected = with_changes(filter3={"radius": 2.0})(terrain())
+        assert_maps_equal(filtered(other_side, message, 3), expected)
+
+
+def test_filters_are_added_replaced_and_removed_while_maps_flow(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    message = to_message(terrain())
+    delete = {
+        "name": "tidy",
+        "type": "gridMapFilters/DeletionFilter",
+        "params.layers": ["smooth", "filled"],
+    }
+    threshold = {
+        "name": "cut",
+        "type": "gridMapFilters/ThresholdFilter",
+        "params.layer": "roughness",
+        "params.upper_threshold": 0.1,
+        "params.set_to": 0,
+    }
+    with running_node(MODULE, *parameters()):
+        first = filtered(other_side, message, 1)
+        assert set_all(other_side, filter5=delete) == OK
+        assert filtered(other_side, message, 2).layers == ("elevation", "roughness")
+        gone = dict.fromkeys(delete)
+        assert set_all(other_side, filter5={**gone, **threshold}) == OK
+        result = filtered(other_side, message, 3)
+        assert result.layers == first.layers
+        assert result["roughness"].max() < 0.1 < first["roughness"].max()
+        assert set_all(other_side, filter5=dict.fromkeys(threshold)) == OK
+        assert_maps_equal(filtered(other_side, message, 4), first)
+        successful, reason = set_all(other_side, filter1=dict.fromkeys(("name", "type")))
+        assert (successful, reason) == (False, "filters: filter1 is missing before filter2")
+
+
+def test_an_empty_list_in_the_file_can_be_filled(tmp_path, other_side):
+    """It has no type there, as an empty mapping of parameters has none."""
+    path = tmp_path / "parameters.yaml"
+    tidy = {"name": "tidy", "type": "gridMapFilters/DeletionFilter", "params": {"layers": []}}
+    content = {"grid_map_filters": {"ros__parameters": {"filters": {"filter1": tidy}}}}
+    path.write_text(yaml.safe_dump(content))
+    other_side.listen("/filtered_map", GridMapMessage)
+    message = to_message(without_elevation())
+    with running_node(MODULE, "--ros-args", "--params-file", str(path)):
+        assert filtered(other_side, message, 1).layers == ("height",)
+        assert set_one(other_side, "filters.filter1.params.layers", ["height"]) == OK
+        assert filtered(other_side, message, 2).layers == ()
+
+
+def test_statistics_begin_anew_with_another_chain(parameters, other_side):
+    other_side.listen("/filtered_map", GridMapMessage)
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
+    with running_node(MODULE, *parameters(diagnostics_period=0.1)):
         filtered(other_side, to_message(terrain()), 1)
-        other_side.wait_until(
-            lambda: (
-                other_side.received["/diagnostics"]
-                and values(other_side.received["/diagnostics"][-1])["maps out"] == "1"
-            ),
-            "diagnostics",
-        )
-    status = values(other_side.received["/diagnostics"][-1])
-    assert (status["maps in"], status["maps dropped"]) == ("2", "1")
-    assert [key for key in status if key.startswith("ms ")] == [
-        "ms normalise",
-        "ms inpaint",
-        "ms mean",
-        "ms roughness",
-    ]
-    assert float(status["ms"]) > 0
+        assert set_all(other_side, filter4={"name": "rough"}) == OK
+        filtered(other_side, to_message(terrain()), 2)
+        found = values(expect_status(other_side, maps_in="2", maps_out="2"))
+    assert "ms rough" in found
+    assert "ms roughness" not in found
 
 
-def values(message: DiagnosticArray) -> dict[str, str]:
-    return {value.key: value.value for value in message.status[0].values}
+# --- topics ---------------------------------------------------------------------------------------
 
 
 def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):

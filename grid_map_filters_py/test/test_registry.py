@@ -12,6 +12,7 @@ import pytest
 from grid_map_core_py.errors import ConfigError
 from grid_map_filters_py import FILTERS
 from grid_map_filters_py.builtin.threshold import Threshold
+from grid_map_filters_py.registry import BUILT_IN
 
 MODULE = """
 from dataclasses import dataclass
@@ -61,6 +62,24 @@ def test_a_class_that_is_no_filter_is_named(tmp_path):
     result = run_python(tmp_path, USE)
     assert result.returncode == 1
     assert "FilterConfigError: filter 1 'up' (lift/LiftFilter): " in result.stderr
+
+
+@pytest.mark.parametrize("type_name", BUILT_IN)
+def test_a_built_in_filter_has_three_spellings_and_is_listed_once(type_name):
+    name = type_name.partition("/")[2]
+    short = name.removesuffix("Filter")
+    assert short == BUILT_IN[type_name].__name__
+    for spelling in (f"gridMapFilters/{name}", f"gridMapCv/{name}", short):
+        assert FILTERS[spelling] is BUILT_IN[type_name]
+    listed = [one for one in FILTERS.types if one.endswith((f"/{name}", short))]
+    assert listed == [type_name]
+
+
+def test_a_third_party_cannot_take_the_short_name_of_a_built_in_filter(tmp_path):
+    install(tmp_path, "Threshold = lift_filters:Lift")
+    result = run_python(tmp_path, USE)
+    assert result.returncode == 1
+    assert "the type 'Threshold' is registered twice: as lift_filters:Lift" in result.stderr
 
 
 def test_built_in_filters_are_found_and_listed():

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapCv/InpaintFilter`"""
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -10,6 +11,9 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Mask
+from grid_map_core_py.config import check
+from grid_map_core_py.pieces import elementwise
+from grid_map_core_py.statistics import max_of_finites, min_of_finites
 
 from ..filter import check_radius, warn
 
@@ -20,17 +24,24 @@ class Inpaint:
 
     Uses the Navier-Stokes based method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV, on
     floats: finite cells keep their value to the bit. A layer without a finite cell stays as it is.
+    Missing cells that touch, also at a corner, are one hole.
 
     Attributes:
         radius: of the neighbourhood that a filled cell is computed from [m], at least one cell.
+        enclosed_holes_only: whether holes that reach the border of the map stay as they are.
+        max_hole_area: of the holes that are filled [m^2]; None fills them whatever their size.
     """
 
     input_layer: str
     output_layer: str
     radius: float
+    enclosed_holes_only: bool = False
+    max_hole_area: float | None = None
 
     def __post_init__(self) -> None:
         check_radius(self.radius)
+        area = self.max_hole_area or 0.0
+        check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
@@ -39,25 +50,48 @@ class Inpaint:
             warn(f"layer {self.input_layer!r} has no finite cell to fill its holes from")
             return grid_map.with_layers({self.output_layer: layer.copy("F")})
         filled = layer.copy("F")
-        if holes.any():
+        chosen = self._choose(holes, grid_map.resolution)
+        if chosen.any():
             with np.errstate(invalid="ignore"):
-                filled[holes] = _fill(layer, holes, self.radius / grid_map.resolution)[holes]
+                filled[chosen] = _fill(layer, holes, self.radius / grid_map.resolution)[chosen]
         return grid_map.with_layers({self.output_layer: filled})
 
+    def _choose(self, holes: Mask, resolution: float) -> Mask:
+        """Return where the holes are that shall be filled."""
+        if not self.enclosed_holes_only and self.max_hole_area is None:
+            return holes
+        _, labels, sizes, _ = cv2.connectedComponentsWithStats(holes.T.astype(np.uint8))
+        area = sizes[:, cv2.CC_STAT_AREA] * resolution**2
+        limit = math.inf if self.max_hole_area is None else self.max_hole_area
+        wanted = area <= limit * (1 + 1e-9)
+        if self.enclosed_holes_only:
+            for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+                wanted[side] = False
+        # The first label is that of the cells that are no hole.
+        wanted[0] = False
+        return np.asarray(wanted[labels].T)
 
-def _fill(layer: Layer, holes: Mask, radius: float) -> npt.NDArray[np.float64]:
+
+def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
     """Return the inpainted layer; `radius` in cells."""
-    lowest, highest = (float(bound) for bound in (layer[~holes].min(), layer[~holes].max()))
+    lowest, highest = min_of_finites(layer), max_of_finites(layer)
     if lowest == highest:
-        return np.full(layer.shape, lowest)
+        return np.full_like(layer, lowest)
     # OpenCV weighs by gradients with thresholds that are made for grey values.
     scale = 255.0 / (highest - lowest)
-    grey = np.where(holes, 0.0, (layer.astype(np.float64) - lowest) * scale)
-    filled = _inpaint(grey.astype(np.float32), holes.astype(np.uint8), radius)
-    return np.clip(filled, 0.0, 255.0) / scale + lowest
+    grey = elementwise(
+        lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer
+    )
+    grey[holes] = 0.0
+    filled = _inpaint(grey, holes.astype(np.uint8), radius)
+    return elementwise(
+        lambda greys: np.clip(greys, 0.0, 255.0, dtype=np.float64) / scale + lowest,
+        np.float32,
+        filled,
+    )
 
 
-def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> npt.NDArray[np.float64]:
+def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> Layer:
     # On images with sides of one or two pixels OpenCV reads beyond the border.
     margins = [(1, 1) if side < 3 else (0, 0) for side in image.shape]
     image, mask = np.pad(image, margins, mode="edge"), np.pad(mask, margins, mode="edge")
@@ -65,4 +99,4 @@ def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> npt.ND
         np.ascontiguousarray(image), np.ascontiguousarray(mask), radius, cv2.INPAINT_NS
     )
     inner = tuple(slice(before, -after or None) for before, after in margins)
-    return np.asarray(filled[inner], dtype=np.float64)
+    return np.asarray(filled[inner], dtype=np.float32)

@@ -3,13 +3,18 @@
 """`gridMapFilters/MeanInRadiusFilter`"""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 
-from ..disc import Disc, centred, correlate
+from ..disc import Disc, Tile, tiles, typical_value
 from ..filter import check_radius
+
+_FEW = 4
+"""Cells that a small disc reaches."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +32,24 @@ class MeanInRadius:
         check_radius(self.radius)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        mask, values, offset = centred(grid_map[self.input_layer])
-        kernel = Disc(self.radius, grid_map.resolution, grid_map.size).kernel
-        count = correlate(mask.astype(np.float64), kernel)
-        with np.errstate(invalid="ignore"):
-            mean = correlate(values, kernel) / count + offset
+        layer = grid_map[self.input_layer]
+        offset = typical_value(layer)
+        disc = Disc(self.radius, grid_map.resolution, grid_map.size)
+        # Of a few values single precision loses no more than the layer itself does.
+        dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
+        mean = np.empty_like(layer, order="F")
+        for tile in tiles(disc):
+            mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
         return grid_map.with_layers({self.output_layer: mean})
+
+
+def _mean(layer: Layer, tile: Tile, offset: float, dtype: type[np.floating[Any]]) -> Layer:
+    """Return the means of the cells of a tile, from differences to `offset`."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        known, values = tile.finite(layer, offset, dtype)
+        total = tile.sums(values)
+        if not np.isfinite(total).all():
+            return _mean(layer, tile, offset, np.float64)
+        total /= tile.counts(known).astype(dtype)
+    total += offset
+    return tile.cells(total)

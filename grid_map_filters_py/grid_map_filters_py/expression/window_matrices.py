@@ -39,7 +39,8 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: returns element (row, column). A field that nobody else uses is writeable.
+        at: returns element (row, column). A field that nobody else uses is writeable. It must not
+            refer to the matrix: memory in a cycle of references is not freed at once.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -66,14 +67,10 @@ class SlidingWindow(WindowMatrix):
     """
 
     def __init__(self, source: Field, shape: Shape) -> None:
-        super().__init__(shape, self._shifted)
+        height, width = (side - part + 1 for side, part in zip(source.shape, shape, strict=True))
+        super().__init__(shape, lambda i, j: source[i : i + height, j : j + width])
         self.source = source
-        self._height = source.shape[0] - shape[0] + 1
-        self._width = source.shape[1] - shape[1] + 1
         source.flags.writeable = False
-
-    def _shifted(self, row: int, column: int) -> Field:
-        return self.source[row : row + self._height, column : column + self._width]
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
         """Fold along one axis after the other: rows + columns steps, not their product."""
@@ -107,6 +104,75 @@ class WeightedWindow(WindowMatrix):
         return total
 
 
+class DeviatingWindow(WindowMatrix):
+    """A sliding window minus a number per cell."""
+
+    def __init__(self, window: SlidingWindow, number: WindowMatrix) -> None:
+        super().__init__(window.shape, lambda i, j: window.at(i, j) - number.at(0, 0))
+        self.window = window
+        self.number = number
+
+
+class SquaredDeviations(WindowMatrix):
+    """The squares of a sliding window minus a number per cell, as in a standard deviation."""
+
+    def __init__(self, deviations: DeviatingWindow) -> None:
+        super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
+        self._source = deviations.window.source
+        self._number = deviations.number.at(0, 0)
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold; finite squares are summed up in rows + columns steps, not their product."""
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
+            return super().reduce(folds)
+        total = self._sum()
+        if not np.isfinite(total).all():
+            # A square beyond double precision is not finite and does not count.
+            return super().reduce(folds)
+        return [total if fold is FINITE_SUM else self._count() for fold in folds]
+
+    def _count(self) -> Element:
+        return _fold_box(FINITE_COUNT, self._source, self.shape) * np.isfinite(self._number)
+
+    def _sum(self) -> Element:
+        """Sum up around the mean of each column of the window, then of these around the number.
+
+        Nothing is subtracted that is much larger than the result.
+        """
+        count, mean, squares = self._columns()
+        finite = np.isfinite(self._number)
+        number = np.where(finite, self._number, 0.0)
+        width = self.shape[1]
+        cells = mean.shape[1] - width + 1
+        total = np.zeros((mean.shape[0], cells), order="F")
+        for place in range(width):
+            columns = slice(place, place + cells)
+            deviation = mean[:, columns] - number
+            deviation *= deviation
+            deviation *= count[:, columns]
+            total += deviation
+            total += squares[:, columns]
+        return np.asarray(total * finite)
+
+    def _columns(self) -> tuple[Field, Field, Field]:
+        """Return number, mean and squared deviations from it of a column's finite values."""
+        height = self.shape[0]
+        count, mean = (
+            np.asarray(_fold_box(fold, self._source, (height, 1)))
+            for fold in (FINITE_COUNT, FINITE_SUM)
+        )
+        mean /= np.maximum(count, 1.0)
+        missing = ~np.isfinite(self._source)
+        squares = np.zeros_like(mean)
+        for row in range(height):
+            rows = slice(row, row + len(mean))
+            deviation = self._source[rows] - mean
+            deviation *= deviation
+            np.copyto(deviation, 0.0, where=missing[rows])
+            squares += deviation
+        return count, mean, squares
+
+
 class PaddedWindow(WindowMatrix):
     """A matrix of which only a part has elements of its own; all others are the same.
 
@@ -118,7 +184,12 @@ class PaddedWindow(WindowMatrix):
     """
 
     def __init__(self, window: WindowMatrix, padding: Element, corner: Shape, shape: Shape) -> None:
-        super().__init__(shape, self._inside_or_padding)
+        def inside_or_padding(row: int, column: int) -> Element:
+            row, column = row - corner[0], column - corner[1]
+            inside = 0 <= row < window.shape[0] and 0 <= column < window.shape[1]
+            return window.at(row, column) if inside else padding
+
+        super().__init__(shape, inside_or_padding)
         _protect(padding)
         self.window = window
         self.padding = padding
@@ -129,11 +200,6 @@ class PaddedWindow(WindowMatrix):
         """Pad with the mean of the finite values of the part."""
         count, total = window.reduce([FINITE_COUNT, FINITE_SUM])
         return cls(window, np.divide(total, count), corner, shape)
-
-    def _inside_or_padding(self, row: int, column: int) -> Element:
-        row, column = row - self.corner[0], column - self.corner[1]
-        inside = 0 <= row < self.window.shape[0] and 0 <= column < self.window.shape[1]
-        return self.window.at(row, column) if inside else self.padding
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
         """Fold the part, and the padding as often as it stands in the whole."""
@@ -193,6 +259,12 @@ class WindowMatrices:
         kinds = {type(value) for value in values if self.shape(value) != SCALAR}
         if kinds == {PaddedWindow}:
             return self._pad(function, values)
+        if function is np.subtract and len(values) == 2:
+            window, number = values
+            if isinstance(window, SlidingWindow) and isinstance(number, WindowMatrix):
+                return DeviatingWindow(window, number) if number.shape == SCALAR else None
+        if function is np.square and isinstance(values[0], DeviatingWindow):
+            return SquaredDeviations(values[0])
         if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
             (kernel,) = (value for value in values if isinstance(value, np.ndarray))
             (window,) = (value for value in values if isinstance(value, SlidingWindow))

@@ -1,0 +1,375 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Draw the pictures of the page on filters: what each filter makes of a map.
+
+    python3 docs/images/make_filter_pictures.py [FOLDER]
+
+writes one PNG per filter into the folder, `docs/images/filters` by default. A filter without an
+entry in `PICTURES` is an error.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LightSource, Normalize
+from matplotlib.figure import Figure
+
+from grid_map_core_py import GridMap, color_value_to_vector, color_vector_to_value
+from grid_map_filters_py import FilterChain
+from grid_map_filters_py.registry import BUILT_IN
+
+FOLDER = Path(__file__).parent / "filters"
+SIZE, RESOLUTION = (108, 72), 0.05
+WIDTH, HEIGHT, DPI = 6.8, 2.35, 100
+LIGHT = LightSource(azdeg=315.0, altdeg=45.0)
+MISSING = (0.86, 0.86, 0.86)
+
+Draw = Callable[[Axes, GridMap], None]
+
+
+# --- what is drawn --------------------------------------------------------------------------------
+
+
+def shaded(layer: str, limits: tuple[float, float] = (-0.6, 1.0)) -> Draw:
+    """Return what draws heights: colours by height, in the light from the upper left."""
+
+    def draw(axes: Axes, grid_map: GridMap) -> None:
+        heights = upright(grid_map.unwrapped(layer)).astype(np.float64)
+        known = np.isfinite(heights)
+        ground = np.where(known, heights, upright(grid_map.unwrapped("filled")))
+        colors = matplotlib.colormaps["gist_earth"](Normalize(*limits)(ground))[..., :3]
+        image = LIGHT.shade_rgb(
+            colors, ground, vert_exag=1.0, dx=RESOLUTION, dy=RESOLUTION, blend_mode="soft"
+        )
+        image[~known] = MISSING
+        show(axes, image, layer)
+
+    return draw
+
+
+def values(
+    layer: str, limits: tuple[float, float] | None = None, colors: str = "viridis", unit: str = ""
+) -> Draw:
+    """Return what draws a layer by a colour bar; grey where it is missing."""
+
+    def draw(axes: Axes, grid_map: GridMap) -> None:
+        numbers = upright(grid_map.unwrapped(layer))
+        known = numbers[np.isfinite(numbers)]
+        low, high = limits or (float(known.min()), float(known.max()))
+        title = f"{layer} [{unit}]" if unit else layer
+        picture = show(axes, numbers, title, cmap=colored(colors), vmin=low, vmax=high)
+        axes.figure.colorbar(picture, ax=axes, shrink=0.8, pad=0.02).ax.tick_params(labelsize=7)
+
+    return draw
+
+
+def rgb(layer: str) -> Draw:
+    """Return what draws a layer of packed colours."""
+
+    def draw(axes: Axes, grid_map: GridMap) -> None:
+        image = color_value_to_vector(upright(grid_map.unwrapped(layer)))
+        show(axes, np.where(np.isnan(image), MISSING, image), layer)
+
+    return draw
+
+
+def buffer(layer: str) -> Draw:
+    """Return what draws a layer as it lies in the circular buffer."""
+
+    def draw(axes: Axes, grid_map: GridMap) -> None:
+        picture = {"cmap": colored("gist_earth"), "vmin": -0.6, "vmax": 1.0}
+        show(axes, upright(grid_map[layer]), f"start index {grid_map.start_index}", **picture)
+
+    return draw
+
+
+def layer_names(axes: Axes, grid_map: GridMap) -> None:
+    """List the layers of a map."""
+    axes.set_title("layers", fontsize=8)
+    axes.set(xticks=[], yticks=[])
+    axes.text(0.5, 0.5, "\n".join(grid_map), ha="center", va="center", fontsize=11)
+
+
+def valid_cells(axes: Axes, grid_map: GridMap) -> None:
+    """Draw which cells have a value in all basic layers."""
+    names = grid_map.basic_layers
+    valid = np.isfinite([grid_map[name] for name in names]).all(axis=0)
+    show(axes, upright(valid), f"valid by {', '.join(names)}", cmap="Greens", vmin=0, vmax=1.5)
+
+
+def show(axes: Axes, image: object, title: str, **style: object) -> object:
+    """Draw an image without axes."""
+    axes.set_title(title, fontsize=8)
+    axes.set(xticks=[], yticks=[])
+    return axes.imshow(image, interpolation="nearest", **style)
+
+
+def colored(name: str) -> object:
+    """Return a colour map whose missing values are grey."""
+    return matplotlib.colormaps[name].with_extremes(bad=MISSING)
+
+
+def upright(layer: np.ndarray) -> np.ndarray:
+    """Return a layer as an image with x to the right and y upwards: (cols, rows)."""
+    return layer[::-1, :].T
+
+
+# --- of which map ---------------------------------------------------------------------------------
+
+
+def scene() -> GridMap:
+    """Return ground with a hill, a box, a kerb, a rough patch, and the holes that sensors leave."""
+    grid_map = GridMap(np.multiply(SIZE, RESOLUTION), RESOLUTION)
+    x, y = (axis.reshape(grid_map.size, order="F") for axis in grid_map.get_positions().T)
+    random = np.random.default_rng(11)
+    ground = 0.8 * np.exp(-((x + 1.3) ** 2 + (y - 0.4) ** 2) / 0.8) + 0.04 * np.sin(3 * x + y)
+    ground[(np.abs(x - 0.8) < 0.45) & (np.abs(y - 0.7) < 0.4)] = 0.6
+    ground += np.where(y < -0.9 - 0.15 * x, -0.2, 0.0)
+    rough = (x - 1.7) ** 2 + (y + 0.5) ** 2 < 0.36
+    ground += random.normal(scale=np.where(rough, 0.06, 0.008))
+    spread = 0.01 + 0.02 * (x - x.min()) ** 2 / 5
+    grid_map["variance"] = np.where((x > 1.9) & (y > 0.9), np.nan, spread)
+    grid_map["color"] = checkered(x, y, ground)
+    for centre, radii in [
+        ((-0.2, -0.4), (0.35, 0.2)),
+        ((-1.9, -1.0), (0.18, 0.18)),
+        ((1.55, 0.7), (0.3, 0.45)),
+        ((2.7, -1.2), (0.5, 0.35)),
+    ]:
+        ground[((x - centre[0]) / radii[0]) ** 2 + ((y - centre[1]) / radii[1]) ** 2 < 1] = np.nan
+    ground[random.random(ground.shape) < 0.01] = np.nan
+    grid_map["elevation"] = ground
+    return FilterChain.from_config(PREPARATION)(grid_map)
+
+
+def checkered(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Return the colours of a camera: tints by height on a chequered floor."""
+    tints = matplotlib.colormaps["terrain"](0.25 + 0.6 * (heights + 0.3))[..., :3]
+    floor = np.where((np.floor(x / 0.6) + np.floor(y / 0.6)) % 2, 1.0, 0.75)
+    return color_vector_to_value(np.clip(tints * floor[..., None], 0, 1))
+
+
+def step(type_name: str, **params: object) -> dict[str, object]:
+    """Return a step of a chain."""
+    return {"name": f"{type_name} {sorted(params.items())}", "type": type_name, "params": params}
+
+
+PREPARATION = [
+    step("gridMapCv/InpaintFilter", input_layer="elevation", output_layer="filled", radius=0.1),
+    step(
+        "gridMapFilters/NormalVectorsFilter",
+        input_layer="filled",
+        output_layers_prefix="normal_",
+        normal_vector_positive_axis="z",
+        radius=0.12,
+    ),
+    step("gridMapFilters/NormalColorMapFilter", input_layers_prefix="normal_", output_layer="tint"),
+    step("gridMapFilters/SlopeFilter", input_layers_prefix="normal_", output_layer="slope"),
+    step(
+        "gridMapFilters/RoughnessFilter",
+        input_layer="filled",
+        output_layer="roughness",
+        radius=0.15,
+    ),
+    step(
+        "gridMapFilters/StepHeightFilter",
+        input_layer="filled",
+        output_layer="step_height",
+        radius=0.1,
+    ),
+    step(
+        "gridMapFilters/MeanInRadiusFilter", input_layer="filled", output_layer="mean", radius=0.2
+    ),
+]
+
+
+# --- the pictures ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A filter and what is drawn of the maps before and after it."""
+
+    params: Mapping[str, object]
+    before: Draw = field(default_factory=lambda: shaded("elevation"))
+    after: Draw = field(default_factory=lambda: shaded("result"))
+    start_index: tuple[int, int] = (0, 0)
+    without: tuple[str, ...] = ()
+
+
+def of(layer: str, **params: object) -> dict[str, object]:
+    """Return the parameters of a filter from one layer to the layer `result`."""
+    return {"input_layer": layer, "output_layer": "result", **params}
+
+
+FILLED = shaded("filled")
+RED = (0.85, 0.2, 0.15)
+DERIVED = ("filled", "mean", "normal_x", "normal_y", "normal_z", "roughness", "slope")
+DERIVED += ("step_height", "tint")
+
+PICTURES: dict[str, Picture] = {
+    "gridMapCv/InpaintFilter": Picture(
+        of("elevation", radius=0.1, enclosed_holes_only=True, max_hole_area=0.5)
+    ),
+    "gridMapFilters/BilateralFilter": Picture(
+        of("filled", sigma_space=0.1, sigma_range=0.1), FILLED
+    ),
+    "gridMapFilters/BufferNormalizerFilter": Picture(
+        {}, buffer("elevation"), buffer("elevation"), start_index=(40, 25)
+    ),
+    "gridMapFilters/ColorBlendingFilter": Picture(
+        {
+            "background_layer": "color",
+            "foreground_layer": "tint",
+            "blend_mode": "hard_light",
+            "opacity": 0.7,
+            "output_layer": "result",
+        },
+        rgb("color"),
+        rgb("result"),
+    ),
+    "gridMapFilters/ColorFillFilter": Picture(
+        {
+            "red": RED[0],
+            "green": RED[1],
+            "blue": RED[2],
+            "mask_layer": "elevation",
+            "output_layer": "result",
+        },
+        after=rgb("result"),
+    ),
+    "gridMapFilters/ColorMapFilter": Picture(
+        of(
+            "elevation",
+            min_value=-0.2,
+            max_value=0.8,
+            min_color=[0.0, 0.2, 0.8],
+            max_color=[1.0, 0.9, 0.1],
+        ),
+        after=rgb("result"),
+    ),
+    "gridMapFilters/CurvatureFilter": Picture(
+        of("mean"), shaded("mean"), values("result", (-12, 12), "coolwarm", "1/m")
+    ),
+    "gridMapFilters/DeletionFilter": Picture(
+        {"layers": ["color", "variance"]},
+        layer_names,
+        layer_names,
+        without=DERIVED,
+    ),
+    "gridMapFilters/DilationFilter": Picture(of("elevation", radius=0.15)),
+    "gridMapFilters/DuplicationFilter": Picture(of("elevation")),
+    "gridMapFilters/ErosionFilter": Picture(of("elevation", radius=0.15)),
+    "gridMapFilters/GaussianBlurFilter": Picture(of("elevation", sigma=0.12)),
+    "gridMapFilters/LightIntensityFilter": Picture(
+        {
+            "input_layers_prefix": "normal_",
+            "output_layer": "result",
+            "light_direction": [1.0, -1.0, -1.0],
+        },
+        rgb("tint"),
+        rgb("result"),
+    ),
+    "gridMapFilters/MathExpressionFilter": Picture(
+        {"expression": "abs(filled - mean)", "output_layer": "result"},
+        FILLED,
+        values("result", (0, 0.2), unit="m"),
+    ),
+    "gridMapFilters/MeanInRadiusFilter": Picture(of("elevation", radius=0.2)),
+    "gridMapFilters/MedianFillFilter": Picture(
+        of("elevation", fill_hole_radius=0.15, fill_mask_layer="fill_mask")
+    ),
+    "gridMapFilters/MinInRadiusFilter": Picture(of("elevation", radius=0.15)),
+    "gridMapFilters/NormalColorMapFilter": Picture(
+        {"input_layers_prefix": "normal_", "output_layer": "result"},
+        values("normal_x", (-1, 1), "coolwarm"),
+        rgb("result"),
+    ),
+    "gridMapFilters/NormalVectorsFilter": Picture(
+        {
+            "input_layer": "elevation",
+            "output_layers_prefix": "result_",
+            "normal_vector_positive_axis": "z",
+            "radius": 0.12,
+        },
+        after=values("result_x", (-1, 1), "coolwarm"),
+    ),
+    "gridMapFilters/RoughnessFilter": Picture(
+        of("elevation", radius=0.15), after=values("result", (0, 0.08), unit="m")
+    ),
+    "gridMapFilters/SetBasicLayersFilter": Picture(
+        {"layers": ["elevation", "variance"]}, valid_cells, valid_cells
+    ),
+    "gridMapFilters/SlidingWindowMathExpressionFilter": Picture(
+        of(
+            "slope",
+            expression="sqrt(meanOfFinites(square(slope - meanOfFinites(slope))))",
+            edge_handling="crop",
+            window_size=5,
+        ),
+        values("slope", (0, 1.2), unit="rad"),
+        values("result", (0, 0.5), "magma", "rad"),
+    ),
+    "gridMapFilters/SlopeFilter": Picture(
+        of("elevation", radius=0.12), after=values("result", (0, 1.2), unit="rad")
+    ),
+    "gridMapFilters/StepHeightFilter": Picture(
+        of("elevation", radius=0.1), after=values("result", (0, 0.7), unit="m")
+    ),
+    "gridMapFilters/ThresholdFilter": Picture(
+        {
+            "condition_layer": "elevation",
+            "output_layer": "elevation",
+            "upper_threshold": 0.3,
+            "set_to": 0.3,
+        },
+        after=shaded("elevation"),
+    ),
+    "gridMapFilters/TraversabilityFilter": Picture(
+        {
+            "input_layers": ["slope", "step_height", "roughness"],
+            "critical_values": [0.6, 0.3, 0.1],
+            "output_layer": "result",
+        },
+        FILLED,
+        values("result", (0, 1), "RdYlGn"),
+    ),
+}
+
+
+def picture_name(type_name: str) -> str:
+    """Return the file of a filter: `mean_in_radius.png` for gridMapFilters/MeanInRadiusFilter."""
+    words = re.findall(r"[A-Z][a-z]*", type_name.partition("/")[2].removesuffix("Filter"))
+    return "_".join(words).lower() + ".png"
+
+
+def draw(type_name: str, grid_map: GridMap, path: Path) -> None:
+    """Draw a map before and after a filter."""
+    picture = PICTURES[type_name]
+    before = grid_map.without_layers(picture.without).stored_from(picture.start_index)
+    before.basic_layers = ["elevation"]
+    after = FilterChain.from_config([step(type_name, **picture.params)])(before)
+    figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, layout="constrained")
+    left, right = figure.subplots(1, 2)
+    picture.before(left, before)
+    picture.after(right, after)
+    # Without its version, which matplotlib would leave in the file.
+    figure.savefig(path, metadata={"Software": None})
+
+
+def main(folder: Path) -> None:
+    """Draw all pictures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    grid_map = scene()
+    for type_name in BUILT_IN:
+        draw(type_name, grid_map, folder / picture_name(type_name))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if sys.argv[1:] else FOLDER)

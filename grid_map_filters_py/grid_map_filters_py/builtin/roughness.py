@@ -1,0 +1,39 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/RoughnessFilter`"""
+
+from dataclasses import dataclass
+
+from grid_map_core_py import GridMap
+
+from ..filter import check_radius
+from ..normals import area_normals, deviations_along
+
+
+@dataclass(frozen=True, kw_only=True)
+class Roughness:
+    """Compute how far the points around a cell lie off the plane that fits them best [m].
+
+    It is the standard deviation sqrt(sum d^2 / (n - 1)) of the distances d of the n finite points
+    in the disc to the plane through their mean, whose normal is that of `NormalVectors` with the
+    same disc: the roughness filter of traversability_estimation (M. Wermelinger et al.,
+    "Navigation planning for legged robots in challenging terrain", IROS 2016). It is NaN where the
+    input is not finite, and where a cell is alone in its disc.
+
+    Attributes:
+        input_layer: heights [m].
+        radius: of the disc [m].
+    """
+
+    input_layer: str
+    output_layer: str
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_radius(self.radius)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        heights, resolution = grid_map[self.input_layer], grid_map.resolution
+        normals = area_normals(heights, self.radius, resolution)
+        deviations = deviations_along(normals, heights, self.radius, resolution)
+        return grid_map.with_layers({self.output_layer: deviations})

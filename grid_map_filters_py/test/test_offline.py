@@ -1,0 +1,205 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A chain over many maps without a node."""
+
+import gc
+import io
+import weakref
+from itertools import pairwise
+
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_filters_py import FilterChain, FilterError
+from grid_map_filters_py.offline import Failure, filter_maps
+from grid_map_filters_py.progress import ProgressBar, progress_text
+from grid_map_filters_py.step_times import StepTimes
+
+CHAIN = FilterChain.from_config(
+    [
+        {
+            "name": "twice",
+            "type": "gridMapFilters/MathExpressionFilter",
+            "params": {"expression": "2 * height", "output_layer": "height"},
+        }
+    ]
+)
+
+
+def a_map(height: float = 1.0, layer: str = "height") -> GridMap:
+    return GridMap((1.0, 2.0), 0.5, layers={layer: height})
+
+
+def heights(filtered) -> list[float]:
+    return [float(result.grid_map["height"][0, 0]) for result in filtered]
+
+
+def test_every_map_goes_through_the_chain():
+    maps = [a_map(height) for height in (1.0, 2.0, 3.0)]
+    results = list(filter_maps(CHAIN, maps))
+    assert [result.index for result in results] == [0, 1, 2]
+    for result, grid_map in zip(results, maps, strict=True):
+        assert result.item is grid_map
+        assert_maps_equal(result.grid_map, CHAIN(grid_map))
+
+
+def test_a_map_is_asked_for_when_its_result_is():
+    asked = []
+
+    def source():
+        for height in (1.0, 2.0, 3.0):
+            asked.append(height)
+            yield a_map(height)
+
+    results = filter_maps(CHAIN, source())
+    assert asked == []
+    assert heights([next(results), next(results)]) == [2.0, 4.0]
+    assert asked == [1.0, 2.0]
+
+
+def test_nothing_is_kept_of_a_map_when_the_next_is_asked_for():
+    maps: list[weakref.ref[GridMap]] = []
+    failures: list[Failure] = []
+
+    def remember(grid_map: GridMap) -> GridMap:
+        maps.append(weakref.ref(grid_map))
+        return grid_map
+
+    def source():
+        for number in range(6):
+            assert [reference for reference in maps if reference() is not None] == []
+            # Every second one fails.
+            yield remember(a_map(number, "height" if number % 2 else "hight"))
+
+    gc.disable()
+    try:
+        for result in filter_maps(CHAIN, source(), failures=failures):
+            remember(result.grid_map)
+            del result
+    finally:
+        gc.enable()
+    assert (len(maps), len(failures)) == (9, 3)
+
+
+def test_the_first_map_that_fails_ends_the_run_and_is_named():
+    results = filter_maps(CHAIN, [a_map(), a_map(layer="hight"), a_map()])
+    assert heights([next(results)]) == [2.0]
+    with pytest.raises(FilterError) as caught:
+        next(results)
+    text = str(caught.value)
+    assert text.startswith(
+        "map 1: filter 1 'twice' (gridMapFilters/MathExpressionFilter): no layer 'height'"
+    )
+    assert isinstance(caught.value.__cause__, FilterError)
+    assert next(results, None) is None
+
+
+def test_maps_that_fail_are_collected_if_asked():
+    failures: list[Failure] = []
+    maps = [a_map(1.0), a_map(layer="hight"), "no map", a_map(4.0)]
+    results = list(filter_maps(CHAIN, maps, failures=failures))
+    assert [result.index for result in results] == [0, 3]
+    assert heights(results) == [2.0, 8.0]
+    assert [failure.index for failure in failures] == [1, 2]
+    assert "no layer 'height'" in failures[0].message
+    assert str(failures[1]) == "map 2: expected a GridMap, found str"
+
+
+def test_records_are_loaded_one_by_one_and_those_that_cannot_be_are_failures():
+    """As a reader of recordings does: it yields what it has not decoded."""
+    records = [(10, "1.5"), (20, "broken"), (30, "3.5")]
+    failures: list[Failure] = []
+    results = filter_maps(
+        CHAIN, records, load=lambda record: a_map(float(record[1])), failures=failures
+    )
+    found = {result.item[0]: float(result.grid_map["height"][0, 0]) for result in results}
+    assert found == {10: 3.0, 30: 7.0}
+    assert str(failures[0]) == "map 1: ValueError: could not convert string to float: 'broken'"
+
+
+def test_what_the_source_raises_passes_through():
+    def source():
+        yield a_map()
+        raise OSError("the disk is gone")
+
+    failures: list[Failure] = []
+    results = filter_maps(CHAIN, source(), failures=failures)
+    next(results)
+    with pytest.raises(OSError, match="the disk is gone"):
+        next(results)
+    assert failures == []
+
+
+@pytest.mark.parametrize(("as_source", "total"), [(list, 3), (iter, None)])
+def test_progress_is_told_of_every_map_and_of_their_number_where_it_is_known(as_source, total):
+    told = []
+    maps = as_source([a_map(), a_map(layer="hight"), a_map()])
+    results = filter_maps(
+        CHAIN, maps, failures=[], progress=lambda done, of: told.append((done, of))
+    )
+    next(results)
+    assert told == [(1, total)]
+    assert len(list(results)) == 1
+    assert told == [(1, total), (2, total), (3, total)]
+
+
+def test_times_are_collected_over_the_maps():
+    times = StepTimes()
+    for _ in filter_maps(CHAIN, [a_map()] * 4, observer=times):
+        pass
+    assert [(time.config.name, time.runs) for time in times] == [("twice", 4)]
+
+
+# --- progress -------------------------------------------------------------------------------------
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("done", "total", "seconds", "text"),
+    [
+        (0, 4, 0.0, f"[{'.' * 30}] 0/4 maps, 0.0 maps/s"),
+        (1, 4, 2.0, f"[{'#' * 7}{'.' * 23}] 1/4 maps, 0.5 maps/s, 0:06 left"),
+        (10, 400, 1.5, f"[{'.' * 30}] 10/400 maps, 6.7 maps/s, 0:58 left"),
+        (1, 200, 1.0, f"[{'.' * 30}] 1/200 maps, 1.0 maps/s, 3:19 left"),
+        (4, 4, 2.0, f"[{'#' * 30}] 4/4 maps, 2.0 maps/s"),
+        (0, 0, 1.0, f"[{'#' * 30}] 0/0 maps, 0.0 maps/s"),
+        (7, None, 2.0, "7 maps, 3.5 maps/s"),
+    ],
+)
+def test_progress_says_how_much_is_done_how_fast_and_how_long_it_takes(done, total, seconds, text):
+    assert progress_text(done, total, seconds) == text
+
+
+def test_a_terminal_shows_one_line_that_is_written_over_and_over():
+    terminal = Terminal()
+    now = [100.0]
+    with ProgressBar(terminal, lambda: now[0]) as bar:
+        for done in range(1, 101):
+            now[0] += 0.0625
+            bar(done, 100)
+    assert terminal.getvalue().count("\n") == 1
+    shown = terminal.getvalue().rstrip("\n").split("\r")
+    # At most ten in a second; the last state is always shown.
+    assert 45 <= len(shown) <= 55
+    assert shown[-1].strip() == f"[{'#' * 30}] 100/100 maps, 16.0 maps/s"
+    # What was longer before is wiped out.
+    assert all(len(after) >= len(before.rstrip()) for before, after in pairwise(shown))
+
+
+def test_a_log_file_gets_one_line_even_when_the_run_breaks_off():
+    log = io.StringIO()
+    now = [0.0]
+
+    def run() -> None:
+        with ProgressBar(log, lambda: now[0]) as bar:
+            for _ in filter_maps(CHAIN, [a_map(), a_map(layer="hight")], progress=bar):
+                now[0] += 0.5
+
+    with pytest.raises(FilterError):
+        run()
+    assert log.getvalue() == f"[{'#' * 15}{'.' * 15}] 1/2 maps, 2.0 maps/s, 0:00 left\n"
