@@ -20,8 +20,11 @@ if TYPE_CHECKING:
 ROTATION_TOLERANCE = 1e-3
 """How far R^T R of a rotation R may be from the identity, so that rounded numbers pass."""
 
-_BLOCK = 1 << 12
-"""Cells transformed at a time, so that what is computed of them stays in the cache."""
+_SMALL_BLOCK, _LARGE_BLOCK = 1 << 13, 1 << 14
+"""Cells transformed at a time, of a small and of a large map.
+
+Fewer cost more in calls than they save in the cache; more would outweigh a small map.
+"""
 
 _Numbers: TypeAlias = npt.NDArray[np.float64]
 _Indices: TypeAlias = npt.NDArray[np.intp]
@@ -116,8 +119,9 @@ def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _
 
 def _blocks(size: Size) -> Iterator[tuple[slice, slice]]:
     """Yield blocks of rows and columns of a map, column after column."""
-    height = min(size[0], _BLOCK)
-    width = max(1, _BLOCK // height)
+    block = min(max(_SMALL_BLOCK, math.prod(size) // 12), _LARGE_BLOCK)
+    height = min(size[0], block)
+    width = max(1, block // height)
     for column in range(0, size[1], width):
         columns = slice(column, min(column + width, size[1]))
         for row in range(0, size[0], height):

@@ -3,8 +3,6 @@
 """Point clouds and meshes from files, which are written here byte by byte."""
 
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,6 +11,10 @@ from grid_map_core_py import GridMapError, color_value_to_vector
 from grid_map_core_py.files import load_mesh, load_points
 from grid_map_core_py.mesh import grid_map_from_mesh
 from grid_map_core_py.point_cloud import grid_map_from_points
+
+# A ROS machine need not have them: no rosdep key leads to them. `make test` installs both.
+pytest.importorskip("pypcd4")
+pytest.importorskip("trimesh")
 
 XYZ = np.array([(0, 0, 0.5), (1, 0, 1.5), (1, 2, -2.25), (0, 2, 4)], np.float32)
 INTENSITY = np.array([0.25, 1, 7, 100], np.float32)
@@ -337,18 +339,3 @@ def test_mixed_faces_of_a_binary_ply_file_are_refused_with_the_reason(write):
     path = write("mixed.ply", ply_header(ORDERS["<"], 2), PLY_BINARY["<"], faces)
     with pytest.raises(GridMapError, match="must all have the same number of vertices"):
         load_mesh(path)
-
-
-@pytest.mark.parametrize(
-    ("package", "name", "load"), [("pypcd4", "a.pcd", load_points), ("trimesh", "a.stl", load_mesh)]
-)
-def test_a_package_that_is_not_installed_is_named(write, monkeypatch, package, name, load):
-    path = write(name, "hello")
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(GridMapError, match=rf"{name}: .* pip install {package}"):
-        load(path)
-
-
-def test_the_packages_are_loaded_only_when_needed():
-    code = "import sys, grid_map_core_py.files; assert not {'trimesh', 'pypcd4'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True)
