@@ -56,22 +56,23 @@ def test_submap(values, diameter):
     np.testing.assert_array_equal(found, grid_map["elevation"][:diameter, :diameter].ravel())
 
 
+def values_in_disc(grid_map, radius):
+    x, y = centres(grid_map)
+    return grid_map["elevation"][np.hypot(x, y) <= radius + 1e-9]
+
+
 @DIAMETERS
 def test_circle(values, diameter):
     radius = 0.5 * diameter * RESOLUTION
     grid_map, found = values(f"CircleIterator d={diameter}", circle_cells, CENTER, radius)
-    x, y = centres(grid_map)
-    inside = np.hypot(x, y) <= radius + 1e-9
-    np.testing.assert_array_equal(found, grid_map["elevation"][inside])
+    np.testing.assert_array_equal(found, values_in_disc(grid_map, radius))
 
 
 @DIAMETERS
 def test_spiral(values, diameter):
     radius = 0.5 * diameter * RESOLUTION
     grid_map, found = values(f"SpiralIterator d={diameter}", spiral_cells, CENTER, radius)
-    x, y = centres(grid_map)
-    inside = np.hypot(x, y) <= radius + 1e-9
-    np.testing.assert_array_equal(np.sort(found), np.sort(grid_map["elevation"][inside]))
+    np.testing.assert_array_equal(np.sort(found), np.sort(values_in_disc(grid_map, radius)))
 
 
 @DIAMETERS

@@ -159,11 +159,12 @@ class GridGeometry:
                     ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
         return cells.reshape(positions.shape), inside.reshape(positions.shape[:-1])
 
-    def centres(self, cells: npt.ArrayLike) -> Positions:
+    def centres(self, cells: npt.ArrayLike, start_index: Size = (0, 0)) -> Positions:
         """Return the centres of cells.
 
         Args:
             cells: (..., 2) row, column.
+            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
 
         Returns:
             (..., 2) x, y [m], map frame.
@@ -172,13 +173,30 @@ class GridGeometry:
             OutOfMapError: a cell lies outside the map.
         """
         cells = as_cells(cells)
+        if cells.size > sum(self.size):
+            return self._looked_up(cells, start_index)
         self.check_cells(cells)
-        return self.position + 0.5 * (self.length - self.resolution) - self.resolution * cells
+        steps = ring_buffer.unwrap(cells, start_index, self.size)
+        return self.position + 0.5 * (self.length - self.resolution) - self.resolution * steps
 
-    def axes(self) -> tuple[Positions, Positions]:
-        """Return the x of every row (rows,) and the y of every column (cols,) [m]; both descend."""
+    def all_centres(self, start_index: Size = (0, 0)) -> Positions:
+        """Return the centres (N, 2) [m] of all cells, column after column of the buffer."""
+        x, y = self.axes(start_index)
+        positions: Positions = np.empty((x.size * y.size, 2))
+        positions[:, 0] = np.tile(x, y.size)
+        positions[:, 1] = np.repeat(y, x.size)
+        return positions
+
+    def axes(self, start_index: Size = (0, 0)) -> tuple[Positions, Positions]:
+        """Return the x of every row (rows,) and the y of every column (cols,) [m].
+
+        Both descend, but for the place in a circular buffer where they go on from the other border.
+        """
         first = self.position + 0.5 * (self.length - self.resolution)
-        x, y = (first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
+        x, y = (
+            np.roll(first[axis] - self.resolution * np.arange(self.size[axis]), start_index[axis])
+            for axis in (0, 1)
+        )
         return x, y
 
     def check_cells(self, cells: Cells) -> None:
@@ -331,6 +349,22 @@ class GridGeometry:
     def _rounding(self) -> float:
         """More cells than by which the two differences can differ."""
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
+
+    def _looked_up(self, cells: Cells, start_index: Size) -> Positions:
+        """Return what `centres` does, faster for more cells than there are rows and columns."""
+        table = np.concatenate(self.axes(start_index))
+        points = cells.reshape(-1, 2)
+        positions = np.empty(points.shape)
+        offsets, size = interleaved((0, self.size[0]), points), interleaved(self.size, points)
+        for part in chunks(points):
+            pairs = points[part].reshape(-1)
+            # Without sign, negative numbers are too large as well.
+            if not (pairs.view(np.uint64) < size.view(np.uint64)[: pairs.size]).all():
+                self.check_cells(points[part])
+            # Checked already; any other mode would copy the results.
+            entries = pairs + offsets[: pairs.size]
+            np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
+        return positions.reshape(cells.shape)
 
     def _bound(self, steps: Positions) -> None:
         """Replace the fractional rows and columns outside by those of the nearest border cells."""

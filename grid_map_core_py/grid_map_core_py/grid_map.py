@@ -25,7 +25,6 @@ from .arrays import (
 from .errors import GridMapError, LayerNotFoundError, OutOfMapError
 from .geometry import GridGeometry
 from .interpolation import Interpolation, interpolate
-from .pieces import chunks, interleaved
 from .ring_buffer import BufferRegion
 from .submap import submap_block
 from .transform import transformed_map
@@ -340,12 +339,8 @@ class GridMap:
             OutOfMapError: there is no such cell.
         """
         if indices is None:
-            return self._all_positions()
-        cells = as_cells(indices)
-        if cells.size <= sum(self.size):
-            self._geometry.check_cells(cells)
-            return self._geometry.centres(ring_buffer.unwrap(cells, self._start, self.size))
-        return self._positions_from_table(cells)
+            return self._geometry.all_centres(self._start)
+        return self._geometry.centres(indices, self._start)
 
     def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
         """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
@@ -620,35 +615,6 @@ class GridMap:
         names = _names(layers)
         self._check_layers(names)
         return names
-
-    def _buffer_axes(self) -> tuple[Positions, Positions]:
-        """Return the x of every row and the y of every column of the buffer [m]."""
-        x, y = self._geometry.axes()
-        return np.roll(x, self._start[0]), np.roll(y, self._start[1])
-
-    def _positions_from_table(self, cells: Cells) -> Positions:
-        """Return what `get_positions` does, faster for more cells than the map has rows."""
-        table = np.concatenate(self._buffer_axes())
-        points = cells.reshape(-1, 2)
-        positions = np.empty(points.shape)
-        offsets, size = interleaved((0, self.size[0]), points), interleaved(self.size, points)
-        for part in chunks(points):
-            pairs = points[part].reshape(-1)
-            # Without sign, negative numbers are too large as well.
-            if not (pairs.view(np.uint64) < size.view(np.uint64)[: pairs.size]).all():
-                self._geometry.check_cells(points[part])
-            # Checked already; any other mode would copy the results.
-            entries = pairs + offsets[: pairs.size]
-            np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
-        return positions.reshape(cells.shape)
-
-    def _all_positions(self) -> Positions:
-        """Centres of all cells in the order in which the buffer is stored."""
-        x, y = self._buffer_axes()
-        positions: Positions = np.empty((x.size * y.size, 2))
-        positions[:, 0] = np.tile(x, y.size)
-        positions[:, 1] = np.repeat(y, x.size)
-        return positions
 
 
 def _check_name(layer: object) -> None:

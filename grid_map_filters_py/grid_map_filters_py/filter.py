@@ -11,10 +11,13 @@ it warns of.
 
 import math
 import warnings
+from dataclasses import dataclass
 from typing import Protocol
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
+
+from .disc import Disc
 
 
 class Filter(Protocol):
@@ -36,3 +39,23 @@ def warn(message: str) -> None:
 def check_radius(radius: float, name: str = "radius") -> None:
     """Check the parameter `name` of a filter that looks at a disc around each cell."""
     check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscFilter:
+    """What the filters have in common that make a layer from the disc around each cell.
+
+    Attributes:
+        radius: of the disc [m].
+    """
+
+    input_layer: str
+    output_layer: str
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_radius(self.radius)
+
+    def disc(self, grid_map: GridMap) -> Disc:
+        """Return the disc on the cells of a map."""
+        return Disc(self.radius, grid_map.resolution, grid_map.size)

@@ -10,7 +10,7 @@ from grid_map_core_py.arrays import Layer
 from .disc import Disc
 
 
-def highest_in_disc(layer: Layer, disc: Disc) -> Layer:
+def highest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:
     """Return for every cell the largest finite value in the disc around it, NaN where none is.
 
     It is the grey-scale dilation of the layer by the disc, blind to cells that are not finite and
@@ -19,17 +19,19 @@ def highest_in_disc(layer: Layer, disc: Disc) -> Layer:
     Args:
         layer: (rows, cols).
         disc: has the size of the layer.
+        fill: whether cells that are not finite in the layer get a value too.
 
     Returns:
         (rows, cols) float32 in Fortran order.
     """
-    known = np.where(np.isfinite(layer), layer, np.float32(-np.inf))
+    finite = np.isfinite(layer)
+    known = np.where(finite, layer, np.float32(-np.inf))
     element = np.ascontiguousarray(disc.kernel.T, dtype=np.uint8)
     highest = cv2.dilate(known.T, element, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
-    highest[np.isneginf(highest)] = np.nan
+    highest[np.isneginf(highest) if fill else ~finite.T] = np.nan
     return np.asarray(highest.T, dtype=np.float32)
 
 
-def lowest_in_disc(layer: Layer, disc: Disc) -> Layer:
+def lowest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:
     """Return for every cell the smallest finite value in the disc; see `highest_in_disc`."""
-    return -highest_in_disc(-layer, disc)
+    return -highest_in_disc(-layer, disc, fill=fill)

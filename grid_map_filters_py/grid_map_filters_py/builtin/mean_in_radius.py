@@ -10,31 +10,24 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 
-from ..disc import Disc, Tile, tiles, typical_value
-from ..filter import check_radius
+from ..disc import Tile, tiles, typical_value
+from ..filter import DiscFilter
 
 _FEW = 4
 """Cells that a small disc reaches."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeanInRadius:
+class MeanInRadius(DiscFilter):
     """Give every cell the mean of the finite values in the disc of `radius` [m] around it.
 
     Cells without a finite value in their disc become NaN.
     """
 
-    input_layer: str
-    output_layer: str
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_radius(self.radius)
-
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         offset = typical_value(layer)
-        disc = Disc(self.radius, grid_map.resolution, grid_map.size)
+        disc = self.disc(grid_map)
         # Of a few values single precision loses no more than the layer itself does.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean = np.empty_like(layer, order="F")

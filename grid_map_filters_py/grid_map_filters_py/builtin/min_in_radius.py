@@ -4,31 +4,19 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from grid_map_core_py import GridMap
 
-from ..disc import Disc
-from ..filter import check_radius
+from ..filter import DiscFilter
 from ..morphology import lowest_in_disc
 
 
 @dataclass(frozen=True, kw_only=True)
-class MinInRadius:
+class MinInRadius(DiscFilter):
     """Give every finite cell the smallest finite value in the disc of `radius` [m] around it.
 
     The other cells become NaN.
     """
 
-    input_layer: str
-    output_layer: str
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_radius(self.radius)
-
     def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
-        lowest = lowest_in_disc(layer, Disc(self.radius, grid_map.resolution, grid_map.size))
-        lowest[~np.isfinite(layer)] = np.nan
+        lowest = lowest_in_disc(grid_map[self.input_layer], self.disc(grid_map), fill=False)
         return grid_map.with_layers({self.output_layer: lowest})

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
-from ..filter import check_radius
+from ..filter import DiscFilter
 from ..normals import area_normals, deviations_along
 
 
 @dataclass(frozen=True, kw_only=True)
-class Roughness:
+class Roughness(DiscFilter):
     """Compute how far the points around a cell lie off the plane that fits them best [m].
 
     It is the standard deviation sqrt(sum d^2 / (n - 1)) of the distances d of the n finite points
@@ -22,15 +22,7 @@ class Roughness:
 
     Attributes:
         input_layer: heights [m].
-        radius: of the disc [m].
     """
-
-    input_layer: str
-    output_layer: str
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_radius(self.radius)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights, resolution = grid_map[self.input_layer], grid_map.resolution
