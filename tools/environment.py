@@ -31,6 +31,7 @@ ADDED_TO_ROS = (
     "import-linter",
     "lark",
     "mypy",
+    "numba",
     "pypcd4",
     "pytest-benchmark",
     "pytest-timeout",

@@ -11,7 +11,7 @@ from .chain import FilterChain, Step
 from .config import StepConfig
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
-from .filter import Filter, FilterWarning
+from .filter import Filter, FilterWarning, warn
 from .offline import Failure, Filtered, filter_maps
 from .progress import ProgressBar
 from .registry import FILTERS
@@ -33,4 +33,5 @@ __all__ = [
     "StepConfig",
     "StepTimes",
     "filter_maps",
+    "warn",
 ]

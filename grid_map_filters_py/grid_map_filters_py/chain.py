@@ -3,11 +3,9 @@
 """A sequence of filters."""
 
 import time
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Any
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import build
@@ -16,7 +14,7 @@ from grid_map_core_py.errors import GridMapError
 from .builtin.buffer_normalizer import BufferNormalizer
 from .config import StepConfig, parse_steps, read_chain
 from .errors import FilterConfigError, FilterError
-from .filter import Filter, FilterWarning
+from .filter import Filter, warnings_of
 from .registry import FILTERS
 
 
@@ -119,14 +117,11 @@ def _made(cls: type[Filter], params: Mapping[str, object]) -> Filter:
 
 
 def _run(step: Step, grid_map: GridMap) -> GridMap:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", FilterWarning)
-        try:
+    try:
+        with warnings_of(step.config):
             result = step.filter(grid_map)
-        except Exception as error:
-            raise FilterError(f"{step.config}: {message_of(error)}") from error
-    for warning in caught:
-        _pass_on(warning, step)
+    except Exception as error:
+        raise FilterError(f"{step.config}: {message_of(error)}") from error
     if not isinstance(result, GridMap):
         raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
     return result
@@ -135,10 +130,3 @@ def _run(step: Step, grid_map: GridMap) -> GridMap:
 def message_of(error: Exception) -> str:
     """Return the text of an error; what it is of comes first, unless the text explains itself."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"
-
-
-def _pass_on(warning: warnings.WarningMessage, step: Step) -> Any:
-    if issubclass(warning.category, FilterWarning):
-        warnings.warn(f"{step.config}: {warning.message}", FilterWarning, stacklevel=4)
-    else:
-        warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)

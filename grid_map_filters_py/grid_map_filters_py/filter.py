@@ -11,6 +11,9 @@ it warns of.
 
 import math
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -31,9 +34,23 @@ class FilterWarning(UserWarning):
     """A filter did its work, but the user should know something about the result."""
 
 
+_running: ContextVar[str] = ContextVar("_running", default="")
+"""What the chain of this thread is running."""
+
+
+@contextmanager
+def warnings_of(step: object) -> Iterator[None]:
+    """Let `warn` name a step of a chain."""
+    token = _running.set(f"{step}: ")
+    try:
+        yield
+    finally:
+        _running.reset(token)
+
+
 def warn(message: str) -> None:
-    """Issue a `FilterWarning`."""
-    warnings.warn(message, FilterWarning, stacklevel=3)
+    """Issue a `FilterWarning`; in a chain it names the filter that calls this."""
+    warnings.warn(_running.get() + message, FilterWarning, stacklevel=2)
 
 
 def check_radius(radius: float, name: str = "radius") -> None:

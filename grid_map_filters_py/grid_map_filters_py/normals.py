@@ -56,6 +56,20 @@ class Moments(NamedTuple):
     zz: Flat
 
 
+class Planes(NamedTuple):
+    """The planes that fit best to the points in discs.
+
+    Attributes:
+        normals: unit vectors, NaN where the layer is not finite.
+        covariances: of the points, times the square of their number [cells^2].
+        n: how many points there are.
+    """
+
+    normals: Components
+    covariances: Symmetric
+    n: Field
+
+
 def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     """Return the normals of the planes that fit best to the points in a disc around each cell.
 
@@ -73,8 +87,7 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     normals = _empty(layer)
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        known, heights = tile.finite(layer, offset)
-        _store(normals, tile, _area_normals(known, heights, tile))
+        _store(normals, tile, _planes(layer, offset, tile).normals)
     return normals
 
 
@@ -110,34 +123,24 @@ def flip_towards(normals: Normals, axis: int) -> Normals:
     return normals
 
 
-def deviations_along(normals: Normals, layer: Layer, radius: float, resolution: float) -> Layer:
-    """Return the standard deviations of the points in a disc along the normal of its centre.
+def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
+    """Return how far the points in a disc around each cell lie off the plane of `area_normals`.
 
     Args:
-        normals: x, y and z components (rows, cols) of unit vectors.
         layer: (rows, cols) heights [m] in map order; not finite where unknown.
         radius: of the disc [m].
         resolution: side of a cell [m].
 
     Returns:
-        (rows, cols) [m], of a sample: with n - 1 in place of n; NaN where it has one point or the
-        normal is NaN.
+        (rows, cols) standard deviations [m], of a sample: with n - 1 in place of n; NaN where the
+        disc has one point or the layer is not finite.
     """
     deviations = np.empty(layer.shape, np.float32, order="F")
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        known, heights = tile.finite(layer, offset)
-        heights *= -1.0 / resolution
-        moments = _moments(known, heights, tile)
-        directions = [normal[tile.rows, tile.columns].astype(np.float64) for normal in normals]
-        squares = np.zeros_like(directions[0])
-        pairs = combinations_with_replacement(directions, 2)
-        for (one, other), element in zip(pairs, _covariance(moments), strict=True):
-            squares += (1.0 if one is other else 2.0) * one * other * tile.cells(element)
-        count = tile.cells(moments.n).astype(np.float64)
-        with np.errstate(invalid="ignore"):
-            variance = np.maximum(squares, 0.0) / (count * (count - 1.0))
-        deviations[tile.rows, tile.columns] = resolution * np.sqrt(variance)
+        planes = _planes(layer, offset, tile)
+        deviations[tile.rows, tile.columns] = tile.cells(_deviations(planes))
+    deviations *= np.float32(resolution)
     return deviations
 
 
@@ -189,14 +192,17 @@ def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
     return slope
 
 
-def _area_normals(known: Flat, heights: Flat, tile: Tile) -> Components:
-    """Return the flat components for a tile."""
-    resolution = tile.disc.resolution
+def _planes(layer: Layer, offset: float, tile: Tile) -> Planes:
+    """Return the flat planes for a tile."""
+    known, heights = tile.finite(layer, offset)
     # In cells, so that all but the heights are whole numbers. Rows run towards -x and columns
     # towards -y: with heights upside down all signs are right.
-    heights *= -1.0 / resolution
+    heights *= -1.0 / tile.disc.resolution
     moments = _moments(known, heights, tile)
-    return _normals_of(moments, tile.neighbours(known), _SMALLEST_SPREAD / resolution**2)
+    matrices, count = _covariance(moments), moments.n.astype(np.float64)
+    smallest_spread = _SMALLEST_SPREAD / tile.disc.resolution**2
+    normals = _normals_of(matrices, count, tile.neighbours(known), smallest_spread)
+    return Planes(normals, matrices, count)
 
 
 def _moments(known: Flat, z: Flat, tile: Tile) -> Moments:
@@ -236,16 +242,17 @@ def _moments_across(
     return totals
 
 
-def _normals_of(moments: Moments, known: Mask, smallest_spread: float) -> Components:
+def _normals_of(
+    matrices: Symmetric, count: Field, known: Mask, smallest_spread: float
+) -> Components:
     """Return unit vectors, NaN where not `known`.
 
     Args:
-        moments: of the points in the discs.
+        matrices: covariances of the points in the discs.
+        count: how many points there are.
         known: where a normal is wanted.
         smallest_spread: of points that span a plane [cells^2].
     """
-    matrices = _covariance(moments)
-    count = moments.n.astype(np.float64)
     spread = smallest_spread * count * count
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         vectors, doubtful = _smallest_eigenvectors(matrices)
@@ -265,6 +272,23 @@ def _normals_of(moments: Moments, known: Mask, smallest_spread: float) -> Compon
         component[lone] = upright
         component[~known] = np.nan
     return vectors
+
+
+def _deviations(planes: Planes) -> Field:
+    """Return the standard deviations along the normals [cells]."""
+    variance = np.zeros_like(planes.n)
+    pairs = combinations_with_replacement(planes.normals, 2)
+    for (one, other), element in zip(pairs, planes.covariances, strict=True):
+        product = one * other
+        product *= element
+        variance += product
+        if one is not other:
+            variance += product
+    with np.errstate(invalid="ignore", divide="ignore"):
+        variance /= planes.n * (planes.n - 1.0)
+        np.maximum(variance, 0.0, out=variance)
+    deviations: Field = np.sqrt(variance, out=variance)
+    return deviations
 
 
 def _eigenvectors_or_upright(matrices: Field, spread: Field) -> Field:

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Chains from configurations, and what they do with filters that fail."""
 
+import threading
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +20,7 @@ from grid_map_filters_py import (
     FilterWarning,
     Step,
     StepConfig,
+    warn,
 )
 from grid_map_filters_py.config import nested
 from grid_map_filters_py.step_times import StepTimes
@@ -149,7 +152,7 @@ def test_a_filter_that_gives_no_map_is_named(grid_map):
 
 def test_a_warning_of_a_filter_carries_its_name_and_others_pass_through(grid_map):
     def warns(grid_map):
-        warnings.warn("careful", FilterWarning, stacklevel=1)
+        warn("careful")
         warnings.warn("old", DeprecationWarning, stacklevel=1)
         return grid_map
 
@@ -160,6 +163,25 @@ def test_a_warning_of_a_filter_carries_its_name_and_others_pass_through(grid_map
         ("filter 1 'w' (my/Filter): careful", FilterWarning),
         ("old", DeprecationWarning),
     }
+
+
+def test_warnings_of_chains_in_two_threads_do_not_mix(grid_map):
+    """Each waits in the middle of its step until the other one is there, too."""
+    both_run = threading.Barrier(2, timeout=30)
+
+    def warns(grid_map):
+        both_run.wait()
+        warn("careful")
+        both_run.wait()
+        return grid_map
+
+    chains = [FilterChain([Step(StepConfig(1, name, "F"), warns)]) for name in "ab"]
+    with pytest.warns() as caught, ThreadPoolExecutor() as threads:
+        list(threads.map(lambda chain: chain(grid_map), chains))
+    assert sorted(str(w.message) for w in caught) == [
+        "filter 1 'a' (F): careful",
+        "filter 1 'b' (F): careful",
+    ]
 
 
 GOOD = {"name": "n", "type": DUPLICATION, "params": {"input_layer": "a", "output_layer": "b"}}

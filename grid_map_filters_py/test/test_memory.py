@@ -51,6 +51,24 @@ TRAVERSABILITY = [
     step("Duplication", input_layer="traversability", output_layer="copy"),
 ]
 
+OTHERS = [
+    step("Bilateral", input_layer="elevation", output_layer="o", sigma_space=0.1, sigma_range=0.1),
+    step("Curvature", input_layer="elevation", output_layer="o"),
+    step("Dilation", input_layer="elevation", output_layer="o", radius=0.5),
+    step("GaussianBlur", input_layer="elevation", output_layer="o", sigma=0.2),
+    step(
+        "MedianFill",
+        input_layer="elevation",
+        output_layer="o",
+        fill_hole_radius=0.2,
+        fill_mask_layer="m",
+    ),
+    step("MinInRadius", input_layer="elevation", output_layer="o", radius=0.5),
+    step("Roughness", input_layer="elevation", output_layer="o", radius=0.5),
+    step("Slope", input_layer="elevation", output_layer="o", radius=0.25),
+    step("StepHeight", input_layer="elevation", output_layer="o", radius=0.1),
+]
+
 
 @pytest.fixture(scope="module")
 def grid_map() -> GridMap:
@@ -91,6 +109,13 @@ def test_no_filter_needs_six_layers_beside_its_input_and_its_result(grid_map, co
     given = FilterChain.from_config(before)(grid_map) if before else grid_map
     (filter_step,) = FilterChain.from_config([config]).steps
     above, _ = peak_above_result(lambda: filter_step.filter(given), given["elevation"].nbytes)
+    assert above < 6
+
+
+@pytest.mark.parametrize("config", OTHERS, ids=lambda config: config["name"])
+def test_filters_of_other_chains_need_no_more(grid_map, config):
+    (filter_step,) = FilterChain.from_config([config]).steps
+    above, _ = peak_above_result(lambda: filter_step.filter(grid_map), grid_map["elevation"].nbytes)
     assert above < 6
 
 

@@ -2,19 +2,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/ColorBlendingFilter`"""
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
 import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
 
-from ..colors import Bits, Floats, color_cells, pack, to_bytes, unpack
+from ..cell_function import Cells, cell_function, choose, helper
+from ..colors import FULL, blue, green, is_none, pack, red
 
-Channels = tuple[Floats, Floats, Floats]
+_ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,46 +36,57 @@ class ColorBlending:
 
     def __post_init__(self) -> None:
         check(0 <= self.opacity <= 1, "opacity", "a number in [0, 1]", self.opacity)
+        _MODES[self.blend_mode].prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        layers = grid_map[self.background_layer], grid_map[self.foreground_layer]
-        return grid_map.with_layers({self.output_layer: color_cells(self._blend, *layers)})
-
-    def _blend(self, background: Floats, foreground: Floats) -> Bits:
-        opacity, rest = np.float32(self.opacity), np.float32(1.0 - self.opacity)
-        leaves_range = self.blend_mode == "hard_light"
-        mixed = []
-        below, above = unpack(background), unpack(foreground)
-        for under, over in zip(below, _MODES[self.blend_mode](below, above), strict=True):
-            channel = under * rest
-            channel += over * opacity
-            channel *= np.float32(255)
-            mixed.append(to_bytes(channel) if leaves_range else channel.astype(np.uint8))
-        bits = pack(mixed)
-        for layer, other in ((foreground, background), (background, foreground)):
-            # Three times as fast as what NumPy has for it.
-            cv2.copyTo(other.view(np.int32), np.isnan(layer).view(np.uint8), bits.view(np.int32))
-        return bits
+        layers = [grid_map[self.background_layer], grid_map[self.foreground_layer]]
+        blended = _MODES[self.blend_mode](layers, (self.opacity, 1 - self.opacity))
+        return grid_map.with_layers({self.output_layer: blended})
 
 
-def _normal(_: Channels, above: Channels) -> Channels:
-    return above
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _normal(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    return _blended(below, above, red(above), green(above), blue(above), weights)
 
 
-def _hard_light(below: Channels, above: Channels) -> Iterator[Floats]:
-    dark = (above[0] + above[1] + above[2] < np.float32(1.5)).view(np.uint8)
-    for b, a in zip(below, above, strict=True):
-        screened = 1 - 2 * (1 - b) * (1 - a)
-        yield np.asarray(cv2.copyTo(2 * b * a, dark, screened), dtype=np.float32).reshape(-1)
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _hard_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    is_dark = red(above) + green(above) + blue(above) < _DARK
+    r = _hard(red(below), red(above), is_dark)
+    g = _hard(green(below), green(above), is_dark)
+    b = _hard(blue(below), blue(above), is_dark)
+    return _blended(below, above, r, g, b, weights)
 
 
-def _soft_light(below: Channels, above: Channels) -> Iterator[Floats]:
-    for b, a in zip(below, above, strict=True):
-        yield (1 - 2 * a) * (b * b) + 2 * b * a
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _soft_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    r = _soft(red(below), red(above))
+    g = _soft(green(below), green(above))
+    b = _soft(blue(below), blue(above))
+    return _blended(below, above, r, g, b, weights)
 
 
-_MODES: dict[str, Callable[[Channels, Channels], Iterable[Floats]]] = {
-    "normal": _normal,
-    "hard_light": _hard_light,
-    "soft_light": _soft_light,
-}
+@helper
+def _hard(below: Cells, above: Cells, is_dark: Cells) -> Cells:
+    screened = _ONE - _TWO * (_ONE - below) * (_ONE - above)
+    return choose(is_dark, _TWO * below * above, screened)
+
+
+@helper
+def _soft(below: Cells, above: Cells) -> Cells:
+    return (_ONE - _TWO * above) * (below * below) + _TWO * below * above
+
+
+@helper
+def _blended(
+    below: Cells, above: Cells, r: Cells, g: Cells, b: Cells, weights: tuple[Cells, ...]
+) -> Cells:
+    """Return the colour of a cell, of which the mode has made the shares r, g, b."""
+    r = FULL * (red(below) * weights[1] + r * weights[0])
+    g = FULL * (green(below) * weights[1] + g * weights[0])
+    b = FULL * (blue(below) * weights[1] + b * weights[0])
+    blended = choose(is_none(above), below, pack(r, g, b))
+    return choose(is_none(below), above, blended)
+
+
+_MODES = {"normal": _normal, "hard_light": _hard_light, "soft_light": _soft_light}

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grid_map_core_py import GridMap, color_vector_to_value
-from grid_map_core_py.arrays import Layer
 
+from ..cell_function import Cells, cell_function, choose, is_finite
 from ..colors import check_color
+
+_NAN = np.float32(np.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,25 +36,16 @@ class ColorFill:
         check_color("red, green, blue", color)
         value = color_vector_to_value(np.array(color, dtype=np.float32))
         object.__setattr__(self, "_value", np.float32(value))
+        _where_finite.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.mask_layer:
-            filled = _where_finite(self._value, grid_map[self.mask_layer])
+            filled = _where_finite([grid_map[self.mask_layer]], (self._value,))
         else:
-            filled = np.empty(grid_map.size, np.float32, order="F")
-            filled.T[...] = _row(self._value, grid_map.size[0])
+            filled = np.full(grid_map.size, self._value, order="F")
         return grid_map.with_layers({self.output_layer: filled})
 
 
-def _where_finite(color: np.float32, mask: Layer) -> Layer:
-    # A number minus itself is 0 or NaN; as integers, these are less and more than any colour.
-    with np.errstate(invalid="ignore"):
-        filled = mask - mask
-    bits = filled.T.view(np.uint32)
-    np.maximum(bits, _row(color, len(mask)).view(np.uint32), out=bits)
-    return filled
-
-
-def _row(color: np.float32, length: int) -> Layer:
-    """Return what NumPy takes more quickly than a single number, for every row of a transpose."""
-    return np.full(length, color)
+@cell_function(takes=np.float32, gives=np.float32, numbers=1)
+def _where_finite(mask: Cells, color: tuple[Cells, ...]) -> Cells:
+    return choose(is_finite(mask), color[0], _NAN)

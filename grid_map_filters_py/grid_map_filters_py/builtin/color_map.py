@@ -10,7 +10,10 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
 
-from ..colors import Bits, Floats, check_color, color_cells, pack
+from ..cell_function import Cells, cell_function, clamp, is_finite
+from ..colors import check_color, or_none, pack
+
+_FIRST, _LAST = np.float32(0), np.float32(1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,19 +41,20 @@ class ColorMap:
         ascends = math.isfinite(self.max_value) and self.max_value > self.min_value
         expected = f"a finite number above min/value, {self.min_value}"
         check(ascends, "max/value", expected, self.max_value)
+        _color.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        lowest, highest = np.float32(self.min_value), np.float32(self.max_value)
         first, last = (255 * np.clip(color, 0, 1) for color in (self.min_color, self.max_color))
-        ramps = list(zip((last - first).astype(np.float32), first.astype(np.float32), strict=True))
-
-        def color(values: Floats) -> Bits:
-            share = values - lowest
-            share /= highest - lowest
-            np.clip(share, np.float32(0), np.float32(1), out=share)
-            # Between two colours no channel leaves its range.
-            channels = ((share * slope + start).astype(np.uint8) for slope, start in ramps)
-            return pack(channels, missing=values - values)
-
-        colors = color_cells(color, grid_map[self.input_layer])
+        width = np.float32(self.max_value) - np.float32(self.min_value)
+        ramp = (self.min_value, width, *(last - first), *first)
+        colors = _color([grid_map[self.input_layer]], ramp)
         return grid_map.with_layers({self.output_layer: colors})
+
+
+@cell_function(takes=np.float32, gives=np.uint32, numbers=8)
+def _color(value: Cells, ramp: tuple[Cells, ...]) -> Cells:
+    share = clamp((value - ramp[0]) / ramp[1], _FIRST, _LAST)
+    red = share * ramp[2] + ramp[5]
+    green = share * ramp[3] + ramp[6]
+    blue = share * ramp[4] + ramp[7]
+    return or_none(pack(red, green, blue), is_finite(value))

@@ -9,7 +9,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
 
-from ..colors import Bits, Floats, color_cells, pack, to_bytes
+from ..cell_function import Cells, cell_function, is_finite
+from ..colors import FULL, or_none, pack
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,19 +33,16 @@ class LightIntensity:
         usable = len(direction) == 3 and 0 < np.linalg.norm(direction) < np.inf
         expected = "three finite numbers, not all 0"
         check(bool(usable), "light_direction", expected, list(direction))
+        _shade.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         towards = -np.asarray(self.light_direction) / np.linalg.norm(self.light_direction)
-        along_x, along_y, along_z = towards.astype(np.float32)
+        normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
+        return grid_map.with_layers({self.output_layer: _shade(normals, towards)})
 
-        def shade(x: Floats, y: Floats, z: Floats) -> Bits:
-            intensity = x * along_x
-            intensity += y * along_y
-            intensity += z * along_z
-            missing = intensity - intensity
-            intensity *= np.float32(255)
-            grey = to_bytes(intensity)
-            return pack((grey, grey, grey), missing)
 
-        normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
-        return grid_map.with_layers({self.output_layer: color_cells(shade, *normals)})
+@cell_function(takes=np.float32, gives=np.uint32, numbers=3)
+def _shade(x: Cells, y: Cells, z: Cells, towards: tuple[Cells, ...]) -> Cells:
+    intensity = x * towards[0] + y * towards[1] + z * towards[2]
+    grey = FULL * intensity
+    return or_none(pack(grey, grey, grey), is_finite(intensity))

@@ -4,14 +4,14 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from grid_map_core_py import GridMap
 
-from ..colors import Bits, Floats, color_cells
+from ..cell_function import Cells, cell_function, helper
+from ..colors import or_none, pack
 
-_NAN_BITS = float(np.float32(np.nan).view(np.uint32))
+_ONE, _HALF = np.float32(1), np.float32(127.5)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,27 +24,21 @@ class NormalColorMap:
     input_layers_prefix: str
     output_layer: str
 
+    def __post_init__(self) -> None:
+        _color.prepare()
+
     def __call__(self, grid_map: GridMap) -> GridMap:
-        normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
-        return grid_map.with_layers({self.output_layer: color_cells(_colors, *normals)})
+        normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
+        return grid_map.with_layers({self.output_layer: _color(normals)})
 
 
-def _colors(x: Floats, y: Floats, z: Floats) -> Bits:
-    """Return the bits of colours; whole numbers below 2^24 are exact in single precision."""
-    values = _bytes(x)
-    for normal in (y, z):
-        values *= np.float32(256)
-        values += _bytes(normal)
-    # Several times as fast as to find NaN and to set bits there.
-    cv2.patchNaNs(values[None, :], _NAN_BITS)
-    return values.astype(np.uint32)
+@cell_function(takes=np.float32, gives=np.uint32)
+def _color(x: Cells, y: Cells, z: Cells, _: tuple[Cells, ...]) -> Cells:
+    exists = (x == x) & (y == y) & (z == z)
+    return or_none(pack(_channel(x), _channel(y), _channel(z)), exists)
 
 
-def _bytes(normal: Floats) -> Floats:
-    """Return whole numbers in [0, 255], NaN where there is no normal."""
-    # The same bits as 255 * (0.5 * normal + 0.5), in a pass less.
-    channel: Floats = normal + np.float32(1.0)
-    channel *= np.float32(127.5)
-    np.clip(channel, np.float32(0.0), np.float32(255.0), out=channel)
-    np.trunc(channel, out=channel)
-    return channel
+@helper
+def _channel(normal: Cells) -> Cells:
+    # The same bits as 255 * (0.5 * normal + 0.5).
+    return (normal + _ONE) * _HALF

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from grid_map_core_py import GridMap
 
 from ..filter import DiscFilter
-from ..normals import area_normals, deviations_along
+from ..normals import plane_deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,6 @@ class Roughness(DiscFilter):
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        heights, resolution = grid_map[self.input_layer], grid_map.resolution
-        normals = area_normals(heights, self.radius, resolution)
-        deviations = deviations_along(normals, heights, self.radius, resolution)
+        heights = grid_map[self.input_layer]
+        deviations = plane_deviations(heights, self.radius, grid_map.resolution)
         return grid_map.with_layers({self.output_layer: deviations})

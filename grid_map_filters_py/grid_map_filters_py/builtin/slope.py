@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.pieces import elementwise
 
 from ..filter import check_radius
 from ..normals import Normals, area_normals, raster_normals
@@ -42,8 +44,7 @@ class Slope:
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         x, y, z = self._normals(grid_map)
-        with np.errstate(invalid="ignore"):
-            slope = np.arctan2(np.hypot(x, y), np.abs(z))
+        slope = elementwise(_slope, np.float32, x, y, z)
         return grid_map.with_layers({self.output_layer: slope})
 
     def _normals(self, grid_map: GridMap) -> Normals:
@@ -54,3 +55,9 @@ class Slope:
         if self.radius:
             return area_normals(heights, self.radius, grid_map.resolution)
         return raster_normals(heights, grid_map.resolution)
+
+
+def _slope(x: Layer, y: Layer, z: Layer) -> Layer:
+    with np.errstate(invalid="ignore"):
+        slope: Layer = np.arctan2(np.hypot(x, y), np.abs(z))
+    return slope

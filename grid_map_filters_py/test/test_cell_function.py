@@ -1,0 +1,95 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Functions of cells give the same bits, whether numba or NumPy computes them."""
+
+import importlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from grid_map_filters_py.cell_function import CellFunction, cell_function, clamp
+
+BUILTIN = "grid_map_filters_py.builtin"
+FUNCTIONS = {
+    f"{module}.{name}": function
+    for module in (
+        "color_blending",
+        "color_fill",
+        "color_map",
+        "curvature",
+        "light_intensity",
+        "normal_color_map",
+    )
+    for name, function in vars(importlib.import_module(f"{BUILTIN}.{module}")).items()
+    if isinstance(function, CellFunction)
+}
+FLOATS = st.floats(width=32) | st.floats(-2, 2, width=32)
+ANY_BITS = st.integers(0, 2**24 - 1) | st.just(0x7FC00000) | st.integers(0, 2**32 - 1)
+
+WITHOUT_NUMBA = """
+import sys
+sys.modules["numba"] = None  # what a failed import leaves
+import numpy as np
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain
+grid_map = GridMap((0.3, 0.2), 0.1, layers={"elevation": [[0, 1], [0.5, np.nan], [9, -9]]})
+color = {"input_layer": "elevation", "output_layer": "color", "min_value": 0.0, "max_value": 1.0,
+         "min_color": [0, 0, 1], "max_color": [1, 0, 0]}
+chain = FilterChain.from_config([{"name": "c", "type": "ColorMap", "params": color}])
+print(*(f"{bits:x}" for bits in chain(grid_map)["color"].view(np.uint32).ravel()))
+"""
+
+
+def test_there_are_functions_of_all_filters_of_single_cells():
+    assert len(FUNCTIONS) == 8
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+@given(data=st.data())
+def test_the_compiled_function_gives_the_bits_of_numpy(name, data):
+    function = FUNCTIONS[name]
+    elements = ANY_BITS if function.takes == np.uint32 else FLOATS
+    count = data.draw(st.integers(1, 40))
+    layers = [
+        data.draw(arrays.arrays(function.takes, count, elements=elements))
+        for _ in range(function.layers)
+    ]
+    numbers = [data.draw(st.floats(-2, 2, width=32)) for _ in range(function.numbers)]
+    compiled = function(layers, numbers)
+    expected = function.plain(layers, tuple(map(np.float32, numbers)))
+    # Of several NaN that meet, either one may come out.
+    np.testing.assert_array_equal(compiled, expected.view(np.float32))
+    finite = ~np.isnan(compiled)
+    np.testing.assert_array_equal(
+        compiled.view(np.uint32)[finite], expected.view(np.uint32)[finite]
+    )
+
+
+@pytest.mark.parametrize("shape", [(2, 3), (1, 1), (0,), (6,)])
+def test_the_result_has_the_shape_of_the_layers_and_fortran_order(shape):
+    @cell_function(takes=np.float32, gives=np.float32, numbers=1)
+    def times(value, factor):
+        return value * factor[0]
+
+    layer = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
+    result = times([layer], [2])
+    np.testing.assert_array_equal(result, 2 * layer)
+    assert result.flags.f_contiguous
+    assert result.dtype == np.float32
+
+
+def test_clamp_gives_the_lowest_for_nan():
+    values = np.array([np.nan, -np.inf, -1, 0.5, 2, np.inf], np.float32)
+    clamped = clamp(values, np.float32(0), np.float32(1))
+    np.testing.assert_array_equal(clamped, [0, 0, 0, 0.5, 1, 1])
+
+
+def test_filters_work_where_numba_is_missing():
+    command = [sys.executable, "-c", WITHOUT_NUMBA]
+    output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert output.stdout.split() == ["ff", "ff0000", "7f007f", "7fc00000", "ff0000", "ff"]
