@@ -8,7 +8,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-oldest check format bench clean distclean
+.PHONY: help setup build demo test test-oldest fuzz check format bench clean distclean
 
 help:  ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -33,6 +33,9 @@ test-oldest:  ## Run the tests of core and filters with the oldest supported Num
 	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \
 	        $(CURDIR)/.venv-oldest/bin/python -m pytest --ignore-glob='*/test_node_*.py') || exit 1; \
 	done
+
+fuzz: build  ## Read damaged messages and files for a minute (FOR=... for longer)
+	@$(ENTER) python3 grid_map_ros_py/test/fuzz.py --seconds $(or $(FOR),60)
 
 check: setup  ## Check style, types, imports and licence headers
 	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \

@@ -9,13 +9,16 @@ from rclpy.serialization import deserialize_message
 from terrain import terrain
 
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     from_message,
     from_occupancy_grid,
+    from_serialized_message,
     to_message,
     to_occupancy_grid,
     to_point_cloud,
     to_serialized_grid_cells,
+    to_serialized_message,
 )
 
 LAYERS = pytest.mark.parametrize("layers", [1, 4])
@@ -39,6 +42,36 @@ def test_from_message(measure, cells, layers):
     message = to_message(grid_map)
     result = measure(f"fromMessage {plural(layers)}", cells, lambda: from_message(message))
     assert_maps_equal(result, grid_map)
+
+
+@LAYERS
+def test_copy_of_the_payload(measure, cells, layers):
+    payload = payload_of(terrain(cells, layers=layers))
+    copied = measure(f"copy of the payload, {plural(layers)}", cells, payload.copy)
+    np.testing.assert_array_equal(copied, payload)
+
+
+@LAYERS
+def test_to_serialized_message(measure, cells, layers):
+    grid_map = terrain(cells, layers=layers)
+    row = f"toSerializedMessage {plural(layers)}"
+    data = measure(row, cells, lambda: to_serialized_message(grid_map))
+    assert_maps_equal(from_message(deserialize_message(data, GridMapMessage)), grid_map)
+
+
+@LAYERS
+def test_from_serialized_message(measure, cells, layers):
+    grid_map = terrain(cells, layers=layers)
+    data = to_serialized_message(grid_map)
+    row = f"fromSerializedMessage {plural(layers)}"
+    result = measure(row, cells, lambda: from_serialized_message(data))
+    assert_maps_equal(result, grid_map)
+    np.testing.assert_array_equal(payload_of(result), payload_of(grid_map))
+
+
+def payload_of(grid_map):
+    """Return the values of all layers in one array."""
+    return np.concatenate([grid_map[name].ravel("F") for name in grid_map])
 
 
 @LAYERS

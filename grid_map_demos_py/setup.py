@@ -20,6 +20,8 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", glob("config/*")),
         (f"share/{PACKAGE}/data", glob("data/*")),
+        (f"share/{PACKAGE}/foxglove", glob("foxglove/*")),
+        (f"share/{PACKAGE}/rviz", glob("rviz/*")),
     ],
     install_requires=["setuptools"],
     tests_require=["pytest"],

@@ -1,5 +1,7 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+from glob import glob
+
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_ros_py"
@@ -16,9 +18,19 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", glob("config/*")),
     ],
     install_requires=["setuptools"],
     tests_require=["pytest"],
     extras_require={"test": ["pytest"]},
     zip_safe=True,
+    entry_points={
+        "console_scripts": [
+            "grid_map_loader = grid_map_ros_py.grid_map_loader_node:main",
+            "grid_map_saver = grid_map_ros_py.grid_map_saver_node:main",
+            "grid_map_server = grid_map_ros_py.grid_map_server_node:main",
+            "octomap_to_grid_map = grid_map_ros_py.octomap_to_grid_map_node:main",
+            "point_cloud_to_grid_map = grid_map_ros_py.point_cloud_to_grid_map_node:main",
+        ],
+    },
 )

@@ -22,11 +22,13 @@ setup(
     ],
     install_requires=["setuptools"],
     tests_require=["pytest"],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "web_viewer": ["viser>=1.1"]},
     zip_safe=True,
     entry_points={
         "console_scripts": [
             "grid_map_visualization = grid_map_visualization_py.visualization_node:main",
+            "snapshot = grid_map_visualization_py.snapshot_node:main",
+            "web_viewer = grid_map_visualization_py.web_viewer_node:main",
         ],
     },
 )

@@ -104,7 +104,7 @@ def table(section: str) -> Iterator[list[str]]:
         if line.startswith("|---"):
             continue
         if line.startswith("|") and not line.startswith(
-            ("| parameter ", "| type ", "| functions ")
+            ("| parameter ", "| type ", "| functions ", "| filter ")
         ):
             yield [cell.strip() for cell in line.strip("|").split("|")]
 

@@ -53,6 +53,6 @@ def run(
         cwd=cwd,
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=300,
         check=False,
     )

@@ -13,10 +13,12 @@ How blocks are run:
     text    is not run.
 """
 
+import array
 import ast
 import dataclasses
 import importlib
 import importlib.util
+import inspect
 import json
 import re
 import shutil
@@ -29,6 +31,8 @@ from pathlib import Path
 import pytest
 import yaml
 from pages import BLOCKS, PAGES, Block, Page, page, table
+from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
 
 import grid_map_core_py
 import grid_map_filters_py
@@ -36,7 +40,8 @@ import grid_map_ros_py
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression.functions import CONSTANTS, FUNCTIONS
 from grid_map_filters_py.registry import BUILT_IN as FILTERS_BUILT_IN
-from grid_map_ros_py.testing import Peer, Process, environment, peer, running
+from grid_map_ros_py.testing import Peer, Process, environment, peer, running, running_node
+from grid_map_visualization_py import pictures
 from grid_map_visualization_py.registry import BUILT_IN, create
 from scratch import ROOT, run
 
@@ -125,6 +130,9 @@ def test_parameters_in_yaml_are_accepted(block, tmp_path):
         parameters = content["grid_map_visualization"]["ros__parameters"]
         for name in parameters["grid_map_visualizations"]:
             assert create(name, parameters[name]).message_type
+    elif content.keys() <= NODES.keys():
+        for name, parameters in content.items():
+            assert parameters["ros__parameters"].keys() <= set(declared_parameters(name))
     else:
         assert len(FilterChain.from_yaml(tmp_path / "parameters.yaml")) > 0
 
@@ -272,7 +280,8 @@ def test_the_names_beside_those_of_cpp_exist():
 
 
 def test_every_deviation_has_a_test():
-    folders = [ROOT / package / "test" for package in ("grid_map_core_py", "grid_map_filters_py")]
+    packages = ("grid_map_core_py", "grid_map_filters_py", "grid_map_ros_py")
+    folders = [ROOT / package / "test" for package in packages]
     code = "".join(path.read_text() for folder in folders for path in folder.glob("*.py"))
     tests = set(re.findall(r"def (test_\w+)\(", code))
     rows = [row for row in table(page("docs/deviations.md").text) if row[0] != "golden data"]
@@ -296,11 +305,26 @@ def test_every_error_is_in_the_tree():
 # --- pictures -------------------------------------------------------------------------------------
 
 
+def page_of(type_name: str) -> Page:
+    """Return the page of a filter, which is called like its module."""
+    return page(f"docs/filters/{FILTERS_BUILT_IN[type_name].__module__.rpartition('.')[2]}.md")
+
+
 def picture_of(type_name: str) -> str:
-    """Return the name of the one picture in the section of a filter."""
-    section = page("docs/filters.md").section(type_name)
-    (name,) = re.findall(r"!\[[^\]]+\]\(images/filters/([\w.]+)\)", section)
+    """Return the name of the one picture on the page of a filter."""
+    (name,) = re.findall(r"!\[[^\]]+\]\(\.\./images/filters/([\w.]+)\)", page_of(type_name).text)
     return name
+
+
+def test_every_filter_has_a_page_and_every_page_a_filter():
+    rows = table(page("docs/filters.md").section("The filters"))
+    listed = dict(re.fullmatch(r"\[(.*)\]\((.*)\)", row[0]).groups() for row in rows)
+    expected = {name: f"filters/{page_of(name).path.name}" for name in FILTERS_BUILT_IN}
+    assert listed == expected
+    pages = {f"filters/{path.name}" for path in (ROOT / "docs" / "filters").iterdir()}
+    assert pages == {*expected.values()}
+    for type_name in FILTERS_BUILT_IN:
+        assert page_of(type_name).text.startswith(f"# {type_name}\n")
 
 
 @pytest.mark.parametrize("type_name", FILTERS_BUILT_IN)
@@ -325,10 +349,15 @@ def test_the_pictures_of_filters_are_small_and_drawn_by_their_script(tmp_path):
 def fields(cls: type) -> dict[str, object]:
     """Return the parameters of a filter or visualization with their defaults; None without one."""
     return {
-        field.name: None if field.default is dataclasses.MISSING else field.default
+        field.name: None if field.default is dataclasses.MISSING else as_written(field.default)
         for field in dataclasses.fields(cls)
         if field.init
     }
+
+
+def as_written(default: object) -> object:
+    """Return a default as YAML has it, which knows no tuples."""
+    return list(default) if isinstance(default, tuple) else default
 
 
 def read_yaml(text: str) -> object:
@@ -339,7 +368,7 @@ def read_yaml(text: str) -> object:
 @pytest.mark.parametrize("type_name", FILTERS_BUILT_IN)
 def test_the_page_of_filters_has_all_parameters_and_defaults(type_name):
     documented = {}
-    for names, defaults, _ in table(page("docs/filters.md").section(f"{type_name}")):
+    for names, defaults, _ in table(page_of(type_name).text):
         values = [read_yaml(text) for text in defaults.split(",")]
         names = re.findall(r"`(\w+)`", names)
         documented |= dict(zip(names, values * (len(names) // len(values)), strict=True))
@@ -354,20 +383,48 @@ def test_the_page_of_ros_has_all_visualizations_parameters_and_defaults():
     assert documented == {name: fields(cls) for name, cls in BUILT_IN.items()}
 
 
-@pytest.mark.parametrize(
-    ("executable", "module"),
-    [
-        ("filter_chain", "grid_map_filters_py/filter_chain_node.py"),
-        ("grid_map_visualization", "grid_map_visualization_py/visualization_node.py"),
-    ],
-)
-def test_the_page_of_ros_has_all_parameters_of_a_node(executable, module):
-    source = (ROOT / Path(module).parent / module).read_text()
+NODES = {
+    "filter_chain": "grid_map_filters_py/filter_chain_node.py",
+    "grid_map_loader": "grid_map_ros_py/grid_map_loader_node.py",
+    "grid_map_saver": "grid_map_ros_py/grid_map_saver_node.py",
+    "grid_map_visualization": "grid_map_visualization_py/visualization_node.py",
+    "octomap_to_grid_map": "grid_map_ros_py/octomap_to_grid_map_node.py",
+    "point_cloud_to_grid_map": "grid_map_ros_py/point_cloud_to_grid_map_node.py",
+    "web_viewer": "grid_map_visualization_py/web_viewer_node.py",
+}
+"""Modules of executables; each has a section with a table of its parameters in `docs/`."""
+
+
+def declared_parameters(executable: str) -> list[str]:
+    """Return the names of parameters that the docstring of a node lists."""
+    module = Path(NODES[executable])
+    source = (ROOT / module.parent / module).read_text()
     _, _, described = (ast.get_docstring(ast.parse(source)) or "").partition("Parameters:")
-    declared = re.findall(r"^    (\w+): ", described, re.MULTILINE)
-    rows = table(page("docs/ros.md").section(executable))
-    documented = [name for names, *_ in rows for name in re.findall(r"`(\w+)`", names)]
-    assert sorted(documented) == sorted(declared)
+    return re.findall(r"^    (\w+): ", described, re.MULTILINE)
+
+
+@pytest.mark.parametrize("executable", NODES)
+def test_the_pages_have_all_parameters_of_a_node(executable):
+    pages = [p for p in PAGES if str(p).startswith("docs/") and f"# {executable}\n" in p.text]
+    (section,) = [each.section(executable) for each in pages]
+    documented = [name for names, *_ in table(section) for name in re.findall(r"`(\w+)`", names)]
+    assert sorted(documented) == sorted(declared_parameters(executable))
+
+
+@pytest.mark.parametrize("executable", ["point_cloud_to_grid_map"])
+def test_a_node_has_the_defaults_of_its_page(executable):
+    (section,) = [each.section(executable) for each in PAGES if f"# {executable}\n" in each.text]
+    documented = {name.strip("`"): read_yaml(default) for name, default, _ in table(section)}
+    module = NODES[executable].removesuffix(".py").replace("/", ".")
+    with running_node(module), peer() as listener:
+        client = AsyncParameterClient(listener.node, executable)
+        listener.wait_until(client.services_are_ready, "the services of its parameters")
+        answer = client.get_parameters([*documented])
+        listener.wait_until(answer.done, "its parameters")
+    values = map(parameter_value_to_python, answer.result().values)
+    found = [[*value] if isinstance(value, array.array) else value for value in values]
+    # An empty text or list is written as nothing.
+    assert [value or None for value in found] == [value or None for value in documented.values()]
 
 
 def test_the_page_of_expressions_has_all_functions():

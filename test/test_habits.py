@@ -46,11 +46,14 @@ def broken_contracts(workspace: Path, module: str, code: str) -> str:
         ("grid_map_filters_py.threshold", "grid_map_ros_py", "The filters know no ROS"),
         ("grid_map_ros_py.image", "rclpy", "Nodes are leaves"),
         ("grid_map_demos_py.move", "grid_map_demos_py.move_node", "Nodes are leaves"),
+        ("grid_map_filters_py.threshold", "grid_map_filters_py.filter_bag", "Nodes are leaves"),
         ("grid_map_filters_py.filter_chain_node", "grid_map_ros_py, rclpy", ""),
+        ("grid_map_filters_py.filter_bag", "grid_map_ros_py", ""),
     ],
 )
 def test_an_import_against_the_rules_is_found(workspace, module, imported, complaint):
     (workspace / "grid_map_demos_py/grid_map_demos_py/move_node.py").touch()
+    (workspace / "grid_map_filters_py/grid_map_filters_py/filter_bag.py").touch()
     broken = broken_contracts(workspace, module, f"import {imported}\n")
     assert broken.startswith(complaint)
     assert bool(broken) == bool(complaint)

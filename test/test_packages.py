@@ -15,6 +15,7 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 from scratch import PACKAGES, PYTHON_PACKAGES, ROOT
 
 ROSDEP_KEYS = {
+    "contourpy": "python3-matplotlib",  # which stands on it
     "cv2": "python3-opencv",
     "hypothesis": "python3-hypothesis",
     "lark": "python3-lark-parser",
@@ -25,6 +26,9 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
+
+OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
+"""What is imported when it is needed; where it is missing, an error says what to install."""
 
 
 def by_name(path: Path) -> str:
@@ -56,7 +60,7 @@ def keys(modules: set[str], package: Path) -> set[str]:
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
 def test_a_package_declares_what_its_modules_import(package):
     needed = keys(imports(package / package.name), package)
-    optional = {"python3-hypothesis"} & declared(package, "test_depend")
+    optional = OPTIONAL | ({"python3-hypothesis"} & declared(package, "test_depend"))
     assert needed - declared(package, "depend", "exec_depend") - optional == set()
 
 

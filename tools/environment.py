@@ -30,14 +30,18 @@ ADDED_TO_ROS = (
     "hypothesis",
     "import-linter",
     "lark",
+    "mcap",
     "mypy",
     "numba",
+    "playwright",
     "pypcd4",
     "pytest-benchmark",
     "pytest-timeout",
+    "rosbags",
     "ruff",
     "trimesh",
     "types-PyYAML",
+    "viser",
 )
 """Distributions that `.venv` adds to a sourced ROS where they are missing."""
 

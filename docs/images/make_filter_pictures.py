@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw the pictures of the page on filters: what each filter makes of a map.
+"""Draw the pictures of the pages on filters: what the chain on each page makes of a map.
 
     python3 docs/images/make_filter_pictures.py [FOLDER]
 
@@ -10,12 +10,13 @@ entry in `PICTURES` is an error.
 
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
@@ -25,6 +26,7 @@ from grid_map_filters_py import FilterChain
 from grid_map_filters_py.registry import BUILT_IN
 
 FOLDER = Path(__file__).parent / "filters"
+PAGES = Path(__file__).parents[1] / "filters"
 SIZE, RESOLUTION = (108, 72), 0.05
 WIDTH, HEIGHT, DPI = 6.8, 2.35, 100
 LIGHT = LightSource(azdeg=315.0, altdeg=45.0)
@@ -194,18 +196,12 @@ PREPARATION = [
 
 @dataclass(frozen=True)
 class Picture:
-    """A filter and what is drawn of the maps before and after it."""
+    """What is drawn of the maps before and after the chain on the page of a filter."""
 
-    params: Mapping[str, object]
     before: Draw = field(default_factory=lambda: shaded("elevation"))
     after: Draw = field(default_factory=lambda: shaded("result"))
     start_index: tuple[int, int] = (0, 0)
     without: tuple[str, ...] = ()
-
-
-def of(layer: str, **params: object) -> dict[str, object]:
-    """Return the parameters of a filter from one layer to the layer `result`."""
-    return {"input_layer": layer, "output_layer": "result", **params}
 
 
 FILLED = shaded("filled")
@@ -214,139 +210,54 @@ DERIVED = ("filled", "mean", "normal_x", "normal_y", "normal_z", "roughness", "s
 DERIVED += ("step_height", "tint")
 
 PICTURES: dict[str, Picture] = {
-    "gridMapCv/InpaintFilter": Picture(
-        of("elevation", radius=0.1, enclosed_holes_only=True, max_hole_area=0.5)
-    ),
-    "gridMapFilters/BilateralFilter": Picture(
-        of("filled", sigma_space=0.1, sigma_range=0.1), FILLED
-    ),
+    "gridMapCv/InpaintFilter": Picture(),
+    "gridMapFilters/BilateralFilter": Picture(FILLED),
     "gridMapFilters/BufferNormalizerFilter": Picture(
-        {}, buffer("elevation"), buffer("elevation"), start_index=(40, 25)
+        buffer("elevation"), buffer("elevation"), start_index=(40, 25)
     ),
-    "gridMapFilters/ColorBlendingFilter": Picture(
-        {
-            "background_layer": "color",
-            "foreground_layer": "tint",
-            "blend_mode": "hard_light",
-            "opacity": 0.7,
-            "output_layer": "result",
-        },
-        rgb("color"),
-        rgb("result"),
-    ),
-    "gridMapFilters/ColorFillFilter": Picture(
-        {
-            "red": RED[0],
-            "green": RED[1],
-            "blue": RED[2],
-            "mask_layer": "elevation",
-            "output_layer": "result",
-        },
-        after=rgb("result"),
-    ),
-    "gridMapFilters/ColorMapFilter": Picture(
-        of(
-            "elevation",
-            min_value=-0.2,
-            max_value=0.8,
-            min_color=[0.0, 0.2, 0.8],
-            max_color=[1.0, 0.9, 0.1],
-        ),
-        after=rgb("result"),
-    ),
+    "gridMapFilters/ColorBlendingFilter": Picture(rgb("color"), rgb("result")),
+    "gridMapFilters/ColorFillFilter": Picture(after=rgb("result")),
+    "gridMapFilters/ColorMapFilter": Picture(after=rgb("result")),
     "gridMapFilters/CurvatureFilter": Picture(
-        of("mean"), shaded("mean"), values("result", (-12, 12), "coolwarm", "1/m")
+        shaded("mean"), values("result", (-12, 12), "coolwarm", "1/m")
     ),
-    "gridMapFilters/DeletionFilter": Picture(
-        {"layers": ["color", "variance"]},
-        layer_names,
-        layer_names,
-        without=DERIVED,
-    ),
-    "gridMapFilters/DilationFilter": Picture(of("elevation", radius=0.15)),
-    "gridMapFilters/DuplicationFilter": Picture(of("elevation")),
-    "gridMapFilters/ErosionFilter": Picture(of("elevation", radius=0.15)),
-    "gridMapFilters/GaussianBlurFilter": Picture(of("elevation", sigma=0.12)),
-    "gridMapFilters/LightIntensityFilter": Picture(
-        {
-            "input_layers_prefix": "normal_",
-            "output_layer": "result",
-            "light_direction": [1.0, -1.0, -1.0],
-        },
-        rgb("tint"),
-        rgb("result"),
-    ),
-    "gridMapFilters/MathExpressionFilter": Picture(
-        {"expression": "abs(filled - mean)", "output_layer": "result"},
-        FILLED,
-        values("result", (0, 0.2), unit="m"),
-    ),
-    "gridMapFilters/MeanInRadiusFilter": Picture(of("elevation", radius=0.2)),
-    "gridMapFilters/MedianFillFilter": Picture(
-        of("elevation", fill_hole_radius=0.15, fill_mask_layer="fill_mask")
-    ),
-    "gridMapFilters/MinInRadiusFilter": Picture(of("elevation", radius=0.15)),
+    "gridMapFilters/DeletionFilter": Picture(layer_names, layer_names, without=DERIVED),
+    "gridMapFilters/DilationFilter": Picture(),
+    "gridMapFilters/DuplicationFilter": Picture(),
+    "gridMapFilters/ErosionFilter": Picture(),
+    "gridMapFilters/GaussianBlurFilter": Picture(),
+    "gridMapFilters/LightIntensityFilter": Picture(rgb("tint"), rgb("result")),
+    "gridMapFilters/MathExpressionFilter": Picture(FILLED, values("result", (0, 0.2), unit="m")),
+    "gridMapFilters/MeanInRadiusFilter": Picture(),
+    "gridMapFilters/MedianFillFilter": Picture(),
+    "gridMapFilters/MinInRadiusFilter": Picture(),
     "gridMapFilters/NormalColorMapFilter": Picture(
-        {"input_layers_prefix": "normal_", "output_layer": "result"},
-        values("normal_x", (-1, 1), "coolwarm"),
-        rgb("result"),
+        values("normal_x", (-1, 1), "coolwarm"), rgb("result")
     ),
-    "gridMapFilters/NormalVectorsFilter": Picture(
-        {
-            "input_layer": "elevation",
-            "output_layers_prefix": "result_",
-            "normal_vector_positive_axis": "z",
-            "radius": 0.12,
-        },
-        after=values("result_x", (-1, 1), "coolwarm"),
-    ),
-    "gridMapFilters/RoughnessFilter": Picture(
-        of("elevation", radius=0.15), after=values("result", (0, 0.08), unit="m")
-    ),
-    "gridMapFilters/SetBasicLayersFilter": Picture(
-        {"layers": ["elevation", "variance"]}, valid_cells, valid_cells
-    ),
+    "gridMapFilters/NormalVectorsFilter": Picture(after=values("result_x", (-1, 1), "coolwarm")),
+    "gridMapFilters/RoughnessFilter": Picture(after=values("result", (0, 0.08), unit="m")),
+    "gridMapFilters/SetBasicLayersFilter": Picture(valid_cells, valid_cells),
     "gridMapFilters/SlidingWindowMathExpressionFilter": Picture(
-        of(
-            "slope",
-            expression="sqrt(meanOfFinites(square(slope - meanOfFinites(slope))))",
-            edge_handling="crop",
-            window_size=5,
-        ),
-        values("slope", (0, 1.2), unit="rad"),
-        values("result", (0, 0.5), "magma", "rad"),
+        values("slope", (0, 1.2), unit="rad"), values("result", (0, 0.5), "magma", "rad")
     ),
-    "gridMapFilters/SlopeFilter": Picture(
-        of("elevation", radius=0.12), after=values("result", (0, 1.2), unit="rad")
-    ),
-    "gridMapFilters/StepHeightFilter": Picture(
-        of("elevation", radius=0.1), after=values("result", (0, 0.7), unit="m")
-    ),
-    "gridMapFilters/ThresholdFilter": Picture(
-        {
-            "condition_layer": "elevation",
-            "output_layer": "elevation",
-            "upper_threshold": 0.3,
-            "set_to": 0.3,
-        },
-        after=shaded("elevation"),
-    ),
-    "gridMapFilters/TraversabilityFilter": Picture(
-        {
-            "input_layers": ["slope", "step_height", "roughness"],
-            "critical_values": [0.6, 0.3, 0.1],
-            "output_layer": "result",
-        },
-        FILLED,
-        values("result", (0, 1), "RdYlGn"),
-    ),
+    "gridMapFilters/SlopeFilter": Picture(after=values("result", (0, 1.2), unit="rad")),
+    "gridMapFilters/StepHeightFilter": Picture(after=values("result", (0, 0.7), unit="m")),
+    "gridMapFilters/ThresholdFilter": Picture(after=shaded("elevation")),
+    "gridMapFilters/TraversabilityFilter": Picture(FILLED, values("result", (0, 1), "RdYlGn")),
 }
 
 
-def picture_name(type_name: str) -> str:
-    """Return the file of a filter: `mean_in_radius.png` for gridMapFilters/MeanInRadiusFilter."""
+def file_name(type_name: str) -> str:
+    """Return how the files of a filter are called: `mean_in_radius` for MeanInRadiusFilter."""
     words = re.findall(r"[A-Z][a-z]*", type_name.partition("/")[2].removesuffix("Filter"))
-    return "_".join(words).lower() + ".png"
+    return "_".join(words).lower()
+
+
+def chain_of(type_name: str) -> FilterChain:
+    """Return the first chain on the page of a filter."""
+    page = (PAGES / f"{file_name(type_name)}.md").read_text(encoding="utf-8")
+    _, _, block = page.partition("```yaml\n")
+    return FilterChain.from_config(yaml.safe_load(block.partition("```")[0])["grid_map_filters"])
 
 
 def draw(type_name: str, grid_map: GridMap, path: Path) -> None:
@@ -354,7 +265,7 @@ def draw(type_name: str, grid_map: GridMap, path: Path) -> None:
     picture = PICTURES[type_name]
     before = grid_map.without_layers(picture.without).stored_from(picture.start_index)
     before.basic_layers = ["elevation"]
-    after = FilterChain.from_config([step(type_name, **picture.params)])(before)
+    after = chain_of(type_name)(before)
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, layout="constrained")
     left, right = figure.subplots(1, 2)
     picture.before(left, before)
@@ -368,7 +279,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     grid_map = scene()
     for type_name in BUILT_IN:
-        draw(type_name, grid_map, folder / picture_name(type_name))
+        draw(type_name, grid_map, folder / f"{file_name(type_name)}.png")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from . import merge, ring_buffer
+from . import merge, notebook, ring_buffer
 from .arrays import (
     Cells,
     Layer,
@@ -573,6 +573,14 @@ class GridMap:
             f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
             f"{as_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
         )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the layers for notebooks."""
+        return notebook.to_html(self)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for notebooks that show no tables."""
+        return notebook.to_png(self)
 
     def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
         values = layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)

@@ -333,18 +333,19 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
     share = as_number(alpha_threshold, "alpha_threshold")
     _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
     threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
-    for part in slices(rows, piece_of(rows * columns) // columns):
-        block = np.ascontiguousarray(pixels[part])
-        values[part] = values_of(block)
-        if channels == 4:
-            values[part][block[..., 3] < threshold] = np.nan
+    # Floats may be anything: a float64 beyond float32 is infinite, and so is a sum.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for part in slices(rows, piece_of(rows * columns) // columns):
+            block = np.ascontiguousarray(pixels[part])
+            values[part] = values_of(block)
+            if channels == 4:
+                values[part][block[..., 3] < threshold] = np.nan
     return values
 
 
 def _to_grey(pixels: Image, order: Order) -> Layer:
     if pixels.dtype == np.float64:
-        with np.errstate(over="ignore"):
-            pixels = pixels.astype(np.float32)
+        pixels = pixels.astype(np.float32)
     channels = pixels.shape[2]
     grey = pixels[..., 0] if channels == 1 else cv2.cvtColor(pixels, _TO_GREY[order, channels])
     return np.array(grey, dtype=np.float32)

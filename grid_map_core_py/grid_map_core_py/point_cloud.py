@@ -38,11 +38,11 @@ COLOR_FIELDS = ("rgb", "rgba", "color")
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
 
-_CHUNK = 1 << 15
+_CHUNK = 1 << 16
 """Points that are worked on at once, so that what is computed of them stays in the cache."""
 
-_MOST_CELLS = 2**31
-"""Of a map made to fit; a stray point far away would ask for more."""
+_MOST_CELLS = 2**26
+"""Of a map made to fit: a quarter of a gigabyte per layer. A stray point far away asks for more."""
 
 
 def rasterize(

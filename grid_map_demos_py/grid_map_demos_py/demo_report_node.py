@@ -24,13 +24,14 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message
+from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.parameters import read_parameter, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
+from grid_map_visualization_py.pictures import save_picture
 
-from .picture import save_picture
 from .report import Report
 
 INPUT = "/grid_map"
@@ -66,7 +67,7 @@ class DemoReportNode(Node):
         self._count_messages(INPUT, GridMapMessage)
         for topic, message_type in SHOWN.items():
             self._count_messages(topic, message_type)
-        self.create_subscription(GridMapMessage, OUTPUT, self._on_filtered, map_qos())
+        self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
         self._timeout = read_positive(self, "timeout", 60.0)
         self.create_timer(self._timeout, self._give_up)
@@ -77,8 +78,8 @@ class DemoReportNode(Node):
             message_type, topic, lambda _: self._count(topic), map_qos(), raw=True
         )
 
-    def _on_filtered(self, message: GridMapMessage) -> None:
-        self._filtered = from_message(message)
+    def _on_filtered(self, received: ReceivedMap) -> None:
+        self._filtered = received.decode()
         now = self.get_clock().now().nanoseconds
         self._latencies.append(1e-6 * (now - self._filtered.timestamp))
         self._count(OUTPUT)
@@ -114,7 +115,9 @@ class DemoReportNode(Node):
             elevation,
             shade_by="elevation_inpainted",
             title="Elevation as it was published, holes in white",
+            color_map="gist_earth",
             label="elevation [m]",
+            exaggeration=1.5,
         )
         traversability = self._directory / "traversability.png"
         save_picture(
@@ -125,7 +128,9 @@ class DemoReportNode(Node):
             title="Traversability",
             label="traversability (0: none, 1: flat and even)",
             color_map="RdYlGn",
-            limits=(0.0, 1.0),
+            lower=0.0,
+            upper=1.0,
+            exaggeration=1.5,
         )
         self._report.files = [elevation, traversability]
 

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The traversability chain on real ground: four processes that talk over DDS, in one command.
 
-    filters_demo [--report DIRECTORY]
+    filters_demo [--report DIRECTORY] [--view [PORT]]
 
 Starts the terrain, the filter chain and the visualization, and runs until it is interrupted. With
 `--report` a fourth process collects what they publish, writes pictures into the directory, prints a
-table and ends the demo; the exit code is 0 only if every topic delivered.
+table and ends the demo; the exit code is 0 only if every topic delivered. With `--view` another one
+shows the filtered map in the browser, and says where.
 """
 
 import argparse
@@ -17,6 +18,8 @@ from itertools import takewhile
 from .processes import ProcessGroup
 
 REPORT = "grid_map_demos_py.demo_report_node"
+
+VIEWER = "grid_map_visualization_py.web_viewer_node"
 
 NODES = {
     "grid_map_demos_py.terrain_publisher_node": "filters_demo.yaml",
@@ -32,6 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parse(arguments)
         for module, parameters in NODES.items():
             processes.start(module, _ros_arguments(parameters))
+        if options.view is not None:
+            port = ["-p", f"port:={options.view}"]
+            processes.start(VIEWER, [*_ros_arguments("filters_demo_viewer.yaml"), *port])
         if options.report:
             output = ["-p", f"output_directory:={options.report}"]
             processes.start(REPORT, [*_ros_arguments("filters_demo.yaml"), *output])
@@ -42,6 +48,14 @@ def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="filters_demo", description=__doc__.split("\n")[0])
     parser.add_argument(
         "--report", metavar="DIRECTORY", help="write pictures there, print a table and end"
+    )
+    parser.add_argument(
+        "--view",
+        metavar="PORT",
+        nargs="?",
+        type=int,
+        const=8080,
+        help="show the filtered map in the browser, at http://127.0.0.1:8080 or another port",
     )
     words = sys.argv[1:] if arguments is None else arguments
     # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.

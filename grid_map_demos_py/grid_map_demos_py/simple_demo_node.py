@@ -12,7 +12,7 @@ from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_message
+from grid_map_ros_py import to_serialized_message
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 
@@ -34,7 +34,7 @@ class SimpleDemoNode(Node):
         wave = np.sin(3.0 * 1e-9 * now + 5.0 * y)
         self._map["elevation"] = -0.04 + 0.2 * wave[None, :] * x[:, None]
         self._map.timestamp = now
-        self._publisher.publish(to_message(self._map))
+        self._publisher.publish(to_serialized_message(self._map))
 
 
 def main() -> int:

@@ -16,7 +16,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_message
+from grid_map_ros_py import to_serialized_message
 from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
@@ -43,7 +43,7 @@ class TerrainPublisherNode(Node):
 
     def _publish(self) -> None:
         self._map.timestamp = self.get_clock().now().nanoseconds
-        self._publisher.publish(to_message(self._map))
+        self._publisher.publish(to_serialized_message(self._map))
 
 
 def main() -> int:

@@ -8,6 +8,7 @@ import signal
 import sys
 import uuid
 from pathlib import Path
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -128,6 +129,19 @@ def test_the_filters_demo_runs_until_it_is_interrupted():
         assert_maps_equal(first, second)
         demo.send(signal.SIGINT)
         assert demo.wait() == 0
+    assert living(mark) == []
+    assert "Traceback" not in demo.text
+
+
+def test_the_filters_demo_is_shown_in_the_browser():
+    pytest.importorskip("viser")
+    demo, mark = start_marked("--view", "0")
+    pattern = re.compile(r"shows /filtered_map at (http://127\.0\.0\.1:\d+)")
+    wait_until(lambda: pattern.search(demo.text), "the address of the page")
+    with urlopen(pattern.search(demo.text)[1], timeout=30) as answer:
+        assert b"<html" in answer.read()
+    demo.send(signal.SIGINT)
+    assert demo.wait() == 0
     assert living(mark) == []
     assert "Traceback" not in demo.text
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -32,7 +32,7 @@ from rclpy.parameter import Parameter
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.parameters import read_parameter, read_parameter_tree, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
@@ -104,8 +104,9 @@ class FilterChainNode(Node):
         # A filter that is added while the node runs brings parameters that are not declared.
         super().__init__(NODE_NAME, allow_undeclared_parameters=True)
         self._chain_name = read_parameter(self, "filter_chain_parameter_name", str, "filters")
-        self._declare_chain()
-        self._chain = FilterChain.from_config(read_parameter_tree(self, self._chain_name))
+        self._chain = FilterChain.from_config(
+            read_parameter_tree(self, self._chain_name, read_only=False)
+        )
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()
         self._throttle = LogThrottle()
@@ -125,16 +126,6 @@ class FilterChainNode(Node):
 
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
-
-    def _declare_chain(self) -> None:
-        """Declare the parameters of the chain so that they can be set, to values of any type.
-
-        The type must be free, since `radius: 1` is an integer that may become 1.5.
-        """
-        for name, given in self._parameter_overrides.items():
-            if self._is_of_chain(name):
-                free = ParameterDescriptor(dynamic_typing=True)
-                self.declare_parameter(name, given.value, free, ignore_override=True)
 
     def _prepare_chain(self, changes: list[Parameter]) -> SetParametersResult:
         """Build the chain that the changes ask for; refuse them if there is none."""
@@ -175,10 +166,10 @@ class FilterChainNode(Node):
 
     # --- maps -------------------------------------------------------------------------------------
 
-    def _on_map(self, message: GridMapMessage) -> None:
+    def _on_map(self, received: ReceivedMap) -> None:
         self._statistics.maps_in += 1
         try:
-            reply = to_message(self._filter(from_message(message, unwrap=False)))
+            reply = to_serialized_message(self._filter(received.decode(unwrap=False)))
         except GridMapError as error:
             self._statistics.count_dropped(error)
             text = f"dropped a map: {error}"

@@ -139,8 +139,10 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
         planes = _planes(layer, offset, tile)
-        deviations[tile.rows, tile.columns] = tile.cells(_deviations(planes))
-    deviations *= np.float32(resolution)
+        # Those of the largest floats may be too large for one.
+        with np.errstate(over="ignore"):
+            distances = resolution * tile.cells(_deviations(planes))
+            deviations[tile.rows, tile.columns] = distances
     return deviations
 
 

@@ -34,11 +34,18 @@ def in_square(layer, half_width, row, column) -> list[float]:
     ]
 
 
-def min_in_radius(layer, resolution, radius) -> np.ndarray:
-    def lowest(*cell):
-        return min(in_disc(layer, resolution, radius, *cell)) if finite(layer, cell) else np.nan
+def extreme_in_disc(choose, layer, resolution, radius, *, fill) -> np.ndarray:
+    """Choose among the finite values of discs; without `fill` for finite cells alone."""
 
-    return loop(lowest, layer)
+    def extreme(*cell):
+        values = in_disc(layer, resolution, radius, *cell)
+        return choose(values) if values and (fill or finite(layer, cell)) else np.nan
+
+    return loop(extreme, layer)
+
+
+def min_in_radius(layer, resolution, radius) -> np.ndarray:
+    return extreme_in_disc(min, layer, resolution, radius, fill=False)
 
 
 def mean_in_radius(layer, resolution, radius) -> np.ndarray:

@@ -8,20 +8,71 @@ without rclpy. What nodes need beside them is imported by name: `qos` (profiles 
 `spin` (the life of an executable), `testing` (processes and peers for tests of nodes).
 """
 
-from .errors import MessageError
-from .grid_cells import to_grid_cells, to_serialized_grid_cells
+from .bag import BagReader, BagRecord, BagWriter, bag_maps, load_from_bag, save_to_bag
+from .costmap import from_costmap, to_costmap
+from .errors import BagError, MessageError, MissingPackageError
+from .grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
 from .grid_map import from_message, to_message
+from .image import (
+    add_color_layer_from_image,
+    add_layer_from_image,
+    from_image,
+    to_color_image,
+    to_image,
+)
 from .occupancy_grid import from_occupancy_grid, to_occupancy_grid
+from .octomap import from_octomap, octomap_to_points
 from .point_cloud import to_flat_point_cloud, to_point_cloud
+from .point_cloud_reading import from_point_cloud, read_points
+from .polygon import (
+    from_polygon,
+    to_line_marker,
+    to_polygon,
+    to_serialized_line_marker,
+    to_serialized_polygon,
+    to_serialized_triangle_list_marker,
+    to_triangle_list_marker,
+)
+from .serialized import ReceivedMap, from_serialized_message, to_serialized_message
 
 __all__ = [
+    "BagError",
+    "BagReader",
+    "BagRecord",
+    "BagWriter",
     "MessageError",
+    "MissingPackageError",
+    "ReceivedMap",
+    "add_color_layer_from_image",
+    "add_layer_from_image",
+    "bag_maps",
+    "from_costmap",
+    "from_grid_cells",
+    "from_image",
     "from_message",
     "from_occupancy_grid",
+    "from_octomap",
+    "from_point_cloud",
+    "from_polygon",
+    "from_serialized_message",
+    "load_from_bag",
+    "octomap_to_points",
+    "read_points",
+    "save_to_bag",
+    "to_color_image",
+    "to_costmap",
     "to_flat_point_cloud",
     "to_grid_cells",
+    "to_image",
+    "to_line_marker",
     "to_message",
     "to_occupancy_grid",
     "to_point_cloud",
+    "to_polygon",
     "to_serialized_grid_cells",
+    "to_serialized_line_marker",
+    "to_serialized_message",
+    "to_serialized_polygon",
+    "to_serialized_triangle_list_marker",
+    "to_triangle_list_marker",
 ]

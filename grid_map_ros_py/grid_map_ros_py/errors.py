@@ -3,8 +3,11 @@
 """Every error of this package.
 
 GridMapError (grid_map_core_py)
+├── BagError
 ├── MessageError (ValueError)
-└── NodeFailedError
+├── MissingPackageError (ImportError)
+├── NodeFailedError
+└── RequestError
 """
 
 from grid_map_core_py.errors import GridMapError
@@ -29,5 +32,38 @@ class MessageError(GridMapError, ValueError):
         return f"{self.field}: expected {self.expected}, found {self.found!r}"
 
 
+class BagError(GridMapError):
+    """A bag cannot be read or written.
+
+    Attributes:
+        path: the file or folder.
+        reason: what is wrong with it.
+    """
+
+    def __init__(self, path: object, reason: str) -> None:
+        self.path = path
+        self.reason = reason
+        super().__init__(path, reason)
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}"
+
+
 class NodeFailedError(GridMapError):
     """A node that spins gives up: raised in a callback, it ends the executable with one message."""
+
+
+class MissingPackageError(GridMapError, ImportError):
+    """A feature needs a package that is not installed."""
+
+    def __init__(self, package: str, feature: str, remedy: str) -> None:
+        self.package = package
+        super().__init__(package, feature, remedy)
+
+    def __str__(self) -> str:
+        package, feature, remedy = self.args
+        return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
+
+
+class RequestError(GridMapError):
+    """A request to a server is refused, for the reason that the error tells."""

@@ -7,10 +7,20 @@ import numpy.typing as npt
 from geometry_msgs.msg import Point
 from nav_msgs.msg import GridCells
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.pieces import slices
+from grid_map_core_py.point_cloud import fitting_geometry
 
 from .cdr import serialize
-from .time import to_header
+from .checks import as_written, check_cells, check_positive
+from .errors import MessageError
+from .time import from_stamp, to_header
+
+BLOCK = 8192
+"""Cells that are worked on at once."""
+
+COVERED = 1.0
+"""What `from_grid_cells` puts into the cells of a message."""
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> GridCells:
@@ -33,6 +43,44 @@ def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper:
     return serialize(_without_cells(grid_map), {"cells": cells})
 
 
+def from_grid_cells(
+    message: GridCells,
+    layer: str,
+    resolution: float | None = None,
+    *,
+    geometry: GridGeometry | None = None,
+) -> GridMap:
+    """Return a map with one layer that is 1.0 in the cells of a message and NaN elsewhere.
+
+    Args:
+        message: the cells; z is ignored.
+        layer: name of the layer.
+        resolution: side of a cell [m]; None takes it from the message, as the float64 that is
+            written like its float32.
+        geometry: the grid of the map, such as `grid_map.geometry`; cells beside it are left out.
+            None takes the smallest one that covers all cells. They are the cells of that map if
+            their centres lie on one lattice, as those of `to_grid_cells` do.
+
+    Raises:
+        MessageError: width and height of the cells are not the resolution or not positive, a cell
+            is not finite, there is none to take the extent from, or the extent takes too many.
+        GridMapError: the layer has no name.
+    """
+    timestamp = from_stamp(message.header.stamp)
+    side = _side(message, resolution)
+    centres = _centres(message)
+    if geometry is None:
+        geometry = _covering(centres, side)
+    else:
+        _side(message, geometry.resolution)
+    cells, inside = geometry.cells_at(centres)
+    values = np.full(geometry.size, np.nan, np.float32, order="F")
+    values[tuple(cells[inside].T)] = COVERED
+    return GridMap.from_geometry(
+        geometry, {layer: values}, frame_id=message.header.frame_id, timestamp=timestamp
+    )
+
+
 def centres_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
@@ -52,10 +100,54 @@ def centres_between(
     values = grid_map[layer].ravel("F")
     with np.errstate(over="ignore"):
         chosen = (values >= np.float32(lower)) & (values <= np.float32(upper))
-    centres = grid_map.get_positions()[chosen & np.isfinite(values)]
-    return np.pad(centres, ((0, 0), (0, 1)))
+        chosen &= np.isfinite(values)
+    rows, columns = grid_map.size
+    x, y = grid_map.geometry.axes(grid_map.start_index)
+    # A few columns of cells at a time, so that what is looked up stays in the cache. Their x are
+    # always the same.
+    width = max(1, min(BLOCK // rows, columns))
+    x = np.tile(x, width)
+    centres = np.zeros((np.count_nonzero(chosen), 3))
+    first = 0
+    for part in slices(columns, width):
+        cells = np.flatnonzero(chosen[part.start * rows : part.stop * rows])
+        last = first + len(cells)
+        centres[first:last, 0] = x[cells]
+        centres[first:last, 1] = np.repeat(y[part], rows)[cells]
+        first = last
+    return centres
 
 
 def _without_cells(grid_map: GridMap) -> GridCells:
     side = float(np.float32(grid_map.resolution))
     return GridCells(header=to_header(grid_map), cell_width=side, cell_height=side)
+
+
+def _side(message: GridCells, resolution: float | None) -> float:
+    """Return the side of a cell, which must be that of the cells in the message."""
+    width = check_positive("cell_width", message.cell_width)
+    side = as_written(width) if resolution is None else resolution
+    for name in ("cell_width", "cell_height"):
+        if np.float32(getattr(message, name)) != np.float32(side):
+            raise MessageError(name, f"the resolution {side}", getattr(message, name))
+    return side
+
+
+def _centres(message: GridCells) -> npt.NDArray[np.float64]:
+    """Return (N, 2) x, y of the cells, all finite."""
+    pairs = [(cell.x, cell.y) for cell in message.cells]
+    centres = np.array(pairs, np.float64).reshape(-1, 2)
+    finite = np.isfinite(centres).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        raise MessageError(f"cells[{index}]", "finite coordinates", pairs[index])
+    return centres
+
+
+def _covering(centres: npt.NDArray[np.float64], side: float) -> GridGeometry:
+    if not len(centres):
+        raise MessageError("cells", "a cell, or a geometry for the map", [])
+    lower, upper = centres.min(axis=0) - 0.5 * side, centres.max(axis=0) + 0.5 * side
+    with np.errstate(over="ignore"):
+        check_cells("cells", (upper - lower) / side)
+    return fitting_geometry(lower, upper, side, hold_edges=False)

@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -20,8 +21,10 @@ from .multi_array import from_multi_array, to_multi_array
 from .time import from_stamp, to_header
 
 LARGEST_START_INDEX = 2**16 - 1
-LARGEST_SIDE = 2**32 - 1
-"""What the message has room for: a uint16 per start index, a uint32 per number of cells."""
+"""The message has room for a uint16."""
+
+LARGEST_SIDE = 2**31
+"""Cells along a side; no map has more."""
 
 
 def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMapMessage:
@@ -39,19 +42,29 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMa
         LayerNotFoundError: the map lacks a layer.
         MessageError: the timestamp does not fit the message.
     """
+    fields = outgoing(grid_map, layers)
+    fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
+    return GridMapMessage(**fields)
+
+
+def outgoing(grid_map: GridMap, layers: Iterable[str] | None) -> dict[str, Any]:
+    """Return the fields of a map's message, with (rows, cols) arrays for `data`.
+
+    Args and errors are those of `to_message`. The arrays are the map's own where its start index
+    fits the message.
+    """
     names = select_layers(grid_map.layers, layers)
     unwrap = max(grid_map.start_index) > LARGEST_START_INDEX
-    data = (grid_map.unwrapped(name) if unwrap else grid_map[name] for name in names)
     start = (0, 0) if unwrap else grid_map.start_index
-    return GridMapMessage(
-        header=to_header(grid_map),
-        info=to_info(grid_map.geometry),
-        layers=list(names),
-        basic_layers=[name for name in grid_map.basic_layers if name in names],
-        data=[to_multi_array(layer) for layer in data],
-        outer_start_index=start[0],
-        inner_start_index=start[1],
-    )
+    return {
+        "header": to_header(grid_map),
+        "info": to_info(grid_map.geometry),
+        "layers": list(names),
+        "basic_layers": [name for name in grid_map.basic_layers if name in names],
+        "data": [grid_map.unwrapped(name) if unwrap else grid_map[name] for name in names],
+        "outer_start_index": start[0],
+        "inner_start_index": start[1],
+    }
 
 
 def from_message(

@@ -22,17 +22,22 @@ def to_multi_array(layer: npt.ArrayLike) -> Float32MultiArray:
     Float32 in Fortran order, as maps hold it, costs one copy.
     """
     data = np.asarray(layer, dtype=np.float32, order="F")
-    rows, columns = data.shape
     values = array.array("f")
     values.frombytes(data.T.data.cast("B"))
+    message = Float32MultiArray(layout=to_layout(data.shape))
+    # The constructor would copy the values once more.
+    message.data = values
+    return message
+
+
+def to_layout(size: Size) -> MultiArrayLayout:
+    """Return the layout of a column-major layer with `size` rows and columns."""
+    rows, columns = size
     dim = [
         MultiArrayDimension(label=COLUMN_LABEL, size=columns, stride=rows * columns),
         MultiArrayDimension(label=ROW_LABEL, size=rows, stride=rows),
     ]
-    message = Float32MultiArray(layout=MultiArrayLayout(dim=dim))
-    # The constructor would copy the values once more.
-    message.data = values
-    return message
+    return MultiArrayLayout(dim=dim)
 
 
 def from_multi_array(
@@ -59,8 +64,7 @@ def from_multi_array(
             expected = f"{cells} ({dim.label} of {size[0]} x {size[1]} cells)"
             raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
     _check_count(message, size, field)
-    offset = message.layout.data_offset * np.dtype(np.float32).itemsize
-    values = np.frombuffer(message.data, np.float32, shape[0] * shape[1], offset).reshape(shape)
+    values: Layer = np.asarray(message.data)[message.layout.data_offset :].reshape(shape)
     return values.T if column_major else values
 
 

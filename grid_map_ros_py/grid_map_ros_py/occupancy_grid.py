@@ -3,22 +3,24 @@
 """`nav_msgs/OccupancyGrid` and grid maps."""
 
 import array
-import math
 
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 
-from grid_map_core_py import GeometryError, GridGeometry, GridMap
-from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py import GridMap
 
-from .checks import check_position, check_positive, check_unrotated
+from .checks import check_grid
 from .errors import MessageError
 from .time import from_stamp, to_header
 
 UNKNOWN = -1
 OCCUPIED = 100
+
+_VALUES = np.arange(256).astype(np.int8).astype(np.float32)
+_VALUES[UNKNOWN] = np.nan
+"""What the 256 bytes mean; those of negative numbers come last."""
 
 
 def to_occupancy_grid(
@@ -68,17 +70,13 @@ def from_occupancy_grid(message: OccupancyGrid, layer: str) -> GridMap:
             rotated.
         GridMapError: the layer has no name.
     """
-    geometry = _geometry(message)
-    if len(message.data) != math.prod(geometry.size):
-        rows, columns = geometry.size
-        expected = f"{rows * columns} values ({rows} x {columns} cells)"
-        raise MessageError("data", expected, len(message.data))
+    geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
+    timestamp = from_stamp(message.header.stamp)
+    # The grid begins at the smallest x and y, where a map ends.
+    values = _VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
     return GridMap.from_geometry(
-        geometry,
-        {layer: _values(message, geometry.size)},
-        frame_id=message.header.frame_id,
-        timestamp=from_stamp(message.header.stamp),
-    )
+        geometry, frame_id=message.header.frame_id, timestamp=timestamp
+    ).with_layers({layer: values.reshape(geometry.size, order="F")})
 
 
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
@@ -98,23 +96,3 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
         share = (np.asarray(values, dtype=np.float32) - low) / extent
     scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)
     return np.where(np.isnan(scaled), np.float32(UNKNOWN), scaled).astype(np.int8)
-
-
-def _geometry(message: OccupancyGrid) -> GridGeometry:
-    info = message.info
-    for name in ("width", "height"):
-        if getattr(info, name) < 1:
-            raise MessageError(f"info.{name}", "at least one cell", getattr(info, name))
-    resolution = float(str(np.float32(check_positive("info.resolution", info.resolution))))
-    origin = check_position("info.origin.position", info.origin.position)
-    check_unrotated("info.origin.orientation", info.origin.orientation)
-    size = (info.width, info.height)
-    try:
-        return GridGeometry.from_size(size, resolution, origin + 0.5 * resolution * np.array(size))
-    except GeometryError as error:
-        raise MessageError("info", "a grid of finite size and place", str(error)) from error
-
-
-def _values(message: OccupancyGrid, size: Size) -> Layer:
-    data = np.frombuffer(message.data, dtype=np.int8)[::-1].reshape(size, order="F")
-    return np.where(data == UNKNOWN, np.float32(np.nan), data.astype(np.float32))

@@ -3,7 +3,7 @@
 """Typed parameters of a node, from the ordinary ROS parameter file.
 
 Everything that is read here is declared on the node, so that `ros2 param list` shows it, and is
-read-only: nodes configure themselves once, when they start.
+read-only unless said otherwise: nodes configure themselves once, when they start.
 """
 
 import array
@@ -61,7 +61,7 @@ def read_positive(node: "Node", name: str, default: float) -> float:
     return value
 
 
-def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
+def read_parameter_tree(node: "Node", prefix: str, *, read_only: bool = True) -> dict[str, Any]:
     """Return all parameters below a prefix as nested dictionaries, declared on the node.
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
@@ -70,13 +70,19 @@ def read_parameter_tree(node: "Node", prefix: str) -> dict[str, Any]:
     `grid_map_core_py.config` casts; arrays become lists. An empty list, an empty mapping and null
     all arrive without type, as None.
 
+    Args:
+        node: the node.
+        prefix: name of the tree.
+        read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
+            integer that may become 1.5.
+
     Raises:
         ConfigError: a name is given both a value and parameters below it.
     """
     tree: dict[str, Any] = {}
     names = [name for name in _known_names(node) if _is_below(name, prefix)]
     for name, value in _given(node, names).items():
-        _declare(node, name, value)
+        _declare(node, name, value, read_only=read_only)
         _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
     return tree
 
@@ -125,10 +131,14 @@ def _overrides(node: "Node") -> Mapping[str, Any]:
     return overrides
 
 
-def _declare(node: "Node", name: str, value: object, description: str = "") -> None:
+def _declare(
+    node: "Node", name: str, value: object, description: str = "", *, read_only: bool = True
+) -> None:
     if not node.has_parameter(name):
         descriptor = ParameterDescriptor(
-            description=description, read_only=True, dynamic_typing=value is None
+            description=description,
+            read_only=read_only,
+            dynamic_typing=value is None or not read_only,
         )
         # The value is the override, converted: the file's own may be an int for a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)

@@ -3,14 +3,14 @@
 """`sensor_msgs/PointCloud2` and grid maps."""
 
 import array
-import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Mask
+from grid_map_core_py.pieces import slices
 
 from .errors import MessageError
 from .grid_map import select_layers
@@ -48,9 +48,8 @@ def to_point_cloud(
         names = (point_layer, *names)
     fields = [field for name in names for field in _fields_of(name, point_layer, names)]
     _check_unique(fields)
-    valid = grid_map.valid_mask((point_layer, *grid_map.basic_layers)).ravel("F")
-    columns = list(_columns(grid_map, names, point_layer))
-    return _message(grid_map, fields, _interleaved(columns, np.flatnonzero(valid)))
+    valid = grid_map.valid_mask((point_layer, *grid_map.basic_layers))
+    return _message(grid_map, fields, _interleaved(grid_map, names, point_layer, valid))
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> PointCloud2:
@@ -90,28 +89,29 @@ def _check_unique(fields: list[str]) -> None:
             raise MessageError("fields", f"no layer called {name!r} beside the coordinates", fields)
 
 
-def _columns(
-    grid_map: GridMap, names: tuple[str, ...], point_layer: str
-) -> Iterator[npt.NDArray[np.float64 | np.float32]]:
-    """Yield the values (cells,) of every field, for all cells in the order of the buffer."""
-    for name in names:
-        if name == point_layer:
-            yield from grid_map.get_positions().T
-        yield grid_map[name].ravel("F")
-
-
 def _interleaved(
-    columns: Sequence[npt.NDArray[np.float64 | np.float32]], cells: npt.NDArray[np.intp]
+    grid_map: GridMap, names: tuple[str, ...], point_layer: str, valid: Mask
 ) -> "array.array[int]":
-    """Return the bytes of (N, fields) little-endian float32: every column at N cells."""
-    shape = (len(cells), len(columns))
-    data = array.array("B", [0]) * (FLOAT.itemsize * math.prod(shape))
-    points: npt.NDArray[np.float32] = np.ndarray(shape, FLOAT, buffer=data)
-    # A block at a time stays in the cache while column after column is woven in: thrice as fast.
-    for first in range(0, len(cells), BLOCK):
-        block = cells[first : first + BLOCK]
-        for field, values in enumerate(columns):
-            points[first : first + BLOCK, field] = values[block]
+    """Return the bytes of (N, fields) little-endian float32: one row per valid cell."""
+    rows, columns = grid_map.size
+    x, y = grid_map.geometry.axes(grid_map.start_index)
+    layers = [grid_map[name].ravel("F") for name in names]
+    field_of_x = names.index(point_layer)
+    fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
+    # A few columns of cells at a time stay in the cache while field after field is woven in. Their
+    # x are always the same. Cells without data are dropped by a mask, as a whole: by their indices
+    # it would take four times as long.
+    block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
+    block[:, :, field_of_x] = x
+    cells = block.reshape(-1, len(names) + 2)
+    points = cells.view(np.dtype((np.void, cells.itemsize * cells.shape[1])))[:, 0]
+    chosen, data = valid.ravel("F"), array.array("B")
+    for part in slices(columns, len(block)):
+        count, within = part.stop - part.start, slice(part.start * rows, part.stop * rows)
+        block[:count, :, field_of_x + 1] = y[part, None]
+        for field, layer in zip(fields, layers, strict=True):
+            cells[: count * rows, field] = layer[within]
+        data.frombytes(points[: count * rows][chosen[within]].view(np.uint8).data)
     return data
 
 

@@ -22,14 +22,23 @@ def to_stamp(nanoseconds: int) -> Time:
     Raises:
         MessageError: it is no integer, negative, or later than the message can hold.
     """
+    seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def check_nanoseconds(nanoseconds: int) -> int:
+    """Return a point in time [ns since the epoch] that a message can hold.
+
+    Raises:
+        MessageError: it is no integer, negative, or too late.
+    """
     try:
         exact = operator.index(nanoseconds)
     except TypeError:
         raise MessageError("stamp", "an integer number of nanoseconds", nanoseconds) from None
     if not 0 <= exact <= LATEST:
         raise MessageError("stamp", f"nanoseconds from 0 to {LATEST}", exact)
-    seconds, rest = divmod(exact, NANOSECONDS)
-    return Time(sec=seconds, nanosec=rest)
+    return exact
 
 
 def from_stamp(stamp: Time, field: str = "header.stamp") -> int:

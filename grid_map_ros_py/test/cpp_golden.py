@@ -26,6 +26,22 @@ def cases(family: str) -> list[tuple[GridMap, dict[str, Any]]]:
     return found
 
 
+def only(name: str) -> Any:
+    """Return what there is once, not for every map."""
+    return _GOLDEN[name]
+
+
+def counts() -> dict[str, int]:
+    """Return the number of cases of every converter."""
+    found: dict[str, int] = {}
+    for case in _GOLDEN["cases"]:
+        for family, entries in case.items():
+            if family != "map":
+                number = len(entries) if isinstance(entries, list) else 1
+                found[family] = found.get(family, 0) + number
+    return found
+
+
 def to_map(described: dict[str, Any]) -> GridMap:
     layers = described["layers"]
     grid_map = GridMap(

@@ -1,9 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages that the C++ nodes published, from `data/`."""
+"""Messages that the C++ nodes published, from `data/`; read without our own reader of bags."""
 
 import array
-import gzip
 import sqlite3
 import struct
 from contextlib import closing
@@ -11,7 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import pytest
 from rclpy.serialization import deserialize_message
+
+make_reader = pytest.importorskip("mcap.reader").make_reader
 
 DATA = Path(__file__).parent / "data"
 
@@ -24,9 +27,9 @@ class Recorded(NamedTuple):
 @cache
 def recorded(recording: str, topic: str, message_type: type) -> list[Recorded]:
     """Return the messages of a topic in time order, serialized and deserialized."""
-    bag = DATA / f"{recording}.db3"
-    messages = _stored(bag, topic) if bag.is_file() else [_extracted(DATA / recording, topic)]
-    assert messages, f"no message on {topic} in {bag}"
+    bag = DATA / f"{recording}_outputs.mcap"
+    messages = _from_mcap(bag, topic) if bag.is_file() else _from_sqlite(recording, topic)
+    assert messages, f"no message on {topic} in {recording}"
     return [Recorded(raw, deserialize_message(raw, message_type)) for raw in messages]
 
 
@@ -40,16 +43,20 @@ def bits(value: Any) -> Any:
         return {name: bits(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, array.array):
         return value.typecode, value.tobytes()
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.tobytes()
     if isinstance(value, list):
         return [bits(entry) for entry in value]
     return struct.pack("d", value) if isinstance(value, float) else value
 
 
-def _extracted(folder: Path, topic: str) -> bytes:
-    return gzip.decompress((folder / f"{topic}.cdr.gz").read_bytes())
+def _from_mcap(bag: Path, topic: str) -> list[bytes]:
+    with bag.open("rb") as file:
+        return [message.data for _, _, message in make_reader(file).iter_messages(f"/{topic}")]
 
 
-def _stored(bag: Path, topic: str) -> list[bytes]:
+def _from_sqlite(recording: str, topic: str) -> list[bytes]:
+    bag = DATA / f"{recording}_sqlite" / f"{recording}_sqlite_0.db3"
     query = (
         "SELECT data FROM messages JOIN topics ON topics.id = topic_id"
         " WHERE name = ? ORDER BY timestamp"

@@ -1,19 +1,33 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages serialized from arrays are what rclpy serializes from message objects."""
+"""Messages become the bytes that rclpy makes of them, and are read as rclpy reads them."""
+
+import array
+import importlib
+import struct
+from typing import Any
 
 import numpy as np
 import pytest
+from cpp_recordings import bits
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from nav_msgs.msg import GridCells
+from nav_msgs.msg import GridCells, OccupancyGrid, Odometry
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState, Range
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
+from rosidl_parser import definition
+from sensor_msgs.msg import BatteryState, CameraInfo, Image, Imu, JointState, PointCloud2, Range
+from shape_msgs.msg import SolidPrimitive
+from std_msgs.msg import Byte, Char, ColorRGBA, Empty, Header, Int16MultiArray, UInt64MultiArray
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import InteractiveMarker, Marker
 
-from grid_map_ros_py.cdr import serialize
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import MessageError
+from grid_map_ros_py.cdr import deserialize, serialize, serialize_view, view
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 
@@ -26,14 +40,39 @@ def marker_with(points: np.ndarray, colors: np.ndarray, **fields: object) -> Mar
     )
 
 
-def assert_encodes(actual: bytes, message: object) -> None:
+def assert_encodes(actual: bytes, message: object, at_the_end: int = 8) -> None:
     """Assert that `actual` is `message` byte for byte, but for padding."""
     expected = serialize_message(message)
     # rclpy leaves padding undefined, and for empty sequences it adds a few bytes at the end.
-    assert 0 <= len(expected) - len(actual) <= 8
+    assert 0 <= len(expected) - len(actual) <= at_the_end
     assert all(byte in (other, 0) for byte, other in zip(actual, expected, strict=False))
-    # As text, so that NaN equals NaN.
-    assert str(deserialize_message(actual, type(message))) == str(message)
+    assert bits(deserialize_message(actual, type(message))) == bits(message)
+
+
+def big_endian(message: Any) -> bytes:
+    """Return a message in big-endian CDR, written by an encoder of its own."""
+    return b"\0\0\0\0" + bytes(_append(bytearray(), message))
+
+
+def _append(out: bytearray, value: Any, kind: str = "") -> bytearray:
+    codes = {"double": "d", "float": "f", "int32": "i", "uint32": "I", "uint16": "H"}
+    codes |= {"uint8": "B", "int8": "b", "boolean": "?"}
+    if kind in codes:
+        size = struct.calcsize(">" + codes[kind])
+        out += bytes(-len(out) % size) + struct.pack(">" + codes[kind], value)
+    elif kind == "string":
+        _append(out, len(value.encode()) + 1, "uint32").extend(value.encode() + b"\0")
+    elif kind.startswith("sequence<"):
+        _append(out, len(value), "uint32")
+        for item in value:
+            _append(out, item, kind[len("sequence<") : -1])
+    elif kind.endswith("]"):
+        for item in value:
+            _append(out, item, kind.partition("[")[0])
+    else:
+        for name, field_kind in value.get_fields_and_field_types().items():
+            _append(out, getattr(value, name), field_kind)
+    return out
 
 
 @given(TEXTS, TEXTS, st.integers(0, 4))
@@ -79,3 +118,211 @@ def test_arrays_of_any_memory_order_are_serialized_row_by_row():
 def test_field_that_the_message_lacks_is_refused():
     with pytest.raises(AttributeError, match="pionts"):
         serialize(Marker(), {"pionts": np.zeros((1, 3))})
+
+
+# --- any message ----------------------------------------------------------------------------------
+
+MESSAGE_TYPES = (
+    GridMapMessage,
+    BatteryState,
+    Byte,
+    CameraInfo,
+    Char,
+    DiagnosticArray,
+    Empty,
+    GridCells,
+    Image,
+    Imu,
+    Int16MultiArray,
+    InteractiveMarker,
+    JointTrajectory,
+    Marker,
+    OccupancyGrid,
+    Odometry,
+    ParameterDescriptor,
+    ParameterEvent,
+    PointCloud2,
+    SetBool.Response,
+    SolidPrimitive,
+    UInt64MultiArray,
+)
+"""Among them: every type of number, booleans and bytes in sequences, bounded texts and sequences,
+arrays of numbers, a message without fields, and messages five deep."""
+
+
+@st.composite
+def messages(draw: st.DrawFn, message_type: type) -> Any:
+    """Draw a message with whatever its types allow."""
+    message = message_type()
+    for name, kind in zip(
+        message.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True
+    ):
+        setattr(message, name, draw(values(kind)))
+    return message
+
+
+NUMBERS = {
+    "boolean": st.booleans(),
+    "octet": st.binary(min_size=1, max_size=1),
+    "float": st.floats(width=32),
+    "double": st.floats(),
+    **{f"uint{n}": st.integers(0, 2**n - 1) for n in (8, 16, 32, 64)},
+    **{f"int{n}": st.integers(-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)},
+}
+
+
+def values(kind: Any) -> st.SearchStrategy[Any]:
+    if isinstance(kind, definition.NamespacedType):
+        module = importlib.import_module(".".join(kind.namespaces))
+        return messages(getattr(module, kind.name))
+    if isinstance(kind, definition.AbstractString):
+        return TEXTS
+    if isinstance(kind, definition.Array):
+        return st.lists(values(kind.value_type), min_size=kind.size, max_size=kind.size)
+    if isinstance(kind, definition.AbstractSequence):
+        most = kind.maximum_size if kind.has_maximum_size() else 3
+        return st.lists(values(kind.value_type), max_size=most)
+    return NUMBERS[kind.typename]
+
+
+@settings(max_examples=15)
+@pytest.mark.parametrize("message_type", MESSAGE_TYPES, ids=lambda kind: kind.__name__)
+@given(data=st.data())
+def test_every_message_is_read_as_rclpy_reads_it(message_type, data):
+    message = data.draw(messages(message_type))
+    raw = serialize_message(message)
+    read = deserialize(raw, message_type)
+    expected = deserialize_message(raw, message_type)
+    assert bits(read) == bits(expected)
+    assert_encodes(serialize(message), message, at_the_end=len(raw))
+    assert serialize_view(view(raw, message_type), message_type) == serialize(message)
+
+
+@settings(max_examples=15)
+@pytest.mark.parametrize("message_type", MESSAGE_TYPES, ids=lambda kind: kind.__name__)
+@given(data=st.data())
+def test_every_message_that_is_cut_off_is_refused(message_type, data):
+    raw = serialize(data.draw(messages(message_type)))
+    length = data.draw(st.integers(0, len(raw) - 1))
+    with pytest.raises(MessageError):
+        deserialize(raw[:length], message_type)
+
+
+@settings(max_examples=15)
+@pytest.mark.parametrize("message_type", [GridMapMessage, Marker, OccupancyGrid, Odometry])
+@given(data=st.data())
+def test_big_endian_messages_are_read_like_little_endian_ones(message_type, data):
+    message = data.draw(messages(message_type))
+    raw = big_endian(message)
+    assert bits(deserialize(raw, message_type)) == bits(deserialize_message(raw, message_type))
+
+
+def test_values_have_the_types_that_rclpy_gives_them():
+    message = deserialize(serialize_message(Imu()), Imu)
+    assert message.orientation_covariance.dtype == np.float64
+    message.orientation_covariance[0] = 1.0
+    assert deserialize(serialize_message(PointCloud2()), PointCloud2).data == array.array("B")
+
+
+def test_a_view_shares_the_memory_of_the_bytes():
+    raw = bytearray(serialize_message(Int16MultiArray(data=[1, 2, 3])))
+    data = view(raw, Int16MultiArray).data
+    raw[-2:] = b"\x09\x00"
+    assert data.tolist() == [1, 2, 9]
+
+
+def test_a_view_of_read_only_bytes_is_read_only():
+    raw = serialize_message(Int16MultiArray(data=[1]))
+    assert not view(raw, Int16MultiArray).data.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("header", "found"),
+    [
+        (b"\0\3\0\0", "'PL_CDR_LE (0x0003)'"),
+        (b"\0\7\0\0", "'CDR2_LE (0x0007)'"),
+        (b"\0\x0b\0\0", "'PL_CDR2_LE (0x000b)'"),
+        (b"\1\0\0\0", "'unknown (0x0100)'"),
+    ],
+)
+def test_other_encodings_are_refused_by_name(header, found):
+    with pytest.raises(MessageError) as error:
+        deserialize(header + bytes(8), Empty)
+    expected = "encoding: expected plain CDR (0x0000 or 0x0001)"
+    assert str(error.value) == f"{expected}, found {found}"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "text"),
+    [
+        (lambda raw: raw[:2], "encoding: expected 4 bytes, found 2"),
+        (lambda raw: raw[:10], "header.stamp: expected 8 bytes more, found 6"),
+        (lambda raw: raw.replace(b"\4\0\0\0map", b"\4\0\0\xffmap"),
+         "header.frame_id: expected at most 60 values (60 bytes more), found 4278190084"),
+        (lambda raw: raw.replace(b"map", b"m\xffp"),
+         "header.frame_id: expected a text in UTF-8, found b'm\xffp'"),
+        (lambda raw: raw.replace(b"map", b"m\0p"),
+         "header.frame_id: expected a text without NUL, found 'm\x00p'"),
+        (lambda raw: raw[:-1], "points[1]: expected 24 bytes more, found 23"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named_with_its_place(spoil, text):
+    raw = serialize(PLACES)
+    with pytest.raises(MessageError) as error:
+        deserialize(spoil(raw), Places)
+    assert str(error.value) == text.replace("m\xffp", "m\\xffp").replace("m\x00p", "m\\x00p")
+
+
+class Places:
+    """A message type as rosidl makes them."""
+
+    SLOT_TYPES = (
+        definition.NamespacedType(["std_msgs", "msg"], "Header"),
+        definition.UnboundedSequence(definition.NamespacedType(["geometry_msgs", "msg"], "Point")),
+    )
+
+    def __init__(self) -> None:
+        self.header = Header(frame_id="map")
+        self.points = [Point(), Point()]
+
+    @staticmethod
+    def get_fields_and_field_types() -> dict[str, str]:
+        return {"header": "std_msgs/Header", "points": "sequence<geometry_msgs/Point>"}
+
+
+PLACES = Places()
+
+
+def test_a_text_of_no_bytes_at_all_is_empty():
+    assert deserialize(b"\0\1\0\0" + bytes(12), Header).frame_id == ""
+
+
+def test_more_values_than_a_sequence_may_have_are_refused():
+    raw = bytearray(serialize(SolidPrimitive(type=1, dimensions=[1.0, 2.0, 3.0])))
+    raw[8:12] = struct.pack("<I", 4)
+    with pytest.raises(MessageError, match="dimensions: expected at most 3 values, found 4"):
+        deserialize(raw + bytes(8), SolidPrimitive)
+
+
+def test_types_that_are_not_known_are_refused_by_name():
+    class Wide:
+        SLOT_TYPES = (definition.UnboundedWString(),)
+
+        @staticmethod
+        def get_fields_and_field_types() -> dict[str, str]:
+            return {"text": "wstring"}
+
+    with pytest.raises(MessageError, match=r"Wide\.text: expected a type .*'UnboundedWString'"):
+        deserialize(bytes(12), Wide)
+
+
+@pytest.mark.parametrize(
+    ("message", "text"),
+    [
+        (Header(frame_id="\udcff"), "frame_id: expected a text that UTF-8 can hold"),
+        (Marker(points=[Point()], text="\ud800"), "text: expected a text that UTF-8 can hold"),
+    ],
+)
+def test_texts_that_no_message_can_hold_are_not_serialized(message, text):
+    with pytest.raises(MessageError, match=text):
+        serialize(message)

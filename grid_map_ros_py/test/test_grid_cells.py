@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 from cpp_golden import assert_header, cases
+from geometry_msgs.msg import Point
 from hypothesis import given, settings
 from nav_msgs.msg import GridCells
 from rclpy.serialization import deserialize_message, serialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
-from grid_map_core_py.testing import grid_maps
-from grid_map_ros_py import to_grid_cells, to_serialized_grid_cells
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_ros_py import MessageError, from_grid_cells, to_grid_cells, to_serialized_grid_cells
 
 
 def centres(message: GridCells) -> list[list[float]]:
@@ -49,6 +50,17 @@ def test_serialized_cells_are_the_same_message(grid_map: GridMap) -> None:
     assert deserialize_message(serialized, GridCells) == to_grid_cells(grid_map, *bounds)
 
 
+@pytest.mark.parametrize("shape", [(130, 151), (9001, 2), (2, 9001)])
+def test_cells_of_a_large_map_are_those_between_the_bounds(shape: tuple[int, int]) -> None:
+    values = np.random.default_rng(1).random(shape, np.float32)
+    grid_map = moved_in_buffer(GridMap(shape, 1.0, layers={"e": values}), (1, 1))
+    data = to_serialized_grid_cells(grid_map, "e", 0.25, 0.5)
+    chosen = (grid_map["e"] >= 0.25) & (grid_map["e"] <= 0.5)
+    expected = grid_map.get_positions()[chosen.ravel("F")]
+    found = np.array(centres(deserialize_message(data, GridCells)))
+    np.testing.assert_array_equal(found[:, :2], expected)
+
+
 def test_infinite_bounds_take_all_finite_cells() -> None:
     values = [[1.0, math.inf], [-math.inf, math.nan]]
     grid_map = GridMap((2, 2), 1.0, layers={"elevation": values})
@@ -65,3 +77,84 @@ def test_an_unknown_layer_is_named() -> None:
     for convert in (to_grid_cells, to_serialized_grid_cells):
         with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
             convert(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def cells_message(*points: tuple[float, float], side: float = 0.1) -> GridCells:
+    cells = [Point(x=x, y=y) for x, y in points]
+    return GridCells(cell_width=side, cell_height=side, cells=cells)
+
+
+@settings(max_examples=60)
+@given(grid_maps())
+def test_the_cells_of_a_map_are_covered_on_its_grid_and_no_others(grid_map: GridMap) -> None:
+    message = to_grid_cells(grid_map, "elevation", -200.0, 300.0)
+    received = from_grid_cells(message, "covered", geometry=grid_map.geometry)
+    values = grid_map.unwrapped("elevation")
+    expected = np.where((values >= -200.0) & (values <= 300.0), 1.0, np.nan)
+    np.testing.assert_array_equal(received["covered"], expected)
+    assert (received.frame_id, received.timestamp) == (grid_map.frame_id, grid_map.timestamp)
+    assert received.start_index == (0, 0)
+
+
+@settings(max_examples=60)
+@given(grid_maps())
+def test_without_a_grid_the_cells_are_those_of_the_map_that_sent_them(grid_map: GridMap) -> None:
+    message = to_grid_cells(grid_map, "elevation", -200.0, 300.0)
+    if not message.cells:
+        with pytest.raises(MessageError, match="cells: expected a cell, or a geometry for the map"):
+            from_grid_cells(message, "covered")
+        return
+    received = from_grid_cells(message, "covered", grid_map.resolution)
+    again = to_grid_cells(received, "covered", 1.0, 1.0)
+    np.testing.assert_allclose(sorted(centres(again)), sorted(centres(message)), atol=1e-6)
+    covered = np.isfinite(received["covered"])
+    assert covered.any(axis=1)[[0, -1]].all()
+    assert covered.any(axis=0)[[0, -1]].all()
+
+
+def test_the_resolution_is_that_of_the_sender_though_the_message_holds_a_float32() -> None:
+    sent = deserialize_message(serialize_message(cells_message((1.05, 2.05))), GridCells)
+    received = from_grid_cells(sent, "covered")
+    assert received.resolution == 0.1
+    assert from_grid_cells(sent, "covered", 0.1).size == (1, 1)
+    np.testing.assert_allclose(received.position, (1.05, 2.05))
+
+
+def test_cells_beside_the_grid_are_left_out() -> None:
+    geometry = GridMap((0.2, 0.1), 0.1).geometry
+    message = cells_message((0.05, 0.0), (0.15, 0.0), (-7.0, 0.0))
+    received = from_grid_cells(message, "covered", geometry=geometry)
+    np.testing.assert_array_equal(received["covered"], [[1.0], [math.nan]])
+    nothing = from_grid_cells(cells_message(), "covered", geometry=geometry)
+    assert np.isnan(nothing["covered"]).all()
+
+
+MALFORMED = {
+    "width": ({"cell_width": 0.2}, "cell_width: expected the resolution 0.1, found 0.2"),
+    "height": ({"cell_height": 0.2}, "cell_height: expected the resolution 0.1, found 0.2"),
+    "no width": ({"cell_width": 0.0}, "cell_width: expected a positive finite number, found 0.0"),
+    "nan": ({"cells": [Point(), Point(x=math.nan)]}, r"cells\[1\]: expected finite coordinates"),
+    "inf": ({"cells": [Point(y=math.inf)]}, r"cells\[0\]: expected finite coordinates.*inf"),
+    "far": ({"cells": [Point(), Point(x=1e6, y=1e6)]}, "cells: expected an extent of at most"),
+    "very far": ({"cells": [Point(x=-1e308), Point(x=1e308)]}, "cells: .*found 'inf cells'"),
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_malformed_cells_get_one_error_that_names_the_field(kind: str) -> None:
+    changes, text = MALFORMED[kind]
+    message = cells_message((0.0, 0.0))
+    for name, value in changes.items():
+        setattr(message, name, value)
+    with pytest.raises(MessageError, match=text):
+        from_grid_cells(message, "covered", 0.1)
+
+
+def test_a_grid_of_another_resolution_is_refused() -> None:
+    with pytest.raises(MessageError, match=r"cell_width: expected the resolution 0\.5, found 0\.1"):
+        from_grid_cells(
+            cells_message((0.0, 0.0)), "covered", geometry=GridMap((1, 1), 0.5).geometry
+        )

@@ -109,12 +109,16 @@ MALFORMED: dict[str, tuple[Break, str, str, str]] = {
         "data[0].data", "8000000000 values", "12"),
     "a size that no message holds": (
         setting("info.length_y", 1e300),
-        "info.length_y", "1 to 4294967295 cells of 0.5 m", "1e+300"),
+        "info.length_y", "1 to 2147483648 cells of 0.5 m", "1e+300"),
     "a size beyond all numbers": (
         lambda m: [setting("info.length_x", 1e300)(m), setting("info.resolution", 1e-300)(m)],
-        "info.length_x", "1 to 4294967295 cells of 1e-300 m", "1e+300"),
+        "info.length_x", "1 to 2147483648 cells of 1e-300 m", "1e+300"),
+    "a grid so small that numbers lose their digits": (
+        lambda m: [
+            setting(f"info.{name}", 5e-320)(m) for name in ("resolution", "length_x", "length_y")],
+        "info.resolution", "a positive finite number", "5e-320"),
     "a length of less than half a cell": (
-        setting("info.length_x", 0.2), "info.length_x", "1 to 4294967295 cells of 0.5 m", "0.2"),
+        setting("info.length_x", 0.2), "info.length_x", "1 to 2147483648 cells of 0.5 m", "0.2"),
     **{
         f"a {name} of {value}": (
             setting(f"info.{name}", value), f"info.{name}", "a positive finite number", repr(value))

@@ -14,14 +14,16 @@ README = Path(__file__).parents[1] / "README.md"
 CONVERSIONS_ALONE = """
 import sys
 import numpy as np
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridMap, Polygon
 import grid_map_ros_py as ros
 
 grid_map = GridMap((1, 1), 0.5, layers={"elevation": 1.0})
 ros.from_message(ros.to_message(grid_map))
-ros.to_point_cloud(grid_map, "elevation")
+ros.from_point_cloud(ros.to_point_cloud(grid_map, "elevation"), resolution=0.5)
 ros.to_occupancy_grid(grid_map, "elevation", 0, 1)
-ros.to_grid_cells(grid_map, "elevation", 0, 1)
+ros.from_grid_cells(ros.to_grid_cells(grid_map, "elevation", 0, 1), "covered")
+ros.from_image(ros.to_image(grid_map, "elevation", "mono8"), "elevation", 0.5)
+ros.from_polygon(ros.to_polygon(Polygon([(0, 0), (1, 0), (1, 1)])))
 unwanted = {"rclpy", "nav2_msgs", "octomap_msgs", "cv_bridge", "tf2_ros", "rosbag2_py"}
 print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 """

@@ -73,6 +73,22 @@ def test_every_valid_cell_is_a_point_and_no_other(grid_map: GridMap) -> None:
     assert len(cloud.data) == cloud.row_step
 
 
+@pytest.mark.parametrize("shape", [(130, 151), (9001, 2), (2, 9001)])
+def test_every_valid_cell_of_a_large_map_is_a_point(shape: tuple[int, int]) -> None:
+    random = np.random.default_rng(1)
+    values, more = random.random((2, *shape), np.float32)
+    values[random.random(shape) < 0.1] = np.nan
+    layers = {"more": more, "elevation": values}
+    grid_map = moved_in_buffer(GridMap(shape, 1.0, layers=layers), (1, 1))
+    found = points(to_point_cloud(grid_map, "elevation"))
+    known = np.isfinite(grid_map["elevation"].ravel("F"))
+    x, y = grid_map.get_positions()[known].T
+    for name, expected in {"x": x, "y": y}.items():
+        np.testing.assert_array_equal(found[name], expected.astype(np.float32))
+    for name, layer in {"z": "elevation", "more": "more"}.items():
+        np.testing.assert_array_equal(found[name], grid_map[layer].ravel("F")[known])
+
+
 def test_a_moved_map_gives_the_same_points_in_another_order() -> None:
     values = np.random.default_rng(3).random((5, 4), np.float32)
     grid_map = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values})

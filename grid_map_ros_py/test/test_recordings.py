@@ -4,16 +4,19 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 from cpp_recordings import Recorded, bits, recorded
 from nav_msgs.msg import GridCells, OccupancyGrid
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Image, PointCloud2
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
+    add_color_layer_from_image,
+    from_image,
     from_message,
     to_grid_cells,
     to_message,
@@ -128,3 +131,17 @@ def test_grid_cells_are_those_that_cpp_published() -> None:
     (published,) = recorded(TUTORIAL, "elevation_cells", GridCells)
     cells = to_grid_cells(only_map(TUTORIAL, "grid_map"), "elevation", -0.08, 0.0)
     assert_is_recorded(cells, published)
+
+
+def test_the_image_becomes_the_map_that_cpp_made_of_it() -> None:
+    (published,) = recorded(FILTERS, "image", Image)
+    expected = only_map(FILTERS, "grid_map")
+    made = from_image(published.message, "elevation", expected.resolution, -0.5, 1.0)
+    assert (made.size, made.frame_id) == (expected.size, expected.frame_id)
+    np.testing.assert_allclose(made["elevation"], expected["elevation"], atol=1e-6)
+    assert np.isnan(made["elevation"]).any()
+    # The image is grey, so that its order of colours does not matter; C++ ignores its alpha there.
+    add_color_layer_from_image(made, published.message)
+    known = np.isfinite(made["elevation"])
+    np.testing.assert_array_equal(made["color"][known], expected["color"][known])
+    assert np.isnan(made["color"][~known]).all()

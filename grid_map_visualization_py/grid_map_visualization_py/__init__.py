@@ -1,9 +1,11 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps as what RViz shows: point clouds, occupancy grids, grid cells and markers.
+"""Grid maps as what RViz shows: surfaces, point clouds, occupancy grids, images and markers.
 
 A visualization is a dataclass that is called with a map and returns a message; `registry` finds it
-by its YAML name. `visualization_node` publishes what somebody listens to; it alone needs rclpy.
+by its YAML name. `visualization_node` publishes what somebody listens to; the nodes alone need
+rclpy. `surface` and `colormaps` turn maps into triangles and colours, `pictures` draws them with
+Matplotlib.
 """
 
 from .registry import VISUALIZATIONS, create

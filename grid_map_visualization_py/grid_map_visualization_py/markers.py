@@ -13,10 +13,12 @@ from grid_map_core_py.config import check
 from grid_map_ros_py.cdr import serialize
 from grid_map_ros_py.time import to_header
 
+from .colormaps import check_color
+
 
 def check_line(color: int, line_width: float) -> None:
     """Raise `ConfigError` unless `color` is of the form 0xRRGGBB and `line_width` positive."""
-    check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
+    check_color(color)
     is_width = math.isfinite(line_width) and line_width > 0
     check(is_width, "line_width", "a positive width [m]", line_width)
 

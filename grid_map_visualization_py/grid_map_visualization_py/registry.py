@@ -9,23 +9,29 @@ the entry's name is the type, its value a class as `Visualization` describes it.
 from collections.abc import Mapping
 
 from grid_map_core_py.config import build
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.registry import Registry
 
+from .builtin.contours import Contours
 from .builtin.flat_point_cloud import FlatPointCloud
 from .builtin.grid_cells import GridCells
+from .builtin.image import Image
 from .builtin.map_region import MapRegion
 from .builtin.occupancy_grid import OccupancyGrid
 from .builtin.point_cloud import PointCloud
+from .builtin.surface import Surface
 from .builtin.vectors import Vectors
 from .visualization import Visualization
 
 BUILT_IN: Mapping[str, type[Visualization]] = {
+    "contours": Contours,
     "flat_point_cloud": FlatPointCloud,
     "grid_cells": GridCells,
+    "image": Image,
     "map_region": MapRegion,
     "occupancy_grid": OccupancyGrid,
     "point_cloud": PointCloud,
+    "surface": Surface,
     "vectors": Vectors,
 }
 
@@ -43,13 +49,13 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
         config: `type`, a name in the registry, and `params`, its parameters by name.
 
     Raises:
-        ConfigError: the type is missing or unknown, or a parameter is unknown, missing or wrong;
-            the message names the visualization, its type and the parameter.
+        ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
+            package is not installed; the message names the visualization, its type and the cause.
     """
     type_name, parameters = _checked(name, config)
     try:
         return build(VISUALIZATIONS[type_name], parameters)
-    except ConfigError as error:
+    except GridMapError as error:
         raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error
 
 

@@ -10,6 +10,8 @@ Parameters:
         not tell (2.0).
     grid_map_visualizations: names of the visualizations; each is published on the topic of its
         name.
+    skip_invalid: log a visualization that is misconfigured and show the others (false); otherwise
+        the node ends.
     <name>.type: type of a visualization, as in the registry.
     <name>.params.*: parameters of that type.
 """
@@ -22,13 +24,11 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.subscription import Subscription
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
 from grid_map_core_py.errors import GridMapError
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py.grid_map import from_message
+from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.parameters import (
     check_topic,
     read_parameter,
@@ -37,6 +37,7 @@ from grid_map_ros_py.parameters import (
 )
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
 from grid_map_ros_py.throttle import LogThrottle
 
 from .registry import create
@@ -55,7 +56,7 @@ class GridMapVisualizationNode(Node):
         self._topic = _read_topic(self)
         self._qos = map_qos(transient_local=read_parameter(self, "transient_local", bool, False))
         self._throttle = LogThrottle()
-        self._subscription: Subscription | None = None
+        self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
         self._outputs = [
             Output(self, name, visualization, self._follow_listeners)
@@ -76,19 +77,17 @@ class GridMapVisualizationNode(Node):
 
     def _subscribe(self) -> None:
         if self._subscription is None:
-            self._subscription = self.create_subscription(
-                GridMapMessage, self._topic, self._receive, self._qos
-            )
+            self._subscription = MapSubscription(self, self._topic, self._receive, qos=self._qos)
 
     def _unsubscribe(self) -> None:
         if self._subscription is not None:
-            self.destroy_subscription(self._subscription)
+            self._subscription.destroy()
             self._subscription = None
             self._map = None
 
-    def _receive(self, message: GridMapMessage) -> None:
+    def _receive(self, received: ReceivedMap) -> None:
         try:
-            self._map = from_message(message, unwrap=False)
+            self._map = received.decode(unwrap=False)
         except GridMapError as error:
             text = f"cannot use the map on {self._topic!r}: {error}"
             if self._throttle.allow(text):
@@ -169,9 +168,17 @@ def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
     parameter = "grid_map_visualizations"
     names = read_parameter(node, parameter, list[str])
     check(len(set(names)) == len(names), parameter, "every name once", names)
+    skip_invalid = read_parameter(node, "skip_invalid", bool, False)
+    visualizations = {}
     for name in names:
-        check_topic(node, parameter, name)
-    return {name: create(name, read_parameter_tree(node, name)) for name in names}
+        try:
+            check_topic(node, parameter, name)
+            visualizations[name] = create(name, read_parameter_tree(node, name))
+        except GridMapError as error:
+            if not skip_invalid:
+                raise
+            node.get_logger().error(f"skipped: {error}")
+    return visualizations
 
 
 def _steady_clock() -> Clock:

@@ -30,8 +30,8 @@ sys.exit(module.main())
 TALKATIVE = f"""
 import sys
 import {MODULE} as module
-from_message = module.from_message
-module.from_message = lambda *args, **options: print("a map") or from_message(*args, **options)
+decode = module.ReceivedMap.decode
+module.ReceivedMap.decode = lambda *args, **options: print("a map") or decode(*args, **options)
 sys.exit(module.main())
 """
 TUTORIAL = {

@@ -9,11 +9,14 @@ import pytest
 
 from grid_map_core_py.errors import ConfigError
 from grid_map_visualization_py import VISUALIZATIONS, create, registry
+from grid_map_visualization_py.builtin.contours import Contours
 from grid_map_visualization_py.builtin.flat_point_cloud import FlatPointCloud
 from grid_map_visualization_py.builtin.grid_cells import GridCells
+from grid_map_visualization_py.builtin.image import Image
 from grid_map_visualization_py.builtin.map_region import MapRegion
 from grid_map_visualization_py.builtin.occupancy_grid import OccupancyGrid
 from grid_map_visualization_py.builtin.point_cloud import PointCloud
+from grid_map_visualization_py.builtin.surface import Surface
 from grid_map_visualization_py.builtin.vectors import Vectors
 
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
@@ -48,6 +51,12 @@ def install_plugin(tmp_path, monkeypatch):
         ("vectors", VECTORS, None),
         ("vectors", {**VECTORS, "scale": 2, "line_width": 1, "color": 255.0}, None),
         ("map_region", {}, MapRegion(color=16777215, line_width=0.003)),
+        ("surface", {}, Surface(height_layer="elevation", color_mode="intensity", opacity=1.0)),
+        ("surface", {"color_mode": "flat", "color": 255, "lower": -1, "max_cells": 9.0}, None),
+        ("image", {"layer": "a"}, Image(layer="a", color_map="viridis", encoding="rgb8")),
+        ("image", {"layer": "a", "lower": 1, "upper": 2, "invert": True}, None),
+        ("contours", {"layer": "a"}, Contours(layer="a", interval=0.1, levels=())),
+        ("contours", {"layer": "a", "interval": 2, "levels": (1.0, 2.0)}, None),
     ],
 )
 def test_parameters_become_fields_of_their_type(type_name, params, expected):
@@ -106,6 +115,25 @@ def test_parameters_may_be_left_out(config):
         ),
         ({"type": "vectors", "params": {**VECTORS, "scale": math.nan}}, ["'scale'", "nan"]),
         ({"type": "vectors", "params": {**VECTORS, "scale": math.inf}}, ["'scale'", "inf"]),
+        ({"type": "surface", "params": {"color_mode": "rainbow"}}, ["'color_mode'", "'intensity'"]),
+        ({"type": "surface", "params": {"color_map": "virids"}}, ["'color_map'", "mean viridis"]),
+        ({"type": "surface", "params": {"opacity": 1.5}}, ["'opacity'", "0 to 1", "1.5"]),
+        ({"type": "surface", "params": {"color": -1}}, ["'color'", "16777215", "-1"]),
+        ({"type": "surface", "params": {"max_cells": 8}}, ["'max_cells'", "at least 9", "8"]),
+        (
+            {"type": "surface", "params": {"lower": 2, "upper": 1}},
+            ["'upper'", "lower (2.0)", "1.0"],
+        ),
+        ({"type": "image", "params": {}}, ["missing", "'layer'"]),
+        (
+            {"type": "image", "params": {"layer": "a", "encoding": "mono8"}},
+            ["'encoding'", "'bgra8'"],
+        ),
+        ({"type": "image", "params": {"layer": "a", "lower": math.inf}}, ["'lower'", "inf"]),
+        ({"type": "contours", "params": {"layer": "a", "interval": 0}}, ["'interval'", "0.0"]),
+        ({"type": "contours", "params": {"layer": "a", "levels": [math.nan]}}, ["'levels'", "nan"]),
+        ({"type": "contours", "params": {"layer": "a", "levels": 3}}, ["'levels'", "a list", "3"]),
+        ({"type": "contours", "params": {"layer": "a", "line_width": 0}}, ["'line_width'", "0.0"]),
         (
             {"type": "occupancy_grid", "params": {"layer": "a", "data_min": 1}},
             ["data_min, data_max", "different", "1.0"],

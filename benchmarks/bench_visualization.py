@@ -1,0 +1,61 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What is shown of a map: from the map to the bytes of a message, or to the arrays of a viewer."""
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+from terrain import terrain
+from visualization_msgs.msg import Marker
+
+from grid_map_visualization_py.builtin.contours import Contours
+from grid_map_visualization_py.builtin.image import Image
+from grid_map_visualization_py.builtin.surface import Surface
+from grid_map_visualization_py.builtin.vectors import Vectors
+from grid_map_visualization_py.colormaps import Coloring
+from grid_map_visualization_py.surface import Surface as Triangles
+
+BYTES_PER_CORNER = 3 * 8 + 4 * 4
+
+
+def triangle_count(heights):
+    """Return how many triangles there are, by the number of heights in squares of four cells."""
+    known = np.isfinite(heights).astype(int)
+    counts = known[:-1, :-1] + known[1:, :-1] + known[:-1, 1:] + known[1:, 1:]
+    return np.count_nonzero(counts == 3) + 2 * np.count_nonzero(counts == 4)
+
+
+def test_surface(measure, cells):
+    show, grid_map = Surface(), terrain(cells)
+    data = measure("surface, map to bytes", cells, lambda: show(grid_map))
+    corners = 3 * triangle_count(grid_map["elevation"])
+    assert 0 < len(data) - BYTES_PER_CORNER * corners < 400
+
+
+def test_mesh(measure, cells):
+    grid_map = terrain(cells)
+    row = "mesh of the viewer"
+    mesh = measure(row, cells, lambda: Triangles(grid_map, "elevation").mesh(Coloring()))
+    assert len(mesh.faces) == triangle_count(grid_map["elevation"])
+    assert len(mesh.vertices) == len(mesh.colors) == np.isfinite(grid_map["elevation"]).sum()
+
+
+def test_vectors(measure, cells):
+    show = Vectors(layer_prefix="normal_vectors_", position_layer="elevation")
+    grid_map = terrain(cells, layers=4)
+    data = measure("vectors, map to bytes", cells, lambda: show(grid_map))
+    lines = np.isfinite([grid_map[f"normal_vectors_{axis}"] for axis in "xyz"]).all(axis=0)
+    lines &= np.isfinite(grid_map["elevation"])
+    assert 0 < len(data) - 2 * BYTES_PER_CORNER * lines.sum() < 400
+
+
+def test_contours(measure, cells):
+    show, grid_map = Contours(layer="elevation", interval=0.1), terrain(cells)
+    data = measure("contours every 0.1", cells, lambda: show(grid_map))
+    heights = np.array([point.z for point in deserialize_message(data, Marker).points])
+    np.testing.assert_allclose(np.unique(heights), np.arange(-3, 4) * 0.1, atol=1e-12)
+
+
+def test_image(measure, cells):
+    show, grid_map = Image(layer="elevation"), terrain(cells)
+    image = measure("image by a colour map", cells, lambda: show(grid_map))
+    assert (image.height, image.width, len(image.data)) == (cells, cells, 3 * cells**2)

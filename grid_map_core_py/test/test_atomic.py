@@ -1,0 +1,194 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files and folders appear complete or not at all, whenever the process dies."""
+
+import errno
+import os
+import stat
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from grid_map_core_py import atomic
+from grid_map_core_py.atomic import find_folder, new_file, new_folder
+from grid_map_core_py.testing import killed_at_every_step
+
+
+def save_file(path: Path, text: str) -> None:
+    with new_file(path) as temporary:
+        temporary.write_text(text)
+
+
+def save_folder(path: Path, text: str) -> None:
+    with new_folder(path, lambda _: None) as temporary:
+        (temporary / "one").write_text(text)
+        (temporary / "two").write_text(text)
+
+
+def read_folder(path: Path) -> set[str]:
+    return {(find_folder(path) / name).read_text() for name in ("one", "two")}
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.fixture(params=["exchange", "aside"])
+def exchange(request, monkeypatch) -> str:
+    """Replace folders as systems do that can exchange two names, and as others do."""
+    if request.param == "aside":
+        monkeypatch.setattr(atomic, "_exchange", lambda *_: False)
+    return request.param
+
+
+def test_a_file_that_is_killed_while_written_is_the_old_or_the_new_one(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("old")
+    found = []
+    for _ in killed_at_every_step(lambda: save_file(path, "new")):
+        found.append(path.read_text())
+        path.write_text("old")
+    assert {*found} == {"old", "new"}
+    assert len(found) > 5
+    save_file(path, "newer")
+    assert names(tmp_path) == ["file"]
+
+
+@pytest.mark.usefixtures("exchange")
+def test_a_folder_that_is_killed_while_written_is_the_old_or_the_new_one(tmp_path):
+    path = tmp_path / "folder"
+    save_folder(path, "old")
+    found = []
+    for _ in killed_at_every_step(lambda: save_folder(path, "new")):
+        (content,) = read_folder(path)
+        found.append(content)
+        save_folder(path, "old")
+        assert read_folder(path) == {"old"}
+        assert names(tmp_path) == ["folder"]
+    assert {*found} == {"old", "new"}
+    assert len(found) > 10
+
+
+def test_a_new_folder_that_is_killed_is_not_there_or_complete(tmp_path):
+    path = tmp_path / "folder"
+    for _ in killed_at_every_step(lambda: save_folder(path, "new")):
+        assert not path.exists() or read_folder(path) == {"new"}
+    assert read_folder(path) == {"new"}
+
+
+def test_an_error_leaves_what_was_there(tmp_path):
+    save_folder(tmp_path / "folder", "old")
+    save_file(tmp_path / "file", "old")
+    with pytest.raises(TypeError):
+        save_folder(tmp_path / "folder", 1)
+    with pytest.raises(TypeError):
+        save_file(tmp_path / "file", 1)
+    assert read_folder(tmp_path / "folder") == {"old"}
+    assert (tmp_path / "file").read_text() == "old"
+    assert names(tmp_path) == ["file", "folder"]
+
+
+@pytest.mark.usefixtures("exchange")
+@pytest.mark.parametrize("call", ["rename", "replace", "fsync"])
+def test_a_disk_that_fails_leaves_what_was_there(tmp_path, monkeypatch, call):
+    save_folder(tmp_path / "folder", "old")
+    save_file(tmp_path / "file", "old")
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    for owner in (Path, os):
+        monkeypatch.setattr(owner, call, fail, raising=False)
+    for save, name in ((save_folder, "folder"), (save_file, "file")):
+        with suppress(OSError):
+            save(tmp_path / name, "new")
+    monkeypatch.undo()
+    assert read_folder(tmp_path / "folder") in ({"old"}, {"new"})
+    assert (tmp_path / "file").read_text() in ("old", "new")
+    assert names(tmp_path) == ["file", "folder"]
+
+
+def test_what_another_process_still_writes_is_left_alone(tmp_path):
+    with new_file(tmp_path / "file") as first:
+        first.write_text("first")
+        with new_folder(tmp_path / "folder", print) as slow:
+            save_file(tmp_path / "file", "second")
+            save_folder(tmp_path / "folder", "quick")
+            assert first.exists()
+            (slow / "one").write_text("slow")
+            (slow / "two").write_text("slow")
+    assert (tmp_path / "file").read_text() == "first"
+    assert read_folder(tmp_path / "folder") == {"slow"}
+
+
+def test_the_owner_of_the_old_folder_is_asked_and_may_refuse(tmp_path):
+    save_folder(tmp_path / "folder", "old")
+
+    def refuse(path: Path) -> None:
+        raise PermissionError(f"keep {path.name}")
+
+    with (
+        pytest.raises(PermissionError, match="keep folder"),
+        new_folder(tmp_path / "folder", refuse),
+    ):
+        pytest.fail("it was asked too late")
+    assert names(tmp_path) == ["folder"]
+
+
+def test_links_stay_and_their_targets_are_replaced(tmp_path):
+    save_file(tmp_path / "file", "old")
+    (tmp_path / "link").symlink_to("file")
+    save_file(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "new"
+
+
+def test_others_may_read_what_was_written(tmp_path):
+    save_file(tmp_path / "file", "")
+    save_folder(tmp_path / "folder", "")
+    (tmp_path / "plain").touch()
+    plain = stat.S_IMODE((tmp_path / "plain").stat().st_mode)
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == plain
+    assert stat.S_IMODE((tmp_path / "folder").stat().st_mode) & 0o444 == plain & 0o444
+
+
+@pytest.mark.parametrize("missing", ["fcntl.flock", "os.fsync"])
+def test_a_disk_without_locks_or_synchronisation_will_do(tmp_path, monkeypatch, missing):
+    def refuse(*_):
+        raise OSError(errno.EINVAL, "not supported")
+
+    monkeypatch.setattr(missing, refuse)
+    for text in ("old", "new"):
+        save_file(tmp_path / "file", text)
+        save_folder(tmp_path / "folder", text)
+    assert (tmp_path / "file").read_text() == "new"
+    assert read_folder(tmp_path / "folder") == {"new"}
+    assert names(tmp_path) == ["file", "folder"]
+
+
+def test_processes_that_write_to_one_place_do_not_disturb_each_other(tmp_path):
+    children = []
+    for number in range(3):
+        child = os.fork()
+        if child == 0:
+            ended_well = False
+            with suppress(BaseException):
+                for _ in range(15):
+                    save_folder(tmp_path / "folder", str(number))
+                    save_file(tmp_path / "file", str(number))
+                ended_well = True
+            os._exit(not ended_well)
+        children.append(child)
+    assert [os.waitpid(child, 0)[1] for child in children] == [0, 0, 0]
+    assert len(read_folder(tmp_path / "folder")) == 1
+    assert names(tmp_path) == ["file", "folder"]
+
+
+def test_a_missing_folder_above_is_an_error(tmp_path):
+    missing = tmp_path / "missing"
+    with pytest.raises(FileNotFoundError, match="missing"), new_file(missing / "file"):
+        pass
+    with pytest.raises(FileNotFoundError, match="missing"), new_folder(missing / "folder", print):
+        pass
+    assert not missing.exists()

@@ -1,0 +1,252 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as images and YAML: what comes back, what other readers see, what is refused."""
+
+import struct
+import tempfile
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.image_files import load_images, save_images
+from grid_map_core_py.testing import grid_maps, killed_at_every_step, moved_in_buffer
+
+
+def assert_equal_within_a_step(loaded: GridMap, saved: GridMap, entry: dict, bits: int) -> None:
+    name, lower, upper = entry["name"], entry["lower"], entry["upper"]
+    expected = np.clip(saved.unwrapped(name).astype(np.float64), *sorted((lower, upper)))
+    step = abs(upper - lower) / (2**bits - 1)
+    rounding = 4e-7 * max(abs(lower), abs(upper))
+    np.testing.assert_allclose(loaded[name], expected, rtol=0, atol=step + rounding)
+
+
+@settings(max_examples=40)
+@given(grid_maps(("elevation", "größe/m")), st.sampled_from([8, 16]))
+def test_a_map_comes_back_but_for_quantisation(grid_map, bits):
+    with tempfile.TemporaryDirectory() as folder:
+        path = save_images(grid_map, Path(folder) / "images", bits=bits)
+        loaded = load_images(path)
+        entries = yaml.safe_load(path.read_text())["grid_map"]["layers"]
+    for name in ("size", "frame_id", "timestamp", "layers", "basic_layers", "resolution"):
+        assert getattr(loaded, name) == getattr(grid_map, name), name
+    assert loaded.position.tolist() == grid_map.position.tolist()
+    for entry in entries:
+        assert_equal_within_a_step(loaded, grid_map, entry, bits)
+
+
+@pytest.mark.parametrize("value", [0.0, -3.5, 1e-40, 3e38, -3e38, np.nan, 7e6])
+def test_a_layer_of_one_value_comes_back_exactly(tmp_path, value):
+    grid_map = GridMap((0.5, 0.3), 0.1, layers={"a": value})
+    save_images(grid_map, tmp_path / "images")
+    np.testing.assert_array_equal(load_images(tmp_path / "images")["a"], grid_map["a"])
+
+
+def test_every_pixel_value_is_kept(tmp_path):
+    values = np.arange(65536, dtype=np.float32).reshape(256, 256)
+    grid_map = GridMap((256, 256), 1.0, layers={"full": values, "holes": values})
+    grid_map["holes"][3, 5] = np.nan
+    loaded = load_images(save_images(grid_map, tmp_path / "images"))
+    for layer in grid_map:
+        np.testing.assert_array_equal(loaded[layer], grid_map[layer])
+
+
+def test_colours_come_back_exactly(tmp_path):
+    colors = np.random.default_rng(1).integers(0, 256, (5, 3, 3))
+    grid_map = GridMap((0.5, 0.3), 0.1, layers={"color": color_vector_to_value(colors)})
+    grid_map["color"][4, 1] = np.nan
+    loaded = load_images(save_images(grid_map, tmp_path / "images"))
+    assert loaded["color"].tobytes() == grid_map["color"].tobytes()
+
+
+def test_given_ranges_clamp(tmp_path):
+    grid_map = GridMap((0.4, 0.1), 0.1, layers={"a": [[-5.0], [0.0], [1.0], [9.0]]})
+    loaded = load_images(save_images(grid_map, tmp_path / "images", ranges={"a": (0.0, 1.0)}))
+    assert loaded["a"].ravel().tolist() == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_only_the_wanted_layers_are_written(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers=["a", "b", "c"], basic_layers=["a", "b"])
+    loaded = load_images(save_images(grid_map, tmp_path / "images", ["c", "b"]))
+    assert (loaded.layers, loaded.basic_layers) == (("c", "b"), ("b",))
+
+
+# --- what map_server sees -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start_index", [(0, 0), (2, 1)])
+def test_the_image_lies_where_map_server_puts_it(tmp_path, start_index):
+    grid_map = GridMap((0.4, 0.3), 0.1, (1.0, 2.0), {"elevation": 0.0})
+    grid_map["elevation"][grid_map.get_index((0.85, 2.1))] = 1.0
+    grid_map = moved_in_buffer(grid_map, start_index)
+    path = save_images(grid_map, tmp_path / "images")
+    document = yaml.safe_load(path.read_text())
+    image = cv2.imread(str(path.parent / document["image"]), cv2.IMREAD_UNCHANGED)
+    assert image.shape == (3, 4)
+    ((row, column),) = np.argwhere(image == 65535).tolist()
+    # Its origin is the lower left pixel; x is to the right, y up.
+    x = document["origin"][0] + (column + 0.5) * document["resolution"]
+    y = document["origin"][1] + (image.shape[0] - row - 0.5) * document["resolution"]
+    assert np.hypot(x - 0.85, y - 2.1) < 1e-9
+    assert document["origin"][2] == 0.0
+
+
+def test_map_server_sees_occupancies_and_unknown_cells(tmp_path):
+    grid_map = GridMap((0.4, 0.1), 0.1, layers={"a": [[2.0], [3.0], [4.0], [np.nan]]})
+    path = save_images(grid_map, tmp_path / "images")
+    document = yaml.safe_load(path.read_text())
+    image = cv2.imread(str(path.parent / document["image"]), cv2.IMREAD_UNCHANGED)
+    # As nav2_map_server computes them in mode scale.
+    shade = image[0, :, 0] / 65535
+    occupancy = shade if document["negate"] else 1 - shade
+    free, occupied = document["free_thresh"], document["occupied_thresh"]
+    percent = np.rint((occupancy - free) / (occupied - free) * 100)
+    percent[image[0, :, 3] < 65535] = -1
+    assert document["mode"] == "scale"
+    assert percent.tolist() == [-1, 100, 50, 0]
+
+
+def test_layers_whose_names_no_file_takes_get_files_of_their_own(tmp_path):
+    names = ["a/b", "a b", "A_B", "..", "ü", "x" * 300, "map"]
+    grid_map = GridMap((1, 1), 0.5, layers={n: float(i) for i, n in enumerate(names)})
+    path = save_images(grid_map, tmp_path / "images")
+    assert len({file.name.lower() for file in path.parent.iterdir()}) == len(names) + 1
+    loaded = load_images(path)
+    assert [loaded[name][0, 0] for name in names] == [*range(len(names))]
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def test_a_save_that_is_killed_leaves_the_old_images_or_the_new_ones(tmp_path):
+    old, new = (GridMap((1, 1), 0.5, layers={"a": v, "b": v}) for v in (1.0, 2.0))
+    folder = tmp_path / "images"
+    save_images(old, folder)
+    found = set()
+    for _ in killed_at_every_step(lambda: save_images(new, folder)):
+        loaded = load_images(folder)
+        found.add((loaded["a"][0, 0], loaded["b"][0, 0]))
+        save_images(old, folder)
+        assert [file.name for file in tmp_path.iterdir()] == ["images"]
+    assert found == {(1.0, 1.0), (2.0, 2.0)}
+
+
+def test_whatever_is_no_folder_of_images_is_never_replaced(tmp_path):
+    (tmp_path / "notes.txt").write_text("precious")
+    grid_map = GridMap((1, 1), 0.5, layers=["a"])
+    with pytest.raises(GridMapError, match=r"cannot be written: it holds notes\.txt"):
+        save_images(grid_map, tmp_path)
+    with pytest.raises(GridMapError, match="it is a file"):
+        save_images(grid_map, tmp_path / "notes.txt")
+    with pytest.raises(GridMapError, match="cannot be written: No such file"):
+        save_images(grid_map, tmp_path / "a" / "b")
+    assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_what_cannot_be_images_is_refused(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers={"a": [[-3e38, 3e38], [0, 0]]})
+    with pytest.raises(GeometryError, match="two different finite"):
+        save_images(grid_map, tmp_path / "images")
+    with pytest.raises(LayerNotFoundError):
+        save_images(grid_map, tmp_path / "images", ["b"])
+    with pytest.raises(GridMapError, match="bits: expected 8 or 16, got 32"):
+        save_images(grid_map, tmp_path / "images", bits=32)
+    with pytest.raises(GridMapError, match="there are no layers"):
+        save_images(GridMap((1, 1), 0.5), tmp_path / "images")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- damaged files --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def saved(tmp_path) -> Path:
+    grid_map = GridMap((0.5, 0.3), 0.1, layers={"a": np.arange(15.0).reshape(5, 3)})
+    return save_images(grid_map, tmp_path / "images")
+
+
+def changed(path: Path, **changes: object) -> Path:
+    document = yaml.safe_load(path.read_text())
+    for name, value in changes.items():
+        owner = document if name in document else document["grid_map"]
+        owner = owner if name in owner else owner["layers"][0]
+        owner[name] = value
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"grid_map": 3}, "'grid_map' is missing"),
+        ({"version": 9}, "version 9, only 1 is known"),
+        (
+            {"size": [50_000, 50_000]},
+            "a.png: cannot be read: expected 50000 x 50000 pixels, found 5 x 3",
+        ),
+        ({"size": 3}, ""),
+        ({"resolution": 0}, "resolution"),
+        ({"position": "here"}, ""),
+        ({"layers": 3}, ""),
+        ({"layers": [3]}, ""),
+        ({"layers": [{"name": "a"}]}, "'image' is missing"),
+        (
+            {"image": "b.png", "layers": [{"name": "a", "image": "b.png"}]},
+            "b.png: cannot be read: No such file",
+        ),
+        ({"mode": "scale", "lower": "low"}, "lower"),
+        ({"basic_layers": ["b"]}, "'b' is not among the layers"),
+        ({"timestamp": 1.5}, "timestamp"),
+    ],
+    ids=range(13),
+)
+def test_yaml_that_makes_no_sense_is_refused(saved, changes, reason):
+    with pytest.raises(GridMapError, match=rf"{saved.parent}/\S+: cannot be read: ") as caught:
+        load_images(changed(saved, **changes))
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [("", "'grid_map' is missing"), ("[" * 9999, "nested"), ("{", "no valid YAML")],
+    ids=range(3),
+)
+def test_what_is_no_yaml_of_a_map_is_refused(saved, text, reason):
+    saved.write_text(text)
+    with pytest.raises(GridMapError, match=rf"map\.yaml: .*{reason}"):
+        load_images(saved)
+
+
+def test_a_path_out_of_the_folder_is_not_followed(saved, tmp_path):
+    (saved.parent / "a.png").rename(tmp_path / "other.png")
+    layers = [{"name": "a", "image": "../other.png", "mode": "values", "lower": 0, "upper": 1}]
+    with pytest.raises(GridMapError, match=r"images/other\.png: cannot be read: No such file"):
+        load_images(changed(saved, layers=layers))
+
+
+def test_an_image_that_is_cut_off_or_damaged_is_refused(saved):
+    image = saved.parent / "a.png"
+    data = image.read_bytes()
+    for cut in range(len(data)):
+        image.write_bytes(data[:cut])
+        with pytest.raises(GridMapError, match=r"a\.png: cannot be read: "):
+            load_images(saved)
+    for place in range(len(data)):
+        image.write_bytes(data[:place] + bytes([data[place] ^ 0x55]) + data[place + 1 :])
+        with pytest.raises(GridMapError, match=r"a\.png: cannot be read: "):
+            load_images(saved)
+
+
+def test_an_image_that_claims_gigabytes_is_refused_before_it_is_decoded(saved):
+    head = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 16, 6, 0, 0, 0)
+    data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head
+    (saved.parent / "a.png").write_bytes(data + struct.pack(">I", zlib.crc32(head)))
+    with pytest.raises(GridMapError, match="expected 5 x 3 pixels, found 30000 x 30000"):
+        load_images(saved)

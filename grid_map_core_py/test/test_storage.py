@@ -1,0 +1,228 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps in `.npz` files come back exactly; damaged and malicious files are refused."""
+
+import io
+import json
+import random
+import struct
+import tempfile
+import time
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.storage import load_npz, save_npz
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, killed_at_every_step
+
+FUZZING_SECONDS = 1
+
+NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1)
+
+
+@pytest.fixture
+def path(tmp_path) -> Path:
+    return tmp_path / "map.npz"
+
+
+def sample_map(value: float = 0.25) -> GridMap:
+    layers = {"elevation": value, "variance": np.nan}
+    options = {"basic_layers": ["elevation"], "frame_id": "map", "timestamp": 2**60}
+    return GridMap((0.4, 0.3), 0.1, (1.0, -2.0), layers, **options)
+
+
+# --- round trips ----------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(grid_maps(("elevation", "variance")), st.booleans())
+def test_a_map_comes_back_exactly_in_map_order(grid_map, compress):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map"
+        save_npz(grid_map, path, compress=compress)
+        loaded = load_npz(path)
+    assert loaded.start_index == (0, 0)
+    assert loaded.resolution == grid_map.resolution
+    assert loaded.position.tolist() == grid_map.position.tolist()
+    assert_maps_equal(loaded, grid_map)
+    for layer in grid_map:
+        assert loaded[layer].tobytes() == grid_map.unwrapped(layer).tobytes()
+        assert loaded[layer].flags.f_contiguous
+
+
+@given(st.lists(NAMES, unique=True, max_size=4), NAMES)
+def test_any_name_comes_back(names, frame_id):
+    grid_map = GridMap((1, 1), 0.5, layers=dict.fromkeys(names, 1.0), frame_id=frame_id)
+    with tempfile.TemporaryDirectory() as folder:
+        save_npz(grid_map, f"{folder}/map.npz")
+        assert_maps_equal(load_npz(f"{folder}/map.npz"), grid_map)
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 70_000])
+def test_a_name_that_no_file_can_hold_is_refused(path, name):
+    with pytest.raises(GridMapError, match="a file cannot hold this name"):
+        save_npz(GridMap((1, 1), 0.5, layers=[name]), path)
+    assert not path.exists()
+
+
+def test_numpy_alone_can_read_it(path):
+    grid_map = sample_map()
+    grid_map["elevation"] = np.arange(12.0).reshape(4, 3)
+    save_npz(grid_map, path)
+    with np.load(path) as file:
+        np.testing.assert_array_equal(file["layers/elevation"], np.arange(12.0).reshape(4, 3))
+        metadata = json.loads(str(file["metadata"]))
+    assert (metadata["size"], metadata["timestamp"]) == ([4, 3], 2**60)
+
+
+def test_only_the_wanted_layers_are_read(path):
+    save_npz(sample_map(), path)
+    loaded = load_npz(path, layers=["variance"])
+    assert (loaded.layers, loaded.basic_layers) == (("variance",), ())
+    with pytest.raises(LayerNotFoundError):
+        load_npz(path, layers=["slope"])
+
+
+def test_a_save_that_is_killed_leaves_the_old_file_or_the_new_one(path):
+    save_npz(sample_map(1.0), path)
+    found = set()
+    for _ in killed_at_every_step(lambda: save_npz(sample_map(2.0), path)):
+        found.add(load_npz(path)["elevation"][0, 0])
+        save_npz(sample_map(1.0), path)
+        assert [file.name for file in path.parent.iterdir()] == ["map.npz"]
+    assert found == {1.0, 2.0}
+
+
+def test_a_folder_that_is_missing_is_named(tmp_path):
+    with pytest.raises(GridMapError, match=r"map\.npz: cannot be written: No such file"):
+        save_npz(sample_map(), tmp_path / "missing" / "map.npz")
+    with pytest.raises(GridMapError, match=r"map\.npz: cannot be read: No such file"):
+        load_npz(tmp_path / "map.npz")
+
+
+# --- damaged files --------------------------------------------------------------------------------
+
+
+def members(path: Path) -> dict[str, bytes]:
+    save_npz(sample_map(), path)
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def rewritten(path: Path, contents: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents.items():
+            archive.writestr(name, content)
+    return path
+
+
+def npy(array: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def with_metadata(path: Path, **changes: object) -> Path:
+    contents = members(path)
+    metadata = json.loads(str(np.load(io.BytesIO(contents["metadata.npy"]))))
+    contents["metadata.npy"] = npy(np.array(json.dumps(metadata | changes)))
+    return rewritten(path, contents)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"format": "other"}, "has another format"),
+        ({"version": 2}, "version 2, only 1 is known"),
+        ({"size": [10**6, 10**6]}, "unexpected array: float32"),
+        ({"size": [-1, 3]}, ""),
+        ({"size": None}, ""),
+        ({"resolution": -1.0}, "resolution"),
+        ({"position": [1]}, "position"),
+        ({"layers": ["slope"]}, "slope.npy"),
+        ({"layers": [3]}, "expected the name of a layer, found 3"),
+        ({"frame_id": 3}, "frame_id"),
+        ({"timestamp": "now"}, "timestamp"),
+        ({"basic_layers": 3}, ""),
+    ],
+)
+def test_metadata_that_makes_no_sense_is_refused(path, changes, reason):
+    with pytest.raises(GridMapError, match=rf"map\.npz: cannot be read: .*{reason}"):
+        load_npz(with_metadata(path, **changes))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("metadata.npy", npy(np.zeros(3)), "'metadata' is an unexpected array"),
+        ("metadata.npy", npy(np.array("[" * 9000)), ""),
+        ("metadata.npy", b"", ""),
+        ("layers/elevation.npy", npy(np.zeros((4, 3))), "unexpected array: float64"),
+        ("layers/elevation.npy", npy(np.zeros((3, 4), np.float32)), "unexpected array"),
+        ("layers/elevation.npy", npy(np.zeros((4, 3), np.float32))[:-1], "too few or too many"),
+        ("layers/elevation.npy", npy(np.zeros((4, 3), np.float32)) + b"1", "too few or too many"),
+        ("layers/elevation.npy", npy(np.array([print], dtype=object)), "unexpected array: object"),
+        ("layers/elevation.npy", b"no array", "magic"),
+    ],
+    ids=range(9),
+)
+def test_arrays_that_are_not_as_they_must_be_are_refused(path, name, content, reason):
+    with pytest.raises(GridMapError, match=f"(?s){path}: cannot be read: .*{reason}"):
+        load_npz(rewritten(path, members(path) | {name: content}))
+
+
+def test_a_file_of_something_else_is_refused(path):
+    np.savez(path, a=np.zeros(3))
+    with pytest.raises(GridMapError, match="no file of a map: 'metadata' is missing"):
+        load_npz(path)
+    path.write_bytes(b"PK no archive")
+    with pytest.raises(GridMapError, match="not a zip file"):
+        load_npz(path)
+
+
+def claiming(path: Path, size: int) -> Path:
+    """Make the layer's entry in the list of the archive's members claim so many bytes."""
+    with_metadata(path, size=[size // 4, 1])
+    data = bytearray(path.read_bytes())
+    entry = data.rindex(b"layers/elevation.npy") - 46
+    assert data[entry : entry + 4] == b"PK\1\2"
+    struct.pack_into("<I", data, entry + 24, size)
+    path.write_bytes(data)
+    return path
+
+
+def test_sizes_that_the_file_cannot_have_are_refused_before_allocating(path):
+    tracemalloc.start()
+    try:
+        with pytest.raises(GridMapError, match="claims more bytes than it has"):
+            load_npz(claiming(path, 2**32 - 4))
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_no_damage_leads_to_anything_but_an_error_of_ours(path):
+    save_npz(sample_map(), path, compress=True)
+    data = path.read_bytes()
+    generator = random.Random(1)
+    end = time.monotonic() + FUZZING_SECONDS
+    refused = total = 0
+    while time.monotonic() < end:
+        result = bytearray(data[: generator.choice([len(data), generator.randrange(len(data))])])
+        for _ in range(generator.randrange(4)):
+            place = generator.randrange(len(data))
+            result[place : place + 1] = generator.randbytes(1)
+        path.write_bytes(result)
+        total += 1
+        try:
+            load_npz(path)
+        except GridMapError as error:
+            refused += str(path) in str(error)
+    assert refused > 0.5 * total

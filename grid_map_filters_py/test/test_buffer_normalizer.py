@@ -1,0 +1,20 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The data in the order of the world."""
+
+import numpy as np
+from filter_cases import run, terrain
+
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_filters_py.builtin.buffer_normalizer import BufferNormalizer
+
+
+def test_the_cell_at_the_start_index_comes_first_and_the_others_follow_around_the_seam():
+    grid_map = terrain((3, 2), elevation=[[0, 1], [2, 3], [4, 5]])
+    grid_map.start_index = (2, 1)
+    in_a_chain = run("gridMapFilters/BufferNormalizerFilter", grid_map)
+    for result in (in_a_chain, BufferNormalizer()(grid_map)):
+        assert result.start_index == (0, 0)
+        np.testing.assert_array_equal(result["elevation"], [[5, 4], [1, 0], [3, 2]])
+        assert_maps_equal(result, grid_map)
+    assert grid_map.start_index == (2, 1)

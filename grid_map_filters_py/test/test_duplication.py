@@ -1,0 +1,30 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A layer twice."""
+
+import numpy as np
+from filter_cases import run, terrain
+
+VALUES = np.array([[1.5, np.nan, -0.0], [np.inf, 1e-45, -3e38]], dtype=np.float32)
+
+
+def duplicate(grid_map, output_layer):
+    params = {"input_layer": "elevation", "output_layer": output_layer}
+    return run("gridMapFilters/DuplicationFilter", grid_map, **params)
+
+
+def test_a_copy_has_the_bits_of_its_layer_and_memory_of_its_own():
+    result = duplicate(terrain(VALUES.shape, elevation=VALUES), "copy")
+    assert result.layers == ("elevation", "copy")
+    for layer in result:
+        np.testing.assert_array_equal(result[layer].view(np.uint32), VALUES.view(np.uint32))
+    result["copy"][0, 0] = 7.0
+    assert result["elevation"][0, 0] == 1.5
+
+
+def test_a_copy_takes_the_place_of_a_layer_of_its_name():
+    grid_map = terrain(VALUES.shape, other=1.0, elevation=VALUES)
+    result = duplicate(grid_map, "other")
+    assert result.layers == ("other", "elevation")
+    np.testing.assert_array_equal(result["other"], VALUES)
+    assert (grid_map["other"] == 1.0).all()

@@ -1,0 +1,38 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The smallest values of discs, against a loop over cells."""
+
+import math
+from functools import partial
+
+import filter_oracles as oracles
+import numpy as np
+import pytest
+from filter_cases import CELLS, STEPS, filtered, ground
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py.testing import grid_maps
+from grid_map_filters_py import FilterConfigError
+
+erosion = partial(filtered, "gridMapFilters/ErosionFilter")
+
+
+@given(grid_maps(allow_moved=False), CELLS, st.booleans())
+@settings(max_examples=40)
+def test_erosion_is_the_smallest_finite_value_in_the_disc(grid_map, cells, compute_empty_cells):
+    radius = cells * grid_map.resolution
+    result = erosion(grid_map, radius=radius, compute_empty_cells=compute_empty_cells)
+    expected = oracles.extreme_in_disc(
+        min, grid_map["elevation"], grid_map.resolution, radius, fill=compute_empty_cells
+    )
+    np.testing.assert_array_equal(result, expected)
+
+
+def test_a_disc_far_larger_than_the_map_is_the_map():
+    assert (erosion(ground(STEPS), radius=1e6) == 0).all()
+
+
+def test_a_parameter_that_makes_no_sense_is_refused():
+    with pytest.raises(FilterConfigError, match="'radius': expected a length >= 0"):
+        erosion(ground([[1.0]]), radius=math.nan)

@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Holes that are filled from their rims, all of them or within limits."""
+
+import math
+
+import numpy as np
+import pytest
+from filter_cases import filtered, ground
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_filters_py import FilterConfigError, FilterWarning
+
+
+def inpaint(grid_map, radius=0.3, **limits):
+    return filtered("gridMapCv/InpaintFilter", grid_map, radius=radius, **limits)
+
+
+@given(grid_maps(allow_moved=False))
+@settings(max_examples=60)
+def test_fills_every_hole_and_leaves_finite_cells_to_the_bit(grid_map):
+    before = grid_map["elevation"]
+    finite = np.isfinite(before)
+    if not finite.any():
+        with pytest.warns(FilterWarning, match="no finite cell"):
+            np.testing.assert_array_equal(inpaint(grid_map), before)
+        return
+    filled = inpaint(grid_map)
+    np.testing.assert_array_equal(filled[finite].view(np.uint32), before[finite].view(np.uint32))
+    assert np.isfinite(filled).all()
+    slack = 1e-5 * max(1.0, np.abs(before[finite]).max())
+    assert filled.min() >= before[finite].min() - slack
+    assert filled.max() <= before[finite].max() + slack
+
+
+def test_continues_a_ramp_across_a_hole_without_steps_of_8_bits():
+    ramp = np.tile(np.linspace(100.0, 110.0, 40, dtype=np.float32)[:, None], (1, 40))
+    holed = ramp.copy()
+    holed[15:25, 15:25] = np.nan
+    filled = inpaint(ground(holed))
+    assert np.abs(filled - ramp).max() < 1.0
+    assert len(np.unique(filled[15:25, 15:25])) > 40
+
+
+def test_cells_beside_the_hole_decide_and_not_the_order_of_the_buffer():
+    heights = np.full((12, 10), 5.0, dtype=np.float32)
+    heights[0:3, 0:3] = np.nan
+    for start in [(0, 0), (2, 1), (11, 9)]:
+        grid_map = moved_in_buffer(ground(heights), start)
+        np.testing.assert_allclose(inpaint(grid_map), 5.0, rtol=1e-6)
+
+
+def test_extreme_ranges_stay_finite():
+    heights = np.array([[-3e38, np.nan], [np.nan, 3e38], [1.0, np.inf]], dtype=np.float32)
+    assert np.isfinite(inpaint(ground(heights))).all()
+
+
+# --- limits ---------------------------------------------------------------------------------------
+
+
+def holed() -> np.ndarray:
+    """Holes of 1, 4 and 9 cells, one at the border, and one that joins it across a corner."""
+    heights = np.random.default_rng(4).normal(size=(20, 24))
+    heights[3, 3] = heights[6:8, 6:8] = np.nan
+    heights[12:15, 12:15] = np.inf
+    heights[0, 10:12] = np.nan
+    heights[18, 20] = heights[19, 21] = np.nan
+    return heights
+
+
+@pytest.mark.parametrize(
+    ("limits", "left"),
+    [
+        ({}, 0),
+        ({"enclosed_holes_only": True}, 4),
+        ({"max_hole_area": 0.04}, 9),
+        ({"max_hole_area": 0.0399}, 13),
+        ({"max_hole_area": 0.0}, 18),
+        ({"enclosed_holes_only": True, "max_hole_area": 0.01}, 17),
+        ({"enclosed_holes_only": True, "max_hole_area": 1e9}, 4),
+    ],
+)
+def test_inpainting_fills_the_holes_that_it_may_and_leaves_the_others(limits, left):
+    heights = holed()
+    filled, everything = (inpaint(ground(heights), radius=0.2, **params) for params in (limits, {}))
+    kept = ~np.isfinite(filled)
+    assert np.count_nonzero(kept) == left
+    np.testing.assert_array_equal(filled[kept], heights[kept])
+    np.testing.assert_array_equal(filled[~kept], everything[~kept])
+
+
+def cells_of_hole(missing, start):
+    """The cells connected with one, found by walking."""
+    found, new = set(), [start]
+    while new:
+        row, column = new.pop()
+        on_map = 0 <= row < missing.shape[0] and 0 <= column < missing.shape[1]
+        if on_map and missing[row, column] and (row, column) not in found:
+            found.add((row, column))
+            new += [(row + i, column + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    return found
+
+
+@given(grid_maps(max_side=9, allow_moved=False), st.integers(0, 12), st.booleans())
+@settings(max_examples=50)
+def test_inpainting_within_limits_fills_what_a_walk_through_every_hole_says(
+    grid_map, cells, enclosed
+):
+    heights, area = grid_map["elevation"], cells * grid_map.resolution**2
+    missing = ~np.isfinite(heights)
+    if missing.all():
+        return
+    filled = inpaint(grid_map, enclosed_holes_only=enclosed, max_hole_area=area)
+    for index in np.ndindex(missing.shape):
+        hole = cells_of_hole(missing, index)
+        last = np.subtract(missing.shape, 1)
+        at_border = any(0 in cell or any(cell == last) for cell in hole)
+        expected = not missing[index] or (len(hole) <= cells and not (enclosed and at_border))
+        assert np.isfinite(filled[index]) == expected
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"max_hole_area": -1}, "'max_hole_area': expected an area >= 0"),
+        ({"max_hole_area": math.nan}, "'max_hole_area': expected an area"),
+    ],
+)
+def test_a_parameter_that_makes_no_sense_is_refused(params, message):
+    with pytest.raises(FilterConfigError, match=message):
+        inpaint(ground([[1.0]]), **params)

@@ -1,0 +1,86 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Differences of height in discs, against points looked up cell by cell."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from filter_cases import CELLS, assert_cells_are, filtered, ground, points_in_disc
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py import circle_cells
+from grid_map_core_py.testing import grid_maps
+from grid_map_filters_py import FilterConfigError
+
+step_height = partial(filtered, "gridMapFilters/StepHeightFilter")
+
+
+def step_in_disc(grid_map, index, radius):
+    heights = points_in_disc(grid_map, index, radius)[:, 2]
+    return np.ptp(heights) if np.isfinite(grid_map["elevation"][index]) else np.nan
+
+
+@given(grid_maps(allow_moved=False), CELLS)
+@settings(max_examples=40)
+def test_step_height_is_the_largest_difference_in_the_disc(grid_map, cells):
+    radius = cells * grid_map.resolution
+    result = step_height(grid_map, radius=radius)
+    assert_cells_are(result, lambda index: step_in_disc(grid_map, index, radius), rtol=1e-6)
+
+
+@given(grid_maps(allow_moved=False), CELLS, CELLS, st.integers(1, 8), st.floats(0, 1000, width=16))
+@settings(max_examples=40)
+def test_a_second_window_weighs_steps_by_the_number_of_their_cells(
+    grid_map, first, second, number, critical
+):
+    first, second = first * grid_map.resolution, second * grid_map.resolution
+    params = {"radius": first, "second_window_radius": second}
+    result = step_height(grid_map, **params, critical_value=critical, critical_cell_number=number)
+    steps = step_height(grid_map, radius=first)
+
+    def weighed(index):
+        cells = circle_cells(grid_map, grid_map.get_position(index), second)
+        around = np.array([steps[tuple(cell)] for cell in cells])
+        around = around[np.isfinite(around)].astype(np.float64)
+        if not around.size:
+            return np.nan
+        return min(1.0, np.sum(around > critical) / number) * around.max()
+
+    assert_cells_are(result, weighed, rtol=1e-6)
+
+
+def test_a_spike_is_no_step_but_a_kerb_is():
+    spike, kerb = np.zeros((11, 11)), np.zeros((11, 11))
+    spike[5, 5] = kerb[5:] = 0.2
+    params = {"radius": 0.1, "second_window_radius": 0.1, "critical_value": 0.15}
+    # The spike stands out in five discs, the kerb in two cells of every column.
+    for heights, number, expected in [(spike, 10, 0.1), (spike, 5, 0.2), (kerb, 4, 0.2)]:
+        result = step_height(ground(heights), critical_cell_number=number, **params)
+        assert result.max() == pytest.approx(expected)
+        assert result[0, 0] == 0
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"radius": -1}, "'radius': expected a length >= 0"),
+        (
+            {"radius": 1, "second_window_radius": 1},
+            "both or none of 'second_window_radius', 'critical_value'",
+        ),
+        (
+            {"radius": 1, "second_window_radius": -1, "critical_value": 1},
+            "'second_window_radius': expected a length >= 0",
+        ),
+        (
+            {"radius": 1, "second_window_radius": 1, "critical_value": -1},
+            "'critical_value': expected a height >= 0",
+        ),
+        ({"radius": 1, "critical_cell_number": 0}, "'critical_cell_number': expected"),
+    ],
+)
+def test_a_parameter_that_makes_no_sense_is_refused(params, message):
+    with pytest.raises(FilterConfigError, match=message):
+        step_height(ground([[1.0]]), **params)

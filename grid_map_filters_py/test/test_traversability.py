@@ -1,0 +1,110 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What is left of critical values, weighted; alone and at the end of a chain."""
+
+import math
+
+import numpy as np
+import pytest
+from filter_cases import ground, run, terrain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_filters_py import FilterChain, FilterConfigError
+
+TRAVERSABILITY = "gridMapFilters/TraversabilityFilter"
+ALONE = {"input_layers": ["elevation"], "output_layer": "out"}
+WEIGHTS = st.just(0.0) | st.floats(1e-3, 10.0)
+
+
+def traversability(layers, critical_values, **params):
+    names = [f"layer{number}" for number in range(len(layers))]
+    grid_map = terrain(np.shape(layers[0]), **dict(zip(names, layers, strict=True)))
+    params |= {"input_layers": names, "output_layer": "out", "critical_values": critical_values}
+    return run(TRAVERSABILITY, grid_map, **params)["out"]
+
+
+def test_traversability_is_the_weighted_mean_of_what_is_left_to_the_critical_values():
+    slope = [[0.0, 0.3, 0.6, 0.9, -0.2, np.nan, np.inf]]
+    roughness = [[0.0, 0.0, 0.05, 0.1, 0.0, 0.0, 0.0]]
+    result = traversability([slope, roughness], [0.6, 0.1])
+    np.testing.assert_allclose(result, [[1, 0.75, 0.25, 0, 1, np.nan, np.nan]], atol=1e-7)
+    result = traversability([slope, roughness], [0.6, 0.1], weights=[3, 1])
+    np.testing.assert_allclose(result, [[1, 0.625, 0.125, 0, 1, np.nan, np.nan]], atol=1e-7)
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(-1e3, 1e3, width=32), st.floats(1e-3, 1e3), WEIGHTS),
+        min_size=1,
+        max_size=5,
+    )
+)
+def test_traversability_is_between_0_and_1(terms):
+    values, critical, weights = zip(*terms, strict=True)
+    weights = weights if any(weights) else None
+    result = traversability([[[v]] for v in values], list(critical), weights=weights)[0, 0]
+    scores = [min(1.0, max(0.0, 1.0 - v / c)) for v, c in zip(values, critical, strict=True)]
+    assert 0 <= result <= 1
+    assert result == pytest.approx(np.average(scores, weights=weights), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"input_layers": [], "critical_values": []}, "'input_layers': expected at least one"),
+        ({"critical_values": [1, 2]}, "'critical_values': expected 1 numbers, one per layer"),
+        ({"critical_values": [0]}, "'critical_values': expected numbers > 0"),
+        ({"critical_values": [math.inf]}, "'critical_values': expected numbers >= 0"),
+        ({"critical_values": [1], "weights": [1, 1]}, "'weights': expected 1 numbers"),
+        ({"critical_values": [1], "weights": [-1]}, "'weights': expected numbers >= 0"),
+        ({"critical_values": [1], "weights": [0]}, "'weights': expected a number > 0"),
+    ],
+)
+def test_a_traversability_that_makes_no_sense_is_refused(params, message):
+    with pytest.raises(FilterConfigError, match=message):
+        run(TRAVERSABILITY, ground([[1.0]]), **ALONE | params)
+
+
+@given(grid_maps(("a", "b"), max_side=7))
+@settings(max_examples=25)
+def test_traversability_leaves_its_input_alone_and_gives_the_same_on_a_moved_map(grid_map):
+    params = {"input_layers": ["a", "b"], "output_layer": "out", "critical_values": [10, 500]}
+    before = grid_map.copy()
+    result = run(TRAVERSABILITY, grid_map, **params)["out"]
+    assert_maps_equal(grid_map, before)
+    moved = moved_in_buffer(grid_map, (0, 0))
+    np.testing.assert_array_equal(
+        np.roll(result, np.negative(grid_map.start_index), (0, 1)),
+        run(TRAVERSABILITY, moved, **params)["out"],
+    )
+    known = np.isfinite(grid_map["a"]) & np.isfinite(grid_map["b"])
+    np.testing.assert_array_equal(np.isfinite(result), known)
+    assert result.dtype == np.float32
+
+
+def test_a_chain_of_them_tells_flat_ground_from_a_kerb_and_a_steep_slope():
+    grid_map = terrain((60, 20))
+    x, y = (axis.reshape(60, 20, order="F") for axis in grid_map.get_positions().T)
+    # From +x to -x: flat, a ramp of 45 degrees, flat, and a kerb of 0.3 m.
+    grid_map["elevation"] = np.clip(1.0 - x, 0.0, 1.0) - 0.3 * (x < -1.5) + 0.0 * y
+    terms = {"slope": 0.6, "step_height": 0.2, "roughness": 0.1}
+    measures = [("Slope", "slope"), ("StepHeight", "step_height"), ("Roughness", "roughness")]
+    steps = [
+        {
+            "name": layer,
+            "type": type_name,
+            "params": {"input_layer": "elevation", "output_layer": layer, "radius": 0.2},
+        }
+        for type_name, layer in measures
+    ]
+    params = {"input_layers": [*terms], "critical_values": [*terms.values()], "output_layer": "out"}
+    steps.append({"name": "all", "type": TRAVERSABILITY, "params": params})
+    result = FilterChain.from_config(steps)(grid_map)["out"]
+    on_flat, on_ramp, at_kerb = (
+        result[grid_map.get_index((place, 0.0))] for place in (2.0, 0.5, -1.5)
+    )
+    assert on_flat == pytest.approx(1.0)
+    assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, steps in every disc, but even.
+    assert at_kerb < 0.5

@@ -1,0 +1,75 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_saver`: saves the map of a topic to a bag.
+
+Parameters:
+    file_path: folder of the bag, which is replaced if there is one; required.
+    grid_map_topic: maps come from here (`/grid_map`).
+    bag_topic: topic in the bag; empty for the one the maps come from (``).
+    continuous: save every map in place of the one before, and go on, instead of ending with the
+        first (`false`).
+    compression: of the bag: none, lz4 or zstd (`none`).
+"""
+
+import sys
+
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GridMapError
+
+from .bag import BagWriter
+from .errors import MessageError, NodeFailedError
+from .parameters import check_topic, read_parameter
+from .serialized import ReceivedMap
+from .spin import run
+from .subscription import MapSubscription
+from .throttle import LogThrottle
+
+
+class GridMapSaverNode(Node):
+    """Saves the first map that it receives, or each."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_saver")
+        self._throttle = LogThrottle()
+        self._path = read_parameter(self, "file_path", str)
+        self._continuous = read_parameter(self, "continuous", bool, False)
+        self._compression = read_parameter(self, "compression", str, "none")
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
+        check_topic(self, "grid_map_topic", topic)
+        self._topic = read_parameter(self, "bag_topic", str, "") or self.resolve_topic_name(topic)
+        # Before anybody waits for a map in vain.
+        self._bag().check(self._topic)
+        self._subscription = MapSubscription(self, topic, self._on_map)
+        self.get_logger().info(f"saves {topic} to {self._path}")
+
+    def _bag(self) -> BagWriter:
+        return BagWriter(self._path, compression=self._compression)
+
+    def _on_map(self, received: ReceivedMap) -> None:
+        try:
+            self._save(received.decode(unwrap=False))
+        except GridMapError as error:
+            if not (self._continuous or isinstance(error, MessageError)):
+                raise NodeFailedError(str(error)) from error
+            text = f"did not save a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().error(text)
+
+    def _save(self, grid_map: GridMap) -> None:
+        with self._bag() as bag:
+            bag.write(self._topic, grid_map)
+        self.get_logger().info(f"saved {grid_map}")
+        if not self._continuous:
+            try_shutdown()
+
+
+def main() -> int:
+    """Run the node until it is told to stop, or has saved a map; return the exit code."""
+    return run(GridMapSaverNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

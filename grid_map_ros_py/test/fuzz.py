@@ -1,0 +1,332 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Damaged input for every reader: nothing but a `GridMapError`, soon, and little memory.
+
+`python3 fuzz.py --seconds 60` goes through all targets with a new seed; the tests do so for a few
+seconds with a fixed one. What fails is printed with the seed that repeats it.
+"""
+
+import argparse
+import array
+import copy
+import dataclasses
+import random
+import sys
+import time
+import tracemalloc
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import fuzz_files
+import numpy as np
+import octomap_stand_in
+from geometry_msgs.msg import PolygonStamped
+from nav_msgs.msg import GridCells, OccupancyGrid
+from sensor_msgs.msg import Image, PointCloud2
+
+from grid_map_core_py import GridMap, Polygon
+from grid_map_core_py.errors import GridMapError
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import (
+    from_grid_cells,
+    from_image,
+    from_message,
+    from_occupancy_grid,
+    from_octomap,
+    from_point_cloud,
+    from_polygon,
+    from_serialized_message,
+    octomap_to_points,
+    read_points,
+    to_color_image,
+    to_grid_cells,
+    to_image,
+    to_message,
+    to_occupancy_grid,
+    to_point_cloud,
+    to_polygon,
+    to_serialized_message,
+)
+from grid_map_ros_py.cdr import deserialize, serialize
+
+LONGEST = 10.0
+"""Seconds that a reader may take, on a busy machine."""
+
+MOST_MEMORY = 32e6
+"""Bytes that a reader may allocate, besides a few times the map that it returns."""
+
+FLOATS = [0.0, -0.0, -1.0, 1e-320, 1e-30, 0.1, 3.0, 1e9, 1e300, np.inf, -np.inf, np.nan]
+TEXTS = ["", "x", "y", "elevation", "rgb", "mono16", "32FC1", "OcTree", "row_index", "é" * 40]
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """A reader, and intact input for it."""
+
+    name: str
+    seeds: tuple[Any, ...]
+    read: Callable[[Any], Any]
+
+
+def world() -> GridMap:
+    """A moved map of several layers."""
+    generator = np.random.default_rng(3)
+    layers = {name: generator.random((7, 5)) for name in ("elevation", "variance")}
+    layers["elevation"][2, 3] = np.nan
+    layers["color"] = generator.integers(0, 2**24, (7, 5), dtype=np.uint32).view(np.float32)
+    grid_map = GridMap((0.7, 0.5), 0.1, layers=layers, frame_id="map", timestamp=12)
+    grid_map.basic_layers = ["elevation"]
+    grid_map.move((0.2, -0.1))
+    return grid_map
+
+
+def _octrees() -> tuple[Any, ...]:
+    # Small leaves beside the origin.
+    corner = (7, *([0] * 11))
+    leaves = {(*corner, 1): True, (*corner, 2, 5): False, (*corner, 2, 6, 0, 3): True}
+    binary = octomap_stand_in.message(octomap_stand_in.write_binary(leaves))
+    payload: Callable[[bool], bytes] = lambda occupied: np.float32(occupied - 0.5).tobytes()  # noqa: E731
+    data = octomap_stand_in.write_full(leaves, payload)
+    return binary, octomap_stand_in.message(data, binary=False)
+
+
+def targets() -> list[Target]:
+    """Return all readers of messages and files."""
+    grid_map = world()
+    messages: list[tuple[str, type, tuple[Any, ...], Callable[[Any], Any]]] = [
+        ("GridMap", GridMapMessage, (to_message(grid_map),), from_message),
+        (
+            "PointCloud2",
+            PointCloud2,
+            (to_point_cloud(grid_map, "elevation"),),
+            lambda cloud: (read_points(cloud), from_point_cloud(cloud, resolution=0.1))[1],
+        ),
+        (
+            "OccupancyGrid",
+            OccupancyGrid,
+            (to_occupancy_grid(grid_map, "elevation", 0.0, 1.0),),
+            lambda message: from_occupancy_grid(message, "elevation"),
+        ),
+        (
+            "GridCells",
+            GridCells,
+            (to_grid_cells(grid_map, "elevation", -np.inf, np.inf),),
+            lambda message: from_grid_cells(message, "elevation"),
+        ),
+        (
+            "Image",
+            Image,
+            (
+                to_color_image(grid_map, "color", "bgra8"),
+                *(to_image(grid_map, "elevation", code) for code in ("mono16", "rgba8", "64FC1")),
+            ),
+            lambda message: from_image(message, "elevation", 0.1),
+        ),
+        (
+            "PolygonStamped",
+            PolygonStamped,
+            (to_polygon(Polygon([(0, 0), (1, 0), (1, 1), (0.2, 0.9)])),),
+            from_polygon,
+        ),
+    ]
+    result = []
+    for name, kind, seeds, read in messages:
+        result.append(Target(name, seeds, read))
+        data = tuple(serialize(seed) for seed in seeds)
+        result.append(
+            Target(
+                f"{name} in CDR", data, lambda d, kind=kind, read=read: read(deserialize(d, kind))
+            )
+        )
+    result.append(
+        Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message)
+    )
+    result.append(
+        Target(
+            "Octomap",
+            _octrees(),
+            lambda message: (octomap_to_points(message), from_octomap(message)),
+        )
+    )
+    result += [Target(*files) for files in fuzz_files.targets()]
+    return result
+
+
+# --- damage ---------------------------------------------------------------------------------------
+
+
+def damaged(value: Any, generator: random.Random) -> Any:
+    """Return a copy of bytes or of a message that is damaged in one place, or in a few."""
+    for _ in range(generator.choice([1, 1, 1, 2, 4])):
+        if isinstance(value, bytes):
+            value = _damaged_bytes(value, generator)
+        else:
+            value = copy.deepcopy(value)
+            _damage_message(value, generator)
+    return value
+
+
+def _damaged_bytes(data: bytes, generator: random.Random) -> bytes:
+    place = generator.randrange(len(data) + 1)
+    size = generator.choice([1, 2, 4, 4, 8, 64])
+    rest = data[place + size :]
+    match generator.randrange(6):
+        case 0:
+            return data[:place]
+        case 1:
+            return data[:place] + rest
+        case 2:
+            return data[: place + size] + data[place:]
+        case 3:
+            return data[:place] + generator.choice([b"\0", b"\xff", b"\x7f"]) * size + rest
+        case 4:
+            place -= place % 4
+            number = generator.choice([0, 1, 3, 2**31 - 1, 2**32 - 1, generator.getrandbits(16)])
+            return data[:place] + number.to_bytes(4, "little") + data[place + 4 :]
+        case _:
+            return data[:place] + generator.randbytes(size) + rest
+
+
+def _fields(message: Any) -> dict[str, str]:
+    if dataclasses.is_dataclass(message):
+        kinds = {"resolution": "double", "binary": "boolean", "id": "string"}
+        return {f.name: kinds.get(f.name, "") for f in dataclasses.fields(message)}
+    fields: dict[str, str] = message.get_fields_and_field_types()
+    return fields
+
+
+def _damage_message(message: Any, generator: random.Random) -> None:
+    fields = _fields(message)
+    name = generator.choice(list(fields))
+    value = getattr(message, name)
+    if hasattr(value, "get_fields_and_field_types"):
+        _damage_message(value, generator)
+    elif isinstance(value, list) and value and not isinstance(value[0], str):
+        if generator.random() < 0.7:
+            _damage_message(generator.choice(value), generator)
+        else:
+            setattr(message, name, _damaged_list(value, generator))
+    elif isinstance(value, list):
+        setattr(message, name, _damaged_list(value, generator))
+    elif isinstance(value, array.array):
+        setattr(message, name, _damaged_array(value, generator))
+    else:
+        setattr(message, name, _another(value, fields[name], generator))
+
+
+def _damaged_list(items: list[Any], generator: random.Random) -> list[Any]:
+    if not items:
+        return items
+    place = generator.randrange(len(items))
+    match generator.randrange(4):
+        case 0:
+            return items[:place] + items[place + 1 :]
+        case 1:
+            return [*items, items[place]]
+        case 2:
+            return []
+        case _:
+            if isinstance(items[0], str):
+                return [*items[:place], generator.choice(TEXTS), *items[place + 1 :]]
+            return items[::-1]
+
+
+def _damaged_array(values: "array.array[Any]", generator: random.Random) -> "array.array[Any]":
+    data = _damaged_bytes(values.tobytes(), generator)
+    result = array.array(values.typecode)
+    result.frombytes(data[: len(data) // values.itemsize * values.itemsize])
+    return result
+
+
+def _another(value: Any, kind: str, generator: random.Random) -> Any:
+    """Return a value of a type of messages, at a border of what it can hold or beside `value`."""
+    if isinstance(value, str):
+        return generator.choice(TEXTS)
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, float):
+        number = generator.choice([*FLOATS, value * 2, -value])
+        # A float is single precision on the wire, and infinite beyond its range.
+        with np.errstate(over="ignore"):
+            return float(np.float32(number)) if kind == "float" else number
+    bits = int("".join(filter(str.isdigit, kind)) or 8)
+    largest = 2 ** (bits - (not kind.startswith("uint"))) - 1
+    smallest = 0 if kind.startswith("uint") else -largest - 1
+    numbers = [0, 1, 2, value + 1, value - 1, value * 2, largest, smallest, 70_000]
+    return min(max(generator.choice(numbers), smallest), largest)
+
+
+# --- the loop -------------------------------------------------------------------------------------
+
+
+def fuzz(target: Target, seconds: float, seed: int) -> dict[str, int]:
+    """Read damaged input for a while, and return how often it was refused and how often read.
+
+    Raises:
+        AssertionError: the reader did something else; it says how to repeat that.
+    """
+    counts = {"refused": 0, "read": 0}
+    end = time.monotonic() + seconds
+    for number in _numbers(end):
+        generator = random.Random(f"{seed} {target.name} {number}")
+        value = damaged(generator.choice(target.seeds), generator)
+        try:
+            counts[_outcome(target, value)] += 1
+        except Exception as error:
+            repeat = f"fuzz(target {target.name!r}, seed {seed}), number {number}"
+            raise AssertionError(f"{repeat}: {type(error).__name__}: {error}") from error
+    return counts
+
+
+def _numbers(end: float) -> Iterator[int]:
+    number = 0
+    while time.monotonic() < end:
+        yield number
+        number += 1
+
+
+def _outcome(target: Target, value: Any) -> str:
+    tracemalloc.start()
+    begin = time.monotonic()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            result = target.read(value)
+    except GridMapError:
+        outcome, size = "refused", 0
+    else:
+        outcome, size = "read", _size(result)
+    finally:
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+    assert time.monotonic() - begin < LONGEST, "too slow"
+    assert peak < MOST_MEMORY + 6 * size, f"{peak} bytes for a result of {size}"
+    return outcome
+
+
+def _size(result: Any) -> int:
+    """Return the bytes of what a reader returns: a map, an array, or several."""
+    if isinstance(result, tuple):
+        return sum(map(_size, result))
+    if isinstance(result, GridMap):
+        return sum(result[name].nbytes for name in result)
+    return getattr(result, "nbytes", 0)
+
+
+def main() -> int:
+    """Go through all targets, and print what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0, help="for all targets together")
+    parser.add_argument("--seed", type=int, default=random.randrange(2**32))
+    options = parser.parse_args()
+    print(f"seed {options.seed}")
+    chosen = targets()
+    for target in chosen:
+        counts = fuzz(target, options.seconds / len(chosen), options.seed)
+        print(f"{target.name:24} {counts['refused']:8} refused {counts['read']:8} read", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Send large maps or receive them, as the first argument says; print what becomes of them."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import ReceivedMap, to_serialized_message
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
+
+COUNT = 5
+SIDE = 1000
+LAYERS = [f"layer_{k}" for k in range(8)]
+QOS = map_qos()
+QOS.depth = COUNT
+
+
+class Sender(Node):
+    """Sends all maps at once, as soon as somebody listens."""
+
+    def __init__(self) -> None:
+        super().__init__("sender")
+        self._publisher = self.create_publisher(GridMapMessage, "/large_map", QOS)
+        self.create_timer(0.05, self._send)
+        self._is_done = False
+
+    def _send(self) -> None:
+        if self._is_done or not self._publisher.get_subscription_count():
+            return
+        for number in range(COUNT):
+            values = np.full((SIDE, SIDE), number, np.float32)
+            grid_map = GridMap((SIDE, SIDE), 1.0, layers=dict.fromkeys(LAYERS, values))
+            grid_map.timestamp = number
+            self._publisher.publish(to_serialized_message(grid_map))
+        self._is_done = True
+        print(json.dumps({"largest segment": largest_segment()}), flush=True)
+
+
+class Receiver(Node):
+    """Checks one layer of every map."""
+
+    def __init__(self) -> None:
+        super().__init__("receiver")
+        self._maps = MapSubscription(self, "/large_map", self._receive, qos=QOS)
+
+    def _receive(self, received: ReceivedMap) -> None:
+        layer = received.decode(LAYERS[-1:])[LAYERS[-1]]
+        assert (layer == received.timestamp).all()
+        print(json.dumps([received.timestamp, len(received.layers), *layer.shape]), flush=True)
+
+
+def largest_segment() -> int:
+    """Return the size of the largest segment of shared memory that this process has [bytes]."""
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    ranges = [re.match(r"(\w+)-(\w+) ", line) for line in lines if "/dev/shm/fastrtps" in line]
+    return max((int(found[2], 16) - int(found[1], 16) for found in ranges if found), default=0)
+
+
+if __name__ == "__main__":
+    sys.exit(run({"send": Sender, "receive": Receiver}[sys.argv[1]]))

@@ -1,0 +1,480 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bags: what is written can be read, by others too, and what others write is read."""
+
+import shutil
+import sqlite3
+import subprocess
+import sys
+import tempfile
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from bags import (
+    DATA,
+    RECORDED_MOVES,
+    SECOND,
+    TOPIC,
+    mcap_reader,
+    mcap_writer,
+    number_of,
+    numbered_map,
+    rosbag2,
+    write_bag,
+    write_mcap,
+)
+from cpp_recordings import bits, recorded
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import (
+    BagError,
+    BagReader,
+    BagWriter,
+    MessageError,
+    bag_maps,
+    from_message,
+    load_from_bag,
+    save_to_bag,
+)
+from grid_map_ros_py.bag_metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
+from grid_map_ros_py.cdr import deserialize
+from grid_map_ros_py.errors import MissingPackageError
+from grid_map_ros_py.serialized import to_serialized_message
+
+typesys = pytest.importorskip("rosbags.typesys")
+
+COMPRESSIONS = ["none", "lz4", "zstd"]
+
+
+@pytest.fixture
+def bag(tmp_path) -> Path:
+    """A bag of maps 3, 1, 2, written in that order."""
+    save_to_bag(map(numbered_map, (3, 1, 2)), tmp_path / "bag", TOPIC)
+    return tmp_path / "bag"
+
+
+def assert_identical(actual: GridMap, expected: GridMap) -> None:
+    assert_maps_equal(actual, expected)
+    assert actual.start_index == expected.start_index
+    for layer in expected:
+        assert actual[layer].tobytes("F") == expected[layer].tobytes("F")
+
+
+# --- round trips ----------------------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(grid_maps(("elevation", "größe/m")), st.sampled_from(COMPRESSIONS))
+def test_a_map_comes_back_bit_by_bit_with_its_start_index(grid_map, compression):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bag"
+        save_to_bag(grid_map, path, TOPIC, compression=compression)
+        assert_identical(load_from_bag(path, TOPIC, unwrap=False), grid_map)
+        unwrapped = load_from_bag(path, TOPIC)
+    assert unwrapped.start_index == (0, 0)
+    assert_maps_equal(unwrapped, grid_map)
+
+
+def test_the_last_map_in_time_wins_unless_asked_otherwise(bag):
+    assert number_of(load_from_bag(bag, TOPIC)) == 3
+    assert number_of(load_from_bag(bag, TOPIC, index=0)) == 1
+    assert number_of(load_from_bag(bag, TOPIC, index=-2)) == 2
+
+
+@pytest.mark.parametrize(("time", "number"), [(1.0, 1), (1.9, 1), (2.0, 2), (99.0, 3)])
+def test_a_time_takes_the_last_map_until_then(bag, time, number):
+    assert number_of(load_from_bag(bag, TOPIC, time=int(time * SECOND))) == number
+
+
+def test_a_map_that_is_not_there_is_an_error(bag):
+    with pytest.raises(BagError, match="no map 3: 3 maps on /grid_map"):
+        load_from_bag(bag, TOPIC, index=3)
+    with pytest.raises(BagError, match="up to time 999999999; the first is of 1000000000"):
+        load_from_bag(bag, TOPIC, time=SECOND - 1)
+
+
+def test_only_the_wanted_layers_are_read_and_written(bag, tmp_path):
+    assert load_from_bag(bag, layers=["variance"]).layers == ("variance",)
+    save_to_bag(
+        (load_from_bag(bag, index=i) for i in (0, 1)), tmp_path / "b", "/m", layers="variance"
+    )
+    assert [part.layers for part in bag_maps(tmp_path / "b")] == [("variance",)] * 2
+    with pytest.raises(LayerNotFoundError):
+        load_from_bag(bag, layers=["slope"])
+
+
+def test_the_topic_may_be_left_out_where_one_is_of_maps(bag, tmp_path):
+    assert number_of(load_from_bag(bag)) == 3
+    with BagWriter(tmp_path / "two") as writer:
+        writer.write("/a", numbered_map(1))
+        writer.write("/b", numbered_map(2))
+    with pytest.raises(BagError, match=r"2 topics of maps, name one; topics: /a .*GridMap.*, /b"):
+        load_from_bag(tmp_path / "two")
+    assert number_of(load_from_bag(tmp_path / "two", "/a")) == 1
+
+
+def test_a_reader_is_a_sequence_of_records_that_are_not_decoded(bag):
+    with BagReader(bag) as reader:
+        assert len(reader) == 3
+        assert [record.time for record in reader] == [SECOND, 2 * SECOND, 3 * SECOND]
+        assert reader[0].data == to_serialized_message(numbered_map(1))
+        assert number_of(reader[-1].grid_map()) == 3
+        assert reader.topic == TOPIC
+
+
+def test_maps_are_written_and_read_one_at_a_time(tmp_path):
+    taken = []
+
+    def maps():
+        for number in range(3):
+            assert taken == [*range(number)]
+            yield numbered_map(number)
+            taken.append(number)
+
+    save_to_bag(maps(), tmp_path / "bag", TOPIC)
+    reading = bag_maps(tmp_path / "bag")
+    assert number_of(next(reading)) == 0
+    reading.close()
+
+
+def test_a_message_may_have_another_time_than_its_map(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.write(TOPIC, numbered_map(5), time=7)
+    with BagReader(tmp_path / "bag") as reader:
+        assert (reader[0].time, reader[0].grid_map().timestamp) == (7, 5 * SECOND)
+
+
+def test_a_single_file_of_a_bag_is_read_too(bag):
+    assert number_of(load_from_bag(bag / "bag_0.mcap", TOPIC)) == 3
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+def test_wrong_topics_and_types_are_refused_with_a_list_of_the_topics():
+    listed = r"topics: /grid_map \(grid_map_msgs/msg/GridMap\), /occupancy_grid \(nav_msgs/msg"
+    with pytest.raises(BagError, match=rf"no topic '/map'; {listed}"):
+        load_from_bag(DATA / "cpp_move_mcap", "/map")
+    with pytest.raises(BagError, match=rf"occupancy_grid is of type nav_msgs.*not.*{listed}"):
+        load_from_bag(DATA / "cpp_move_sqlite", "/occupancy_grid")
+
+
+def test_another_encoding_is_refused(tmp_path):
+    path = write_mcap(tmp_path / "a.mcap", [1], encoding="json")
+    with pytest.raises(BagError, match=r"a\.mcap: /grid_map is encoded as 'json', only 'cdr'"):
+        load_from_bag(path)
+
+
+def test_a_bag_of_ros_1_is_refused(tmp_path):
+    (tmp_path / "old.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(99))
+    with pytest.raises(BagError, match="a bag of ROS 1; 'rosbags-convert'"):
+        load_from_bag(tmp_path / "old.bag", TOPIC)
+
+
+def test_files_that_rosbag2_compressed_as_a_whole_are_refused(tmp_path):
+    write_bag(tmp_path / "bag", [1], "sqlite3", compressed="file")
+    with pytest.raises(BagError, match=r"its files are compressed \(zstd\).*ros2 bag convert"):
+        load_from_bag(tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.zstd")
+    with pytest.raises(BagError, match="is compressed as a whole; 'zstd -d' unpacks it"):
+        load_from_bag(file)
+
+
+def test_nothing_to_write_is_an_error_and_leaves_nothing(tmp_path):
+    with pytest.raises(BagError, match="no maps to write"):
+        save_to_bag([], tmp_path / "bag", TOPIC)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("topic", ["", "/", "a b", "/grid map", "/1a", "/a//b", "/a/", "/größe"])
+def test_what_is_no_name_of_a_topic_is_refused(tmp_path, topic):
+    with pytest.raises(BagError, match="expected the name of a topic"):
+        save_to_bag(numbered_map(1), tmp_path / "bag", topic)
+
+
+def test_what_is_no_map_is_refused(tmp_path):
+    with pytest.raises(BagError, match="expected a GridMap to write, got str"):
+        save_to_bag("no map", tmp_path / "bag", TOPIC)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_time_that_a_message_cannot_hold_is_refused(tmp_path):
+    grid_map = numbered_map(1)
+    grid_map.timestamp = -1
+    with pytest.raises(MessageError, match="nanoseconds"):
+        save_to_bag(grid_map, tmp_path / "bag", TOPIC)
+
+
+def test_an_unknown_compression_is_refused(tmp_path):
+    with pytest.raises(BagError, match="compression: expected one of none, lz4, zstd, got 'gzip'"):
+        save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, compression="gzip")
+
+
+def test_a_bag_replaces_a_bag_unless_told_not_to(bag):
+    save_to_bag(numbered_map(8), bag, TOPIC)
+    assert [number_of(grid_map) for grid_map in bag_maps(bag)] == [8]
+    with pytest.raises(BagError, match="there is a bag already"):
+        save_to_bag(numbered_map(9), bag, TOPIC, overwrite=False)
+    assert number_of(load_from_bag(bag)) == 8
+
+
+def test_whatever_is_no_bag_is_never_replaced(tmp_path):
+    (tmp_path / "notes.txt").write_text("precious")
+    with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.txt"):
+        save_to_bag(numbered_map(1), tmp_path, TOPIC)
+    with pytest.raises(BagError, match="is a file, and a bag is a folder"):
+        save_to_bag(numbered_map(1), tmp_path / "notes.txt", TOPIC)
+    with pytest.raises(BagError, match="there is no folder"):
+        save_to_bag(numbered_map(1), tmp_path / "a" / "b", TOPIC)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_an_empty_folder_becomes_the_bag(tmp_path):
+    (tmp_path / "bag").mkdir()
+    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, overwrite=False)
+    assert number_of(load_from_bag(tmp_path / "bag")) == 1
+
+
+def test_without_the_package_the_error_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(MissingPackageError, match="pip install mcap"):
+        save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_importing_the_package_imports_neither_mcap_nor_rclpy():
+    code = "import sys, grid_map_ros_py; print({'mcap', 'rclpy', 'sqlite3'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "{'sqlite3'}\n"
+
+
+# --- what rosbag2 writes --------------------------------------------------------------------------
+
+
+def test_the_metadata_has_the_entries_that_rosbag2_writes(bag):
+    ours, theirs = (
+        yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+        for path in (bag, DATA / "cpp_move_mcap")
+    )
+    topics = {
+        found["topic_metadata"]["name"]: found for found in theirs["topics_with_message_count"]
+    }
+    theirs |= {
+        "duration": {"nanoseconds": 2 * SECOND},
+        "starting_time": {"nanoseconds_since_epoch": SECOND},
+        "message_count": 3,
+        "topics_with_message_count": [topics[TOPIC] | {"message_count": 3}],
+        "relative_file_paths": ["bag_0.mcap"],
+    }
+    theirs["files"] = [
+        {"path": "bag_0.mcap"} | {key: theirs[key] for key in theirs["files"][0].keys() - {"path"}}
+    ]
+    assert ours == theirs
+
+
+def test_the_file_has_the_records_that_rosbag2_writes(bag):
+    ours, theirs = (
+        mcap_reader.make_reader(path.open("rb"), validate_crcs=True)
+        for path in (bag / "bag_0.mcap", DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap")
+    )
+    assert ours.get_header().profile == theirs.get_header().profile == "ros2"
+    (channel,) = ours.get_summary().channels.values()
+    (model,) = (c for c in theirs.get_summary().channels.values() if c.topic == TOPIC)
+    assert (channel.topic, channel.message_encoding) == (model.topic, model.message_encoding)
+    assert {k: yaml.safe_load(v) for k, v in channel.metadata.items()} == {
+        k: yaml.safe_load(v) for k, v in model.metadata.items()
+    }
+    statistics = ours.get_summary().statistics
+    assert (statistics.message_count, statistics.message_start_time) == (3, SECOND)
+    assert ours.get_summary().chunk_indexes
+    times = [(m.log_time, m.publish_time) for _, _, m in ours.iter_messages()]
+    assert times == [(SECOND, SECOND), (2 * SECOND, 2 * SECOND), (3 * SECOND, 3 * SECOND)]
+    (metadata,) = ours.iter_metadata()
+    *_, written_last = theirs.iter_metadata()
+    assert metadata.name == written_last.name
+    stored = yaml.safe_load(metadata.metadata["serialized_metadata"])
+    assert stored.keys() == yaml.safe_load(written_last.metadata["serialized_metadata"]).keys()
+
+
+def test_the_definition_is_that_of_the_recordings_but_for_comments():
+    summary = mcap_reader.make_reader((DATA / "cpp_tutorial_outputs.mcap").open("rb")).get_summary()
+    (recorded_one,) = (s for s in summary.schemas.values() if s.name == GRID_MAP_TYPE)
+
+    def parts(definition: str) -> dict[str, list[list[str]]]:
+        first, *nested = definition.split("=" * 80 + "\n")
+        named = {"": first} | dict(part.removeprefix("MSG: ").split("\n", 1) for part in nested)
+        lines = {
+            name: [x.partition("#")[0].split() for x in text.splitlines()]
+            for name, text in named.items()
+        }
+        return {name: [line for line in found if line] for name, found in lines.items()}
+
+    assert parts(DEFINITION) == parts(recorded_one.data.decode())
+
+
+def test_the_type_hash_is_what_an_independent_reader_computes_from_the_definition():
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(typesys.get_types_from_msg(DEFINITION, GRID_MAP_TYPE))
+    assert store.hash_rihs01(GRID_MAP_TYPE) == TYPE_HASH
+
+
+# --- recordings of the C++ rosbag2 ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("path", "recording", "topic"),
+    [
+        ("cpp_tutorial_outputs.mcap", "cpp_tutorial", "grid_map"),
+        ("cpp_filters_outputs.mcap", "cpp_filters", "grid_map"),
+        ("cpp_filters_outputs.mcap", "cpp_filters", "filtered_map"),
+        ("cpp_move_sqlite", "cpp_move", "grid_map"),
+        ("cpp_move_sqlite/cpp_move_sqlite_0.db3", "cpp_move", "grid_map"),
+    ],
+)
+def test_maps_that_cpp_recorded_are_those_that_rclpy_reads(path, recording, topic):
+    expected = recorded(recording, topic, GridMapMessage)
+    with BagReader(DATA / path, f"/{topic}") as reader:
+        assert [record.data for record in reader] == [one.raw for one in expected]
+        for record, one in zip(reader, expected, strict=True):
+            actual = record.grid_map(unwrap=False)
+            assert_identical(actual, from_message(one.message, unwrap=False))
+
+
+@pytest.mark.parametrize("name", RECORDED_MOVES)
+def test_a_bag_that_cpp_recorded_is_complete_and_in_time_order(name):
+    metadata = yaml.safe_load((DATA / name / "metadata.yaml").read_text())
+    counts = {
+        topic["topic_metadata"]["name"]: topic["message_count"]
+        for topic in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
+    }
+    with BagReader(DATA / name) as reader:
+        times = [record.time for record in reader]
+        assert reader.topics.keys() == counts.keys()
+    assert times == sorted(times)
+    assert len(times) == counts[TOPIC] > 20
+
+
+@pytest.mark.parametrize("name", RECORDED_MOVES)
+def test_a_recording_that_is_written_again_is_the_same(name, tmp_path):
+    with BagReader(DATA / name) as reader, BagWriter(tmp_path / "again") as writer:
+        for record in reader:
+            writer.write(TOPIC, record.grid_map(unwrap=False), time=record.time)
+    with BagReader(tmp_path / "again") as again, BagReader(DATA / name) as reader:
+        for ours, theirs in zip(again, reader, strict=True):
+            assert ours.time == theirs.time
+            messages = (deserialize(one.data, GridMapMessage) for one in (ours, theirs))
+            assert bits(next(messages)) == bits(next(messages))
+
+
+# --- the library rosbags --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_rosbags_reads_what_is_written_here(tmp_path, compression):
+    maps = [numbered_map(number) for number in (1, 2)]
+    save_to_bag(maps, tmp_path / "bag", TOPIC, compression=compression)
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    with rosbag2.Reader(tmp_path / "bag") as reader:
+        (connection,) = reader.connections
+        assert (connection.topic, connection.msgtype) == (TOPIC, GRID_MAP_TYPE)
+        assert (connection.digest, connection.msgcount) == (TYPE_HASH, 2)
+        store.register(typesys.get_types_from_msg(connection.msgdef.data, connection.msgtype))
+        messages = list(reader.messages())
+        assert (reader.start_time, reader.message_count) == (SECOND, 2)
+        profile = connection.ext.offered_qos_profiles[0]
+        assert (profile.reliability.name, profile.durability.name) == (
+            "RELIABLE",
+            "TRANSIENT_LOCAL",
+        )
+    for (_, time, data), grid_map in zip(messages, maps, strict=True):
+        message = store.deserialize_cdr(data, GRID_MAP_TYPE)
+        assert time == grid_map.timestamp
+        assert message.layers == list(grid_map.layers)
+        values = message.data[0].data.reshape(grid_map.size, order="F")
+        np.testing.assert_array_equal(values, grid_map["elevation"])
+        assert message.info.pose.position.x == grid_map.position[0]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_what_rosbags_writes_is_read_here(tmp_path, storage):
+    write_bag(tmp_path / "bag", [2, 1, 3], storage)
+    assert [number_of(grid_map) for grid_map in bag_maps(tmp_path / "bag", TOPIC)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_messages_that_are_compressed_one_by_one_are_read(tmp_path, storage):
+    bag = write_bag(tmp_path / "bag", [1, 2], storage, compressed="message")
+    assert [number_of(grid_map) for grid_map in bag_maps(bag)] == [1, 2]
+    (file,) = (path for path in bag.iterdir() if path.suffix != ".yaml")
+    assert number_of(load_from_bag(file)) == 2
+
+
+# --- files without an index, split bags -----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"index_types": mcap_writer.IndexType.NONE},
+        {"index_types": mcap_writer.IndexType.CHUNK},
+        {"use_chunking": False},
+        {"repeat_channels": False, "repeat_schemas": False},
+        {"use_statistics": False, "use_summary_offsets": False},
+        {"chunk_size": 1},
+    ],
+    ids=lambda options: "-".join(options),
+)
+def test_files_without_a_complete_index_are_read_by_scanning(tmp_path, options):
+    path = write_mcap(tmp_path / "file.mcap", [3, 1, 2], **options)
+    assert [number_of(grid_map) for grid_map in bag_maps(path)] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_the_files_of_a_split_bag_are_read_in_time_order(tmp_path, old):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    names = ["bag_0.mcap", "bag_1.mcap"]
+    write_mcap(folder / names[0], [1, 4])
+    write_mcap(folder / names[1], [3, 2, 5])
+    # The first versions named the folder, too.
+    paths = [f"bag/{name}" if old else name for name in names]
+    information = {"version": 3 if old else 9, "relative_file_paths": paths}
+    text = yaml.safe_dump({"rosbag2_bagfile_information": information})
+    (folder / "metadata.yaml").write_text(text)
+    assert [number_of(grid_map) for grid_map in bag_maps(folder)] == [1, 2, 3, 4, 5]
+    assert number_of(load_from_bag(folder, index=2)) == 3
+    (folder / names[1]).unlink()
+    with pytest.raises(BagError, match=r"its file bag_1\.mcap is missing"):
+        load_from_bag(folder)
+
+
+def test_messages_that_a_killed_recorder_left_in_its_log_are_read(tmp_path):
+    names = ["recording.db3", "recording.db3-wal"]
+    (tmp_path / "copy").mkdir()
+    with closing(sqlite3.connect(tmp_path / names[0])) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("CREATE TABLE topics(id, name, type, serialization_format)")
+        database.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+        database.execute("INSERT INTO topics VALUES (1, ?, ?, 'cdr')", (TOPIC, GRID_MAP_TYPE))
+        data = to_serialized_message(numbered_map(6))
+        database.execute("INSERT INTO messages VALUES (1, 1, 6, ?)", (data,))
+        database.commit()
+        for name in names:
+            shutil.copy(tmp_path / name, tmp_path / "copy")
+    assert number_of(load_from_bag(tmp_path / "copy" / names[0])) == 6
+
+
+def test_a_bag_in_a_folder_that_cannot_be_written_to_is_read(tmp_path):
+    shutil.copytree(DATA / "cpp_move_sqlite", tmp_path / "bag")
+    for path in (*(tmp_path / "bag").iterdir(), tmp_path / "bag"):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    assert load_from_bag(tmp_path / "bag").size == (70, 70)
+    (tmp_path / "bag").chmod(0o755)
+    assert len([*(tmp_path / "bag").iterdir()]) == 2

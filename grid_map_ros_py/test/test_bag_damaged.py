@@ -1,0 +1,241 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bags that are damaged, cut off or malicious: one clear error, soon, and little memory."""
+
+import shutil
+import sqlite3
+import struct
+import tracemalloc
+import zlib
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+import yaml
+from bags import DATA, RECORDED_MOVES, TOPIC, numbered_map, write_mcap
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from grid_map_core_py.errors import GridMapError
+from grid_map_ros_py import BagError, BagReader, bag_maps, load_from_bag, save_to_bag
+from grid_map_ros_py.bag_mcap import LARGEST_CHUNK
+
+
+@pytest.fixture
+def path(tmp_path) -> Path:
+    return tmp_path / "file"
+
+
+def read_all(path: Path) -> int:
+    return sum(1 for _ in bag_maps(path, TOPIC))
+
+
+# --- any damage -----------------------------------------------------------------------------------
+
+FILES = {
+    "mcap": DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap",
+    "zstd": DATA / "cpp_tutorial_outputs.mcap",
+    "sqlite3": DATA / "cpp_move_sqlite" / "cpp_move_sqlite_0.db3",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_is_cut_off_is_refused(name, path):
+    data = FILES[name].read_bytes()
+    cuts = [*range(1, 120, 7), *range(200, len(data), len(data) // 40), len(data) - 1]
+    for cut in cuts:
+        path.write_bytes(data[:cut])
+        with pytest.raises(BagError, match=str(path)):
+            read_all(path)
+
+
+@pytest.mark.parametrize("name", ["mcap", "zstd"])
+def test_a_file_that_is_cut_off_says_so_and_what_helps(name, path):
+    path.write_bytes(FILES[name].read_bytes()[:-100])
+    with pytest.raises(BagError, match=r"is cut off: the recording was interrupted.*mcap recover"):
+        load_from_bag(path, TOPIC)
+
+
+@given(st.binary(max_size=300), st.sampled_from([b"\x89MCAP0\r\n", b"SQLite format 3\0", b""]))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_noise_is_refused(path, noise, magic):
+    path.write_bytes(magic + noise)
+    with pytest.raises(BagError, match=str(path)):
+        read_all(path)
+
+
+def test_an_empty_file_is_refused(path):
+    path.touch()
+    with pytest.raises(BagError, match="is empty"):
+        load_from_bag(path)
+
+
+# --- lengths that lie -----------------------------------------------------------------------------
+
+
+def with_chunk(path: Path, compression: bytes, data: bytes, size: int, checksum: int = 0) -> Path:
+    """Write a file with a single chunk whose content claims to be of `size` bytes."""
+    chunk = struct.pack("<QQQI", 0, 0, size, checksum)
+    chunk += struct.pack("<I", len(compression)) + compression
+    chunk += struct.pack("<Q", len(data)) + data
+    records = [(1, bytes(8)), (6, chunk), (15, bytes(4)), (2, bytes(20))]
+    body = b"".join(struct.pack("<BQ", code, len(one)) + one for code, one in records)
+    magic = b"\x89MCAP0\r\n"
+    path.write_bytes(magic + body + magic)
+    return path
+
+
+def assert_refused_without_memory(path: Path, reason: str) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(BagError, match=reason):
+            BagReader(path, TOPIC)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("size", [2**40, 2**64 - 1, LARGEST_CHUNK + 1])
+def test_a_chunk_of_an_absurd_size_is_refused(path, size):
+    with_chunk(path, b"", b"", size)
+    assert_refused_without_memory(path, f"claims to hold {size} bytes, which is absurd")
+
+
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
+def test_compressed_data_is_only_unpacked_as_far_as_it_goes(path, compression):
+    packages = {"lz4": "lz4.frame", "zstd": "zstandard"}
+    package = pytest.importorskip(packages[compression])
+    packed = package.compress(bytes(1000))
+    with_chunk(path, compression.encode(), packed, LARGEST_CHUNK)
+    assert_refused_without_memory(path, f"chunk of {LARGEST_CHUNK} bytes holds 1000")
+    # A hundred megabytes of zeros, as a chunk that claims to hold a thousand.
+    packed = package.compress(bytes(100_000_000))
+    with_chunk(path, compression.encode(), packed, 1000)
+    assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")
+
+
+def test_an_unknown_compression_is_refused(path):
+    with_chunk(path, b"xz", b"", 0)
+    assert_refused_without_memory(path, "its compression 'xz' is not known")
+
+
+def test_a_wrong_checksum_is_found(path):
+    with_chunk(path, b"", b"abc", 3, checksum=zlib.crc32(b"abd"))
+    assert_refused_without_memory(path, "checksum of a chunk is wrong")
+
+
+@pytest.mark.parametrize("length", [2**31, 2**63, 2**64 - 1])
+def test_a_record_that_claims_more_than_the_file_has_is_refused(path, length):
+    data = bytearray(write_mcap(path, [1], use_chunking=False).read_bytes())
+    data[9:17] = struct.pack("<Q", length)
+    data[-28:-20] = bytes(8)  # no summary: the file is scanned
+    path.write_bytes(data)
+    assert_refused_without_memory(path, "are missing")
+
+
+def test_a_message_that_is_no_map_names_its_file_and_number(path):
+    data = write_mcap(path, [1, 2], use_chunking=False, enable_crcs=False).read_bytes()
+    path.write_bytes(data.replace(b"\x04\x00\x00\x00map\x00", b"\xff\xff\xff\x7fmap\x00"))
+    with BagReader(path) as reader:
+        assert len(reader) == 2
+        with pytest.raises(BagError, match=rf"{path}: map 1 on /grid_map: .*frame_id"):
+            reader[1].grid_map()
+
+
+# --- databases ------------------------------------------------------------------------------------
+
+
+def changed(path: Path, *statements: str) -> Path:
+    shutil.copy(FILES["sqlite3"], path)
+    with closing(sqlite3.connect(path)) as database, database:
+        for statement in statements:
+            database.execute(statement)
+    return path
+
+
+ENDLESS = """CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)
+SELECT i AS id, 1 AS topic_id, i AS timestamp, zeroblob(9) AS data FROM n"""
+
+
+@pytest.mark.parametrize(
+    ("statements", "reason"),
+    [
+        (["DROP TABLE topics"], "not of a bag: no tables of messages"),
+        (["ALTER TABLE messages RENAME TO old", ENDLESS], "no tables of messages"),
+        (["UPDATE messages SET data = 'text' WHERE id = 3"], "message of time .* is damaged"),
+        (["UPDATE messages SET timestamp = 'now' WHERE id = 3"], "a time that is no integer"),
+        (["ALTER TABLE messages DROP COLUMN data"], "no such column: data"),
+        (["UPDATE messages SET data = zeroblob(900) WHERE id = 3"], "map 2 on /grid_map: "),
+        (["UPDATE topics SET name = CAST(x'ff' AS TEXT)"], "UTF-8"),
+    ],
+    ids=range(7),
+)
+def test_a_database_that_is_no_bag_is_refused(path, statements, reason):
+    with pytest.raises(BagError, match=f"(?s){path}.*{reason}"):
+        read_all(changed(path, *statements))
+
+
+def test_a_topic_of_no_messages_has_no_map(path):
+    with pytest.raises(BagError, match="no map -1: 0 maps on /grid_map"):
+        load_from_bag(changed(path, "DELETE FROM messages"), TOPIC)
+
+
+def test_a_damaged_index_of_times_hides_no_message(path):
+    assert read_all(changed(path, "DROP INDEX timestamp_idx")) == read_all(FILES["sqlite3"])
+
+
+# --- metadata -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def bag(tmp_path) -> Path:
+    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
+    return tmp_path / "bag"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "'rosbag2_bagfile_information' is missing"),
+        ("[1, 2]", "'rosbag2_bagfile_information' is missing"),
+        ("rosbag2_bagfile_information: 3", "is missing"),
+        ("rosbag2_bagfile_information: {a: b}", "expected a list of names"),
+        ("rosbag2_bagfile_information: {relative_file_paths: [1]}", "expected a list of names"),
+        ("rosbag2_bagfile_information: {relative_file_paths: []}", "has no files"),
+        ("rosbag2_bagfile_information: {relative_file_paths: [a]}", "its file a is missing"),
+        ("rosbag2_bagfile_information: {relative_file_paths: ['']}", "is missing"),
+        ("{", "no valid YAML"),
+        ("\0", "no valid YAML"),
+        ("[" * 100_000, "nested more than"),
+        ("#" * 5_000_000, "larger than"),
+        (b"\xff\xfe\xff", "no valid YAML"),
+    ],
+    ids=range(13),
+)
+def test_damaged_metadata_is_refused(bag, text, reason):
+    (bag / "metadata.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(GridMapError, match=rf"{bag}.*{reason}"):
+        load_from_bag(bag)
+
+
+def test_a_path_out_of_the_bag_is_not_followed(bag, tmp_path):
+    (bag / "bag_0.mcap").rename(tmp_path / "other.mcap")
+    for name in ("../other.mcap", str(tmp_path / "other.mcap")):
+        text = yaml.safe_dump({"rosbag2_bagfile_information": {"relative_file_paths": [name]}})
+        (bag / "metadata.yaml").write_text(text)
+        with pytest.raises(BagError, match=r"its file other\.mcap is missing"):
+            load_from_bag(bag)
+
+
+def test_a_folder_without_metadata_is_refused_and_its_file_named(bag):
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(BagError, match=r"without metadata\.yaml; name the file .* bag_0\.mcap"):
+        load_from_bag(bag)
+
+
+@pytest.mark.parametrize("name", RECORDED_MOVES)
+def test_counts_in_the_metadata_are_not_relied_on(name, tmp_path):
+    shutil.copytree(DATA / name, tmp_path / "bag")
+    text = (tmp_path / "bag" / "metadata.yaml").read_text()
+    (tmp_path / "bag" / "metadata.yaml").write_text(text.replace("count: 32", "count: 9999999"))
+    assert read_all(tmp_path / "bag") == read_all(DATA / name)

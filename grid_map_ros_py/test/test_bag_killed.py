@@ -1,0 +1,93 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A save that is killed or fails leaves the old bag or the new one."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bags import TOPIC, number_of, numbered_map
+
+from grid_map_core_py import atomic
+from grid_map_core_py.testing import killed_at_every_step
+from grid_map_ros_py import BagError, bag_maps, load_from_bag, save_to_bag
+
+SAVE_FOR_EVER = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from bags import TOPIC, numbered_map
+from grid_map_ros_py import save_to_bag
+maps = [numbered_map(number, side=300) for number in range(100)]
+print("ready", flush=True)
+while True:
+    for grid_map in maps:
+        save_to_bag(grid_map, sys.argv[2], TOPIC)
+"""
+
+
+@pytest.mark.parametrize("can_exchange", [True, False])
+def test_a_save_that_is_killed_leaves_the_old_bag_or_the_new_one(
+    tmp_path, monkeypatch, can_exchange
+):
+    if not can_exchange:
+        monkeypatch.setattr(atomic, "_exchange", lambda *_: False)
+    path = tmp_path / "bag"
+    old, new = numbered_map(1), numbered_map(2)
+    save_to_bag(old, path, TOPIC)
+    found = []
+    for _ in killed_at_every_step(lambda: save_to_bag(new, path, TOPIC)):
+        (grid_map,) = bag_maps(path, TOPIC)
+        found.append(number_of(grid_map))
+        save_to_bag(old, path, TOPIC)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+    assert found == sorted(found)
+    assert {*found} == {1, 2}
+    assert len(found) > 15
+
+
+def test_a_process_that_is_killed_at_any_time_leaves_a_complete_bag(tmp_path):
+    path = tmp_path / "bag"
+    save_to_bag(numbered_map(0), path, TOPIC)
+    for _ in range(2):
+        command = [sys.executable, "-c", SAVE_FOR_EVER, str(Path(__file__).parent), str(path)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        with process.stdout:
+            assert process.stdout.readline() == b"ready\n"
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(random.uniform(0.05, 0.3))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert len([*bag_maps(path, TOPIC)]) == 1
+    save_to_bag(numbered_map(7), path, TOPIC)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+
+
+def test_an_error_between_two_maps_passes_through_and_leaves_the_old_bag(tmp_path):
+    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
+
+    def maps():
+        yield numbered_map(2)
+        raise ZeroDivisionError("of the caller")
+
+    with pytest.raises(ZeroDivisionError, match="of the caller"):
+        save_to_bag(maps(), tmp_path / "bag", TOPIC)
+    assert number_of(load_from_bag(tmp_path / "bag")) == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_full_disk_is_one_error_and_leaves_the_old_bag(tmp_path, monkeypatch):
+    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
+
+    def fail(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(BagError, match="bag: cannot be written: No space left on device"):
+        save_to_bag(numbered_map(2), tmp_path / "bag", TOPIC)
+    monkeypatch.undo()
+    assert number_of(load_from_bag(tmp_path / "bag")) == 1

@@ -1,0 +1,236 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Clouds wait for their poses, and bad ones leave the map alone."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from clouds import UINT32, packed_cloud, xyz_cloud, xyz_fields
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
+from test_poses import SECOND, history, pose
+
+from grid_map_core_py import ConfigError, GridGeometry
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_ros_py.cloud_mapper import CloudMapper
+from grid_map_ros_py.poses import NoPoses, Placement, Poses
+from grid_map_ros_py.rolling_map import RollingMap
+from grid_map_ros_py.time import to_stamp
+
+
+class Hand:
+    """A clock that is set by hand."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Hand:
+    return Hand()
+
+
+@pytest.fixture
+def reports() -> list[str]:
+    return []
+
+
+def mapper(poses: Poses, reports: list[str], **options: Any) -> CloudMapper:
+    rolling = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
+    return CloudMapper(rolling, poses, reports.append, **options)
+
+
+def cloud(seconds: float, *points: tuple[float, float, float], frame: str = "lidar") -> PointCloud2:
+    message = xyz_cloud(points or [(0.5, 0.5, seconds)], frame)
+    message.header.stamp = to_stamp(round(seconds * SECOND))
+    return message
+
+
+def height(made: CloudMapper, x: float, y: float) -> float:
+    grid_map = made.rolling_map.grid_map
+    return float(grid_map["elevation"][grid_map.get_index((x, y))])
+
+
+def test_a_cloud_goes_where_the_robot_was(reports: list[str]) -> None:
+    made = mapper(history(pose(1, 10.0, 20.0, math.pi / 2), pose(2, 90.0)), reports)
+    assert made.add(cloud(1, (2.5, 0.5, 7.0)))
+    assert height(made, 9.5, 22.5) == 7.0
+    grid_map = made.rolling_map.grid_map
+    assert (grid_map.position.tolist(), grid_map.timestamp) == ([10.0, 20.0], SECOND)
+    assert reports == []
+
+
+def test_a_map_that_does_not_follow_stays(reports: list[str]) -> None:
+    made = mapper(history(pose(1, 1.0, 2.0), pose(2, 9.0)), reports, follow=False)
+    made.add(cloud(1, (0.5, 0.5, 7.0)))
+    assert height(made, 1.5, 2.5) == 7.0
+    assert made.rolling_map.grid_map.position.tolist() == [0.0, 0.0]
+
+
+def test_clouds_wait_for_their_poses_and_are_fused_in_order(
+    reports: list[str], clock: Hand
+) -> None:
+    poses = history(pose(1))
+    made = mapper(poses, reports, clock=clock)
+    assert not made.add(cloud(2))
+    assert not made.add(cloud(3))
+    assert not made.work()
+    poses.add(pose(2.5))
+    assert made.work()
+    assert made.rolling_map.grid_map.timestamp == 2 * SECOND
+    poses.add(pose(3))
+    assert made.work()
+    assert made.rolling_map.grid_map.timestamp == 3 * SECOND
+    assert not made.work()
+    assert (made.statistics.fused, reports) == (2, [])
+
+
+def test_clouds_that_wait_in_vain_are_dropped(reports: list[str], clock: Hand) -> None:
+    made = mapper(history(pose(1)), reports, clock=clock, timeout=0.5)
+    made.add(cloud(2))
+    clock.now = 0.4
+    made.add(cloud(3))
+    assert reports == []
+    clock.now = 0.5
+    made.work()
+    assert reports == ["dropped a cloud: it waited 0.5 s for a later pose than that of 1.000 s"]
+    clock.now = 0.9
+    made.work()
+    assert made.statistics.dropped == 2
+
+
+def test_no_more_clouds_wait_than_the_queue_holds(reports: list[str], clock: Hand) -> None:
+    poses = history()
+    made = mapper(poses, reports, clock=clock, queue_size=2)
+    for seconds in (1, 2, 3):
+        made.add(cloud(seconds))
+    assert reports == ["dropped a cloud: 2 newer ones wait for poses"]
+    poses.add(pose(2))
+    poses.add(pose(3))
+    made.work()
+    assert made.statistics.fused == 2
+
+
+def test_a_cloud_that_waits_does_not_hold_up_those_of_other_frames(reports: list[str]) -> None:
+    class OnlyLidar(NoPoses):
+        def place(self, frame_id: str, stamp: int) -> Placement | None:
+            return super().place("odom", stamp) if frame_id == "lidar" else None
+
+    made = mapper(OnlyLidar("odom"), reports)
+    assert not made.add(cloud(1, frame="camera"))
+    assert made.add(cloud(2))
+    assert (made.statistics.fused, reports) == (1, [])
+
+
+def test_a_cloud_that_is_too_old_does_not_hold_up_the_next(reports: list[str]) -> None:
+    made = mapper(history(pose(5), pose(6)), reports)
+    assert not made.add(cloud(1))
+    assert made.add(cloud(5.5))
+    assert reports == ["dropped a cloud: no pose at 1.000 s: the first one is of 5.000 s"]
+
+
+def test_serialized_clouds_are_taken_as_well(reports: list[str]) -> None:
+    made = mapper(NoPoses("odom"), reports, follow=False)
+    data = serialize_message(cloud(1, (0.5, 0.5, 7.0), frame="odom"))
+    assert made.add(data)
+    assert height(made, 0.5, 0.5) == 7.0
+    assert not made.add(data[:-12])
+    (report,) = reports
+    assert report.startswith("dropped a cloud: data: expected")
+
+
+def truncated(message: PointCloud2) -> None:
+    message.data = message.data[:-1]
+
+
+def unnamed(message: PointCloud2) -> None:
+    message.fields[2].name = "height"
+
+
+def without_time(message: PointCloud2) -> None:
+    message.header.stamp.sec = -1
+
+
+def elsewhere(message: PointCloud2) -> None:
+    message.header.frame_id = "map"
+
+
+@pytest.mark.parametrize(
+    ("damage", "reason"),
+    [
+        (truncated, "data: expected 12 bytes"),
+        (unnamed, "fields: expected one called 'z'"),
+        (without_time, "header.stamp.sec: expected no negative number"),
+        (elsewhere, "header.frame_id: expected 'odom'"),
+    ],
+)
+def test_a_bad_cloud_is_reported_and_changes_nothing(
+    damage: Any, reason: str, reports: list[str]
+) -> None:
+    made = mapper(NoPoses("odom"), reports, follow=False)
+    made.add(cloud(1, frame="odom"))
+    before = made.rolling_map.grid_map.copy()
+    bad = cloud(2, frame="odom")
+    damage(bad)
+    assert not made.add(bad)
+    assert_maps_equal(made.rolling_map.grid_map, before)
+    (report,) = reports
+    assert report.startswith(f"dropped a cloud: {reason}")
+    assert (made.statistics.fused, made.statistics.dropped) == (1, 1)
+
+
+def test_a_robot_beyond_counting_changes_nothing(reports: list[str]) -> None:
+    made = mapper(history(pose(1), pose(2, 1e300)), reports)
+    made.add(cloud(1))
+    before = made.rolling_map.grid_map.copy()
+    assert not made.add(cloud(2))
+    assert_maps_equal(made.rolling_map.grid_map, before)
+    assert "too far away" in reports[0]
+
+
+def test_points_out_of_range_of_the_sensor_are_left_out(reports: list[str]) -> None:
+    options: dict[str, Any] = {"min_range": 1.0, "max_range": 3.0, "fields": ["n"]}
+    made = mapper(history(pose(1, 100.0), pose(2)), reports, **options)
+    places = [(0.5, 0.5, 0.1), (1.5, 0.5, 0.1), (2.5, 0.5, 0.1), (3.5, 0.5, 0.1)]
+    points = [dict(zip("xyzn", (*place, k), strict=True)) for k, place in enumerate(places)]
+    message = packed_cloud(points, [*xyz_fields(), ("n", 12, UINT32, 1)], frame_id="lidar")
+    message.header.stamp = to_stamp(SECOND)
+    made.add(message)
+    assert reports == []
+    found = made.rolling_map.grid_map["n"]
+    assert sorted(found[np.isfinite(found)]) == [1, 2]
+
+
+def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
+    points = [{"x": 0.5, "y": 0.5, "z": 1.0, "rgb": 0x112233}]
+    message = packed_cloud(points, [*xyz_fields(), ("rgb", 12, UINT32, 1)], frame_id="odom")
+    plain = mapper(NoPoses("odom"), reports, follow=False)
+    coloured = mapper(NoPoses("odom"), reports, follow=False, fields=["rgb"])
+    plain.add(message)
+    coloured.add(message)
+    assert plain.rolling_map.grid_map.layers == ("elevation",)
+    assert coloured.rolling_map.grid_map.layers == ("elevation", "color")
+    coloured.add(cloud(2, frame="odom"))
+    assert reports == ["dropped a cloud: fields: expected one called 'rgb', found ['x', 'y', 'z']"]
+
+
+def test_statistics_tell_in_a_line_what_became_of_the_clouds(reports: list[str]) -> None:
+    made = mapper(NoPoses("odom"), reports, follow=False)
+    made.add(cloud(1, (0, 0, 0), (1, 1, 1), frame="odom"))
+    made.add(cloud(1, frame="lidar"))
+    line = str(made.statistics)
+    assert line.startswith("1 clouds with 2 points fused, ")
+    assert line.endswith(" ms per cloud; 1 clouds dropped")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"min_range": -1.0}, {"min_range": 2.0, "max_range": 1.0}, {"timeout": -1}, {"queue_size": 0}],
+)
+def test_wrong_settings_are_refused(wrong: dict[str, Any], reports: list[str]) -> None:
+    with pytest.raises(ConfigError, match="expected"):
+        mapper(NoPoses("odom"), reports, **wrong)

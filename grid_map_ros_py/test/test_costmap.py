@@ -1,0 +1,213 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import array
+import math
+import sys
+from types import ModuleType
+from typing import Any
+
+import nav2_stand_in
+import numpy as np
+import pytest
+from cpp_golden import assert_header, assert_pose, cases, to_map
+from geometry_msgs.msg import Quaternion
+from hypothesis import HealthCheck, given, settings
+from nav2_stand_in import Costmap, PyCostmap2D
+
+from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.costmap import CENTURY
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_ros_py import (
+    MessageError,
+    MissingPackageError,
+    from_costmap,
+    from_occupancy_grid,
+    to_costmap,
+    to_occupancy_grid,
+)
+from grid_map_ros_py.costmap import OCCUPANCIES
+
+
+@pytest.fixture(autouse=True)
+def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let stand-ins be found as nav2's messages; those are tried in a workspace of its own."""
+    monkeypatch.setitem(sys.modules, "nav2_msgs", ModuleType("nav2_msgs"))
+    monkeypatch.setitem(sys.modules, "nav2_msgs.msg", nav2_stand_in)
+
+
+def to_message(description: dict[str, Any]) -> Costmap:
+    message = Costmap()
+    header, metadata = description["header"], message.metadata
+    message.header.frame_id = header["frame_id"]
+    message.header.stamp.sec, message.header.stamp.nanosec = header["sec"], header["nanosec"]
+    metadata.resolution = description["resolution"]
+    metadata.size_x, metadata.size_y = description["size_x"], description["size_y"]
+    x, y = map(float, description["origin"]["position"][:2])
+    metadata.origin.position.x, metadata.origin.position.y = x, y
+    message.data = array.array("B", description["data"])
+    return message
+
+
+TO_COSTMAP = cases("to_costmap")
+FROM_COSTMAP = [case for _, case in cases("from_costmap")]
+
+
+def test_costmaps_equal_those_of_cpp() -> None:
+    compared = [(m, case) for m, case in TO_COSTMAP if case["data_min"] != case["data_max"]]
+    assert len(compared) == 12
+    for grid_map, case in compared:
+        message = to_costmap(grid_map, case["layer"], case["data_min"], case["data_max"])
+        expected = case["costmap"]
+        assert_header(message.header, expected["header"])
+        assert_pose(message.metadata.origin, expected["origin"])
+        for name in ("resolution", "size_x", "size_y"):
+            assert getattr(message.metadata, name) == expected[name]
+        assert message.data.tolist() == expected["data"]
+        assert message.metadata.layer == case["layer"]
+        assert message.metadata.update_time == message.header.stamp
+
+
+def test_a_range_without_extent_is_refused_where_cpp_divides_by_zero() -> None:
+    refused = [(m, case) for m, case in TO_COSTMAP if case["data_min"] == case["data_max"]]
+    assert len(refused) == 4
+    for grid_map, case in refused:
+        with pytest.raises(GeometryError, match="expected two different finite float32 numbers"):
+            to_costmap(grid_map, case["layer"], case["data_min"], case["data_max"])
+
+
+@pytest.mark.parametrize("read", [lambda message: message, PyCostmap2D])
+def test_maps_equal_those_of_cpp(read: Any) -> None:
+    assert len(FROM_COSTMAP) == 16
+    for case in FROM_COSTMAP:
+        grid_map, expected = from_costmap(read(to_message(case["costmap"])), "cost"), case["result"]
+        # The C++ library goes on with 0.1 as float32; ours has 0.1 again.
+        assert grid_map.resolution == round(expected["resolution"], 6)
+        expected = to_map(expected)
+        np.testing.assert_allclose(grid_map.position, expected.position, atol=1e-7)
+        assert (grid_map.size, grid_map.timestamp) == (expected.size, expected.timestamp)
+        assert grid_map.frame_id == expected.frame_id
+        np.testing.assert_array_equal(grid_map["cost"], expected["cost"])
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(grid_maps())
+def test_a_costmap_begins_at_the_smallest_x_and_y_and_nan_is_unknown(grid_map: GridMap) -> None:
+    message = to_costmap(grid_map, "elevation", 300.0, -200.0)
+    rows, columns = message.metadata.size_x, message.metadata.size_y
+    assert (rows, columns) == grid_map.size
+    origin = message.metadata.origin.position
+    for k, cost in enumerate(message.data):
+        x = origin.x + (k % rows + 0.5) * grid_map.resolution
+        y = origin.y + (k // rows + 0.5) * grid_map.resolution
+        value = grid_map["elevation"][grid_map.get_index((x, y))]
+        if math.isnan(value):
+            assert cost == 255
+        else:
+            share = min(max((300.0 - value) / 500.0, 0.0), 1.0)
+            assert abs(cost + 0.5 - 254 * share) <= 0.51
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(grid_maps())
+def test_a_map_comes_back_where_it_was_with_its_costs(grid_map: GridMap) -> None:
+    message = to_costmap(grid_map, "elevation", -1000.0, 1000.0)
+    received = from_costmap(message, "cost")
+    assert (received.size, received.resolution) == (grid_map.size, grid_map.resolution)
+    np.testing.assert_allclose(received.position, grid_map.position, atol=1e-9)
+    assert to_costmap(received, "cost").data == message.data
+
+
+def test_costs_themselves_are_the_default_and_all_of_them_survive() -> None:
+    costs = np.arange(256).reshape(16, 16).astype(np.float32)
+    costs[15, 15] = np.nan
+    sent = GridMap((1.6, 1.6), 0.1, (5.0, -3.0), {"cost": costs})
+    moved = moved_in_buffer(sent, (3, 9))
+    received = from_costmap(to_costmap(moved, "cost"), "cost")
+    assert_maps_equal(received, sent)
+
+
+def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
+    values = [[0.0, 50.0], [99.0, 100.0], [math.nan, 1.0]]
+    sent = GridMap((3, 2), 1.0, layers={"occupancy": values})
+    grid = to_occupancy_grid(sent, "occupancy", 0, 100)
+    costs = to_costmap(from_occupancy_grid(grid, "o"), "o", codec=OCCUPANCIES)
+    # x grows fastest from the smallest x and y on.
+    assert costs.data.tolist() == [3, 254, 128, 255, 253, 0]
+    back = from_costmap(costs, "occupancy", OCCUPANCIES)
+    assert to_occupancy_grid(back, "occupancy", 0, 100).data[3] == -1
+    np.testing.assert_array_equal(np.round(back["occupancy"]), values)
+
+
+def test_the_century_of_costmap_2d_has_minus_one_for_unknown() -> None:
+    grid_map = GridMap((1, 2), 1.0, layers={"cost": [[-1.0, math.nan]]})
+    costs = to_costmap(grid_map, "cost", codec=CENTURY)
+    assert costs.data.tolist() == [255, 255]
+    assert from_costmap(costs, "cost", CENTURY)["cost"].tolist() == [[-1, -1]]
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, math.inf])
+def test_what_is_not_finite_is_never_free_unless_it_is_beyond_the_bound(value: float) -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"e": value})
+    expected = {math.inf: 254, -math.inf: 0}.get(value, 255)
+    assert to_costmap(grid_map, "e", 0.0, 1.0).data.tolist() == [expected]
+
+
+MALFORMED = {
+    "no cells along x": ("metadata.size_x", 0, r"metadata\.size_x: expected at least one cell"),
+    "no cells along y": ("metadata.size_y", 0, r"metadata\.size_y: expected at least one cell"),
+    "too many cells": ("metadata.size_x", 2**31 - 1, "data: expected 4294967294 values"),
+    "more than any map": ("metadata.size_x", 2**32 - 1, "metadata: expected a grid of finite size"),
+    "too little data": ("data", array.array("B", [0]), "data: expected 6 values .*found 1"),
+    "resolution zero": ("metadata.resolution", 0.0, r"metadata\.resolution: .* positive .*found 0"),
+    "resolution nan": ("metadata.resolution", math.nan, r"metadata\.resolution: .*found nan"),
+    "origin nan": ("metadata.origin.position.x", math.nan, r"origin\.position\.x: .*found nan"),
+    "rotated": (
+        "metadata.origin.orientation",
+        Quaternion(z=1.0, w=0.0),
+        r"metadata\.origin\.orientation: expected the identity.*found \(0.0, 0.0, 1.0, 0.0\)",
+    ),
+    "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> None:
+    path, value, text = MALFORMED[kind]
+    message = to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e")
+    *parents, last = path.split(".")
+    target: Any = message
+    for name in parents:
+        target = getattr(target, name)
+    setattr(target, last, value)
+    with pytest.raises(MessageError, match=text):
+        from_costmap(message, "cost")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("size_x", 4),
+        ("costmap", np.zeros((3, 2), np.uint8)),
+        ("costmap", np.full(6, 256)),
+        ("resolution", -1.0),
+        ("origin_y", math.nan),
+    ],
+)
+def test_a_py_costmap_that_makes_no_sense_is_refused(name: str, value: object) -> None:
+    costmap = PyCostmap2D(to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e"))
+    setattr(costmap, name, value)
+    with pytest.raises(GridMapError):
+        from_costmap(costmap, "cost")
+
+
+def test_without_nav2_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "nav2_msgs.msg", None)
+    with pytest.raises(
+        MissingPackageError, match=r"to_costmap needs the package 'nav2_msgs'.*nav2-m"
+    ):
+        to_costmap(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e")
+
+
+def test_an_unknown_layer_is_named() -> None:
+    with pytest.raises(LayerNotFoundError, match="'slope'; available: e"):
+        to_costmap(GridMap((1, 1), 1.0, layers={"e": 0.0}), "slope")

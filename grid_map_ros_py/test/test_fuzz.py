@@ -1,0 +1,24 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Damaged input leads to nothing but an error of ours; `make fuzz` tries it for longer."""
+
+import fuzz
+import pytest
+
+TARGETS = fuzz.targets()
+SECONDS = 10 / len(TARGETS)
+CHECKED = {"MCAP", "npz", "map.yaml"}
+"""Formats whose checksums, or whose brevity, let hardly any damage pass."""
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_damaged_input_is_read_or_refused_with_an_error_of_ours(target):
+    counts = fuzz.fuzz(target, SECONDS, seed=1)
+    assert counts["refused"] > 5
+    assert counts["read"] > 0 or target.name in CHECKED
+
+
+@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
+def test_intact_input_is_read(target):
+    for seed in target.seeds:
+        target.read(seed)

@@ -1,0 +1,330 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import array
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from cpp_golden import cases, to_map
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_ros_py import (
+    MessageError,
+    add_color_layer_from_image,
+    add_layer_from_image,
+    from_image,
+    to_color_image,
+    to_image,
+)
+from grid_map_ros_py.image import ENCODINGS
+
+IMAGES = cases("images")
+COLOR_IMAGES = [(grid_map, case) for grid_map, case in IMAGES if "color_image" in case]
+USUAL = [
+    *("mono8", "mono16", "rgb8", "bgr8", "rgba8", "bgra8"),
+    *("rgb16", "bgr16", "rgba16", "bgra16", "32FC1", "64FC1"),
+]
+
+
+def over_the_wire(message: Image) -> Image:
+    return deserialize_message(serialize_message(message), Image)
+
+
+def described(message: Image) -> dict[str, Any]:
+    names = ("height", "width", "encoding", "is_bigendian", "step")
+    values = {name: getattr(message, name) for name in names}
+    return {**values, "data_hex": bytes(message.data).hex()}
+
+
+def to_message(description: dict[str, Any]) -> Image:
+    message = Image(**{name: value for name, value in description.items() if name != "data_hex"})
+    message.data = array.array("B", bytes.fromhex(description["data_hex"]))
+    return message
+
+
+def pixels(description: dict[str, Any]) -> np.ndarray:
+    """Return the pixels (rows, cols, channels) as floats, colours in the order red, green, blue."""
+    encoding = description["encoding"]
+    dtype = "<u2" if encoding.endswith("16") else "u1"
+    values = np.frombuffer(bytes.fromhex(description["data_hex"]), dtype).astype(float)
+    found = values.reshape(description["height"], description["width"], -1)
+    if encoding.startswith("bgr"):
+        found = found[..., [2, 1, 0, 3][: found.shape[2]]]
+    return found
+
+
+# --- against C++ ----------------------------------------------------------------------------------
+
+
+def test_layers_become_the_images_of_cpp() -> None:
+    assert len(IMAGES) == 24
+    for grid_map, case in IMAGES:
+        layer, encoding = case["layer"], case["encoding"]
+        message = over_the_wire(to_image(grid_map, layer, encoding, case["lower"], case["upper"]))
+        assert described(message) == case["image"]
+        assert (
+            described(over_the_wire(to_image(grid_map, layer, encoding)))
+            == (case["auto_range_image"])
+        )
+        assert message.header.frame_id == grid_map.frame_id
+
+
+def test_images_become_the_maps_of_cpp() -> None:
+    assert len(IMAGES) == 24
+    for grid_map, case in IMAGES:
+        bounds = case["lower"], case["upper"]
+        # Sent by us, so that frame and time are there, with the bytes that C++ sent.
+        message = to_image(grid_map, case["layer"], case["encoding"], *bounds)
+        position = case["back"]["position"]
+        result = from_image(message, "img", grid_map.resolution, *bounds, position=position)
+        assert_maps_equal(result, to_map(case["back"]), rtol=1e-6, atol=1e-7)
+
+
+def test_images_become_the_layers_of_cpp_where_the_map_has_not_moved() -> None:
+    compared = [(m, case) for m, case in IMAGES if m.start_index == (0, 0)]
+    assert len(compared) == 12
+    for grid_map, case in compared:
+        message = to_message(case["image"])
+        add_layer_from_image(grid_map, message, "img", case["lower"], case["upper"])
+        expected = np.array(case["back_into_same_map"]["layers"]["img"])
+        np.testing.assert_allclose(grid_map["img"], expected, rtol=1e-6, atol=1e-7)
+
+
+def test_images_are_placed_correctly_on_moved_maps() -> None:
+    compared = [(m, case) for m, case in IMAGES if m.start_index != (0, 0)]
+    assert len(compared) == 12
+    for grid_map, case in compared:
+        message = to_message(case["image"])
+        add_layer_from_image(grid_map, message, "img", case["lower"], case["upper"])
+        known = np.isfinite(grid_map["elevation"])
+        elevation = np.clip(grid_map["elevation"], case["lower"], case["upper"])
+        np.testing.assert_allclose(grid_map["img"][known], elevation[known], atol=0.45 / 254)
+
+
+def test_the_grey_of_colours_is_that_of_cpp_where_it_takes_them_for_what_they_are() -> None:
+    compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("bgr")]
+    assert len(compared) == 8
+    for case in compared:
+        grey = from_image(to_message(case["color_image"]), "grey", 1.0)["grey"]
+        expected = np.array(case["gray_layer_from_color_image"]["layers"]["gray"])
+        np.testing.assert_allclose(grey, expected, rtol=1e-6)
+
+
+def test_the_grey_of_rgb_images_honours_their_order() -> None:
+    compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("rgb")]
+    assert len(compared) == 8
+    for case in compared:
+        colors = pixels(case["color_image"])
+        largest = 65535 if case["color_image"]["encoding"].endswith("16") else 255
+        grey = from_image(to_message(case["color_image"]), "grey", 1.0, 0, largest)["grey"]
+        luma = colors[..., :3] @ [0.299, 0.587, 0.114]
+        if colors.shape[2] == 4:
+            luma[colors[..., 3] < largest // 2] = np.nan
+        np.testing.assert_allclose(grey, luma, atol=0.51)
+
+
+def test_colour_images_become_the_layers_that_their_order_tells() -> None:
+    assert len(COLOR_IMAGES) == 16
+    for grid_map, case in COLOR_IMAGES:
+        add_color_layer_from_image(grid_map, to_message(case["color_image"]))
+        colors = pixels(case["color_image"])
+        largest = 65535 if case["color_image"]["encoding"].endswith("16") else 255
+        expected = color_vector_to_value((colors[..., :3] // (largest // 255)).astype(int))
+        if colors.shape[2] == 4:
+            expected[colors[..., 3] < largest // 2] = np.nan
+        np.testing.assert_array_equal(grid_map.unwrapped("color"), expected)
+
+
+# --- both ways ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(grid_maps(), st.sampled_from(sorted(ENCODINGS)))
+def test_a_layer_survives_the_way_through_an_image_but_for_its_steps(
+    grid_map: GridMap, encoding: str
+) -> None:
+    low, high = -1000.0, 1000.0
+    message = over_the_wire(to_image(grid_map, "elevation", encoding, low, high))
+    received = from_image(message, "elevation", grid_map.resolution, low, high)
+    sent = np.clip(grid_map.unwrapped("elevation"), low, high)
+    kind = ENCODINGS[encoding]
+    step = (high - low) * {1: 1 / 255, 2: 1 / 65535}.get(kind.dtype.itemsize, 1e-6)
+    missing = np.isnan(sent)
+    if kind.dtype.kind == "u" and kind.channels < 4:
+        # Without alpha, there is no way to tell that something is missing.
+        sent[missing] = low
+    np.testing.assert_allclose(received["elevation"], sent, atol=1.1 * step)
+    assert received.size == grid_map.size
+
+
+@pytest.mark.parametrize("encoding", ["32FC1", "64FC1"])
+@settings(max_examples=20)
+@given(grid_map=grid_maps())
+def test_floats_without_bounds_are_kept_to_the_bit(encoding: str, grid_map: GridMap) -> None:
+    received = from_image(over_the_wire(to_image(grid_map, "elevation", encoding)), "elevation", 1)
+    np.testing.assert_array_equal(received["elevation"], grid_map.unwrapped("elevation"))
+
+
+COLORS = [e for e in ENCODINGS if ENCODINGS[e].channels > 1]
+
+
+@pytest.mark.parametrize("encoding", COLORS)
+def test_colours_survive_the_way_through_an_image(encoding: str) -> None:
+    rgb = np.random.default_rng(3).integers(0, 256, (4, 3, 3))
+    grid_map = GridMap((4, 3), 1.0, layers={"color": color_vector_to_value(rgb)})
+    grid_map["color"][1, 2] = np.nan
+    grid_map = moved_in_buffer(grid_map, (3, 1))
+    message = over_the_wire(to_color_image(grid_map, encoding=encoding))
+    received = GridMap((4, 3), 1.0)
+    add_color_layer_from_image(received, message)
+    expected = grid_map.unwrapped("color")
+    if ENCODINGS[encoding].channels == 3 and ENCODINGS[encoding].dtype.kind == "u":
+        expected[np.isnan(expected)] = 0.0
+    # As texts, because most colours are too small numbers to tell them apart otherwise.
+    assert received["color"].view(np.uint32).tolist() == expected.view(np.uint32).tolist()
+
+
+def test_the_first_byte_of_a_pixel_is_the_colour_that_the_encoding_begins_with() -> None:
+    red = GridMap((1, 1), 1.0, layers={"color": color_vector_to_value([1.0, 0.0, 0.0])})
+    assert list(to_color_image(red).data) == [255, 0, 0]
+    assert list(to_color_image(red, encoding="bgra8").data) == [0, 0, 255, 255]
+    assert list(to_color_image(red, encoding="8UC3").data) == [0, 0, 255]
+    assert list(to_color_image(red, encoding="rgb16").data) == [255, 255, 0, 0, 0, 0]
+
+
+def test_frame_time_and_place_are_those_of_message_and_arguments() -> None:
+    sent = GridMap((1, 2), 1.0, layers={"e": 1.0}, frame_id="odom", timestamp=5_000_000_007)
+    received = from_image(to_image(sent, "e", "mono8"), "e", 0.25, position=(3.0, -1.0))
+    assert (received.frame_id, received.timestamp) == ("odom", 5_000_000_007)
+    assert received.position.tolist() == [3.0, -1.0]
+    assert received.size == (1, 2)
+
+
+# --- what senders do ------------------------------------------------------------------------------
+
+
+def rows_of(message: Image) -> list[bytes]:
+    step = message.step
+    return [
+        bytes(message.data[first : first + step]) for first in range(0, len(message.data), step)
+    ]
+
+
+def sample(encoding: str) -> Image:
+    values = np.random.default_rng(7).uniform(-1, 1, (3, 5))
+    grid_map = GridMap((3, 5), 1.0, layers={"e": values})
+    return to_image(grid_map, "e", encoding, -1, 1)
+
+
+@pytest.mark.parametrize("padding", [1, 2, 3, 8])
+@pytest.mark.parametrize("encoding", USUAL)
+def test_padding_of_rows_is_skipped(encoding: str, padding: int) -> None:
+    message = sample(encoding)
+    expected = from_image(message, "e", 1.0)
+    rows = rows_of(message)
+    message.step += padding
+    message.data = array.array("B", b"".join(row + b"\xa5" * padding for row in rows))
+    assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
+
+
+@pytest.mark.parametrize("encoding", USUAL)
+def test_numbers_of_big_endian_senders_are_understood(encoding: str) -> None:
+    message = sample(encoding)
+    expected = from_image(message, "e", 1.0)
+    values = array.array({1: "B", 2: "H", 4: "f", 8: "d"}[ENCODINGS[encoding].dtype.itemsize])
+    values.frombytes(bytes(message.data))
+    values.byteswap()
+    message.data = array.array("B", values.tobytes())
+    message.is_bigendian = 1
+    assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
+
+
+def test_the_alpha_that_is_needed_can_be_chosen() -> None:
+    message = to_image(GridMap((1, 1), 1.0, layers={"e": 1.0}), "e", "rgba8", 0, 1)
+    message.data[3] = 100
+    assert math.isnan(from_image(message, "e", 1.0)["e"][0, 0])
+    assert from_image(message, "e", 1.0, alpha_threshold=0.25)["e"][0, 0] == 1.0
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+MALFORMED = {
+    "unknown encoding": (
+        "encoding",
+        "yuv422",
+        "encoding: expected one of mono8, .* found 'yuv422'",
+    ),
+    "no rows": ("height", 0, "height: expected at least one pixel, found 0"),
+    "no columns": ("width", 0, "width: expected at least one pixel, found 0"),
+    "rows overlap": (
+        "step",
+        9,
+        r"step: expected at least 10 bytes \(5 pixels of mono16\), found 9",
+    ),
+    "too little data": ("step", 11, r"data: expected 33 bytes \(3 rows of 11\), found 30"),
+    "too many rows": ("height", 2**32 - 1, "data: expected 42949672950 bytes .*, found 30"),
+    "too many columns": ("width", 2**32 - 1, "step: expected at least 8589934590 bytes"),
+    "no data": ("data", array.array("B"), "data: expected 30 bytes .*, found 0"),
+    "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
+    path, value, text = MALFORMED[kind]
+    message = sample("mono16")
+    *parents, last = path.split(".")
+    target: Any = message
+    for name in parents:
+        target = getattr(target, name)
+    setattr(target, last, value)
+    with pytest.raises(MessageError, match=text):
+        from_image(message, "e", 1.0)
+
+
+def test_an_image_of_another_size_than_the_map_is_refused() -> None:
+    grid_map = GridMap((5, 3), 1.0, layers={"e": 0.0})
+    for add in (add_layer_from_image, add_color_layer_from_image):
+        with pytest.raises(MessageError, match=r"height, width: expected \(5, 3\).*found \(3, 5\)"):
+            add(grid_map, sample("mono8"), "image")
+    assert grid_map.layers == ("e",)
+
+
+def test_encodings_and_layers_that_are_not_there_are_named() -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"color": 0.0})
+    with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* found 'jpeg'"):
+        to_image(grid_map, "color", "jpeg")
+    with pytest.raises(MessageError, match=r"encoding: expected one with colours.*found 'mono8'"):
+        to_color_image(grid_map, "color", "mono8")
+    for convert in (to_image, to_color_image):
+        with pytest.raises(LayerNotFoundError, match="'slope'; available: color"):
+            convert(grid_map, "slope", "rgb8")
+
+
+def test_bounds_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(GeometryError, match="lower, upper: expected two different finite"):
+        from_image(sample("mono8"), "e", 1.0, 2.0, 2.0)
+    with pytest.raises(GeometryError, match="lower, upper: expected two different finite"):
+        to_image(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", "mono8", 1.0, math.nan)
+
+
+def test_all_usual_encodings_and_those_that_foxglove_shows_are_there() -> None:
+    foxglove = {
+        "mono8",
+        "8UC1",
+        "rgb8",
+        "rgba8",
+        "bgr8",
+        "8UC3",
+        "bgra8",
+        "mono16",
+        "16UC1",
+        "32FC1",
+    }
+    assert {*USUAL, *foxglove} < set(ENCODINGS)

@@ -1,0 +1,129 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodes `grid_map_loader` and `grid_map_saver` in processes of their own."""
+
+from pathlib import Path
+
+import pytest
+from bags import DATA, TOPIC, number_of, numbered_map
+
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
+from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
+
+LOADER = "grid_map_ros_py.grid_map_loader_node"
+SAVER = "grid_map_ros_py.grid_map_saver_node"
+
+
+def arguments(**parameters: object) -> list[str]:
+    options = [("-p", f"{name}:={value}") for name, value in parameters.items()]
+    return ["--ros-args", *(word for option in options for word in option)]
+
+
+def assert_fails(process: Process, message: str) -> None:
+    try:
+        assert process.wait() == 1
+        lines = [line for line in process.lines if "selected interface" not in line]
+        assert len(lines) == 1, process.text
+        assert message in lines[0]
+    finally:
+        process.kill()
+
+
+def test_the_loader_publishes_the_last_map_of_a_bag_for_those_who_come_late():
+    bag = DATA / "cpp_move_sqlite"
+    with running_node(LOADER, *arguments(file_path=bag, publish_topic="/loaded")) as process:
+        wait_until(lambda: "publishes GridMap" in process.text, "the map to be published")
+        with peer() as late:
+            late.listen("/loaded", GridMapMessage)
+            received = from_message(late.expect("/loaded"), unwrap=False)
+    expected = load_from_bag(bag, unwrap=False)
+    assert_maps_equal(received, expected)
+    assert received.start_index == expected.start_index != (0, 0)
+
+
+def test_the_loader_keeps_the_map_as_long_as_it_is_told():
+    given = arguments(file_path=DATA / "cpp_move_mcap", duration=20)
+    with running_node(LOADER, *given), peer() as listener:
+        listener.listen(TOPIC, GridMapMessage)
+        listener.expect(TOPIC)
+        (publisher,) = listener.node.get_publishers_info_by_topic(TOPIC)
+    assert publisher.qos_profile.lifespan.nanoseconds == 20 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("damage", "parameters", "message"),
+    [
+        (lambda data: data[:-50], {}, "is cut off"),
+        (lambda data: data, {"bag_topic": "/map"}, "no topic '/map'; topics: /grid_map ("),
+    ],
+    ids=["damaged", "topic"],
+)
+def test_the_loader_ends_with_one_message_if_it_cannot_load(tmp_path, damage, parameters, message):
+    bag = tmp_path / "bag.mcap"
+    bag.write_bytes(damage((DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap").read_bytes()))
+    assert_fails(start_node(LOADER, *arguments(file_path=bag, **parameters)), message)
+
+
+def test_the_saver_saves_one_map_and_ends(tmp_path):
+    with peer() as publisher:
+        saver = start_node(SAVER, *arguments(file_path=tmp_path / "bag", bag_topic="/saved"))
+        try:
+            publisher.publish(TOPIC, to_message(numbered_map(5)))
+            assert saver.wait() == 0, saver.text
+        finally:
+            saver.kill()
+    assert "saved GridMap(4 x 5 cells" in saver.text
+    assert_maps_equal(load_from_bag(tmp_path / "bag", "/saved"), numbered_map(5))
+
+
+def saved(bag: Path) -> int:
+    try:
+        return number_of(load_from_bag(bag, TOPIC))
+    except BagError:
+        return 0
+
+
+def test_the_saver_goes_on_with_every_map_and_drops_those_that_are_none(tmp_path):
+    bag = tmp_path / "bag"
+    given = arguments(file_path=bag, continuous=True, compression="zstd")
+    wrong = to_message(numbered_map(2))
+    wrong.layers = ["elevation"]
+    with running_node(SAVER, *given) as saver, peer() as publisher:
+        publisher.publish(TOPIC, to_message(numbered_map(1)))
+        wait_until(lambda: saved(bag) == 1, "the first map")
+        publisher.publish(TOPIC, wrong)
+        wait_until(lambda: "did not save a map: data: expected 1" in saver.text, "the error")
+        publisher.publish(TOPIC, to_message(numbered_map(3)))
+        wait_until(lambda: saved(bag) == 3, "the third map")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"file_path": "."}, "is no bag and not replaced; it holds precious.txt"),
+        ({"file_path": "bag", "compression": "gzip"}, "compression: expected one of"),
+        ({}, "parameter 'file_path'"),
+    ],
+    ids=["foreign", "compression", "path"],
+)
+def test_the_saver_ends_with_one_message_if_it_could_not_save(
+    tmp_path, monkeypatch, parameters, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "precious.txt").touch()
+    assert_fails(start_node(SAVER, *arguments(**parameters)), message)
+
+
+def test_a_map_goes_from_bag_to_bag_through_both_nodes(tmp_path):
+    save_to_bag(numbered_map(4), tmp_path / "one", TOPIC)
+    with running_node(LOADER, *arguments(file_path=tmp_path / "one")):
+        saver = start_node(SAVER, *arguments(file_path=tmp_path / "two"))
+        try:
+            assert saver.wait() == 0, saver.text
+        finally:
+            saver.kill()
+    one, two = ((tmp_path / name / f"{name}_0.mcap").read_bytes() for name in ("one", "two"))
+    assert two.replace(b"two", b"one") == one

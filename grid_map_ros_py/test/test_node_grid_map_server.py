@@ -1,0 +1,159 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node `grid_map_server` in a process of its own: topics, services, refusals, restarts."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_grid_map import sample_map
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
+from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py.bag import load_from_bag, save_to_bag
+from grid_map_ros_py.testing import Peer, peer, running_node, start_node
+
+MODULE = "grid_map_ros_py.grid_map_server_node"
+SERVICES = {
+    "get_grid_map": GetGridMap,
+    "get_grid_map_info": GetGridMapInfo,
+    "set_grid_map": SetGridMap,
+    "load_map": ProcessFile,
+    "save_map": ProcessFile,
+}
+
+
+class Client:
+    """Calls the services of the server from another process."""
+
+    def __init__(self, other_side: Peer) -> None:
+        self.peer = other_side
+        self._clients = {
+            name: other_side.node.create_client(kind, f"/grid_map_server/{name}")
+            for name, kind in SERVICES.items()
+        }
+
+    def call(self, name: str, **request: Any) -> Any:
+        client = self._clients[name]
+        self.peer.wait_until(client.service_is_ready, name)
+        answer = client.call_async(SERVICES[name].Request(**request))
+        self.peer.wait_until(answer.done, f"an answer of {name}")
+        return answer.result()
+
+
+@pytest.fixture
+def client() -> Iterator[Client]:
+    with peer() as other_side:
+        yield Client(other_side)
+
+
+def arguments(**parameters: object) -> list[str]:
+    options = [f"-p {name}:={value}" for name, value in parameters.items()]
+    return ["--ros-args", *" ".join(options).split()]
+
+
+def map_of(timestamp: int) -> GridMap:
+    grid_map = sample_map()
+    grid_map.timestamp = timestamp
+    return grid_map
+
+
+def test_a_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_path: Path) -> None:
+    with running_node(MODULE, *arguments(directory=tmp_path)):
+        client.call("set_grid_map", map=to_message(map_of(1)))
+        client.peer.listen("/grid_map", GridMapMessage)
+        published = from_message(client.peer.expect("/grid_map"), unwrap=False)
+        assert_maps_equal(published, map_of(1))
+        assert published.start_index == map_of(1).start_index
+
+        where = {"position_x": 1.0, "position_y": -2.0, "length_x": 0.9, "length_y": 0.4}
+        part = client.call("get_grid_map", frame_id="odom", layers=["variance"], **where).map
+        expected = map_of(1).get_submap((1.0, -2.0), (0.9, 0.4)).without_layers(["elevation"])
+        assert_maps_equal(from_message(part), expected)
+        assert client.call("get_grid_map_info").info == to_message(map_of(1)).info
+
+        assert client.call("save_map", file_path="bag").success
+        assert_maps_equal(load_from_bag(tmp_path / "bag", "/grid_map"), map_of(1))
+        client.call("set_grid_map", map=to_message(map_of(2)))
+        client.peer.expect("/grid_map", 2)
+        assert client.call("load_map", file_path=str(tmp_path / "bag")).success
+        assert_maps_equal(from_message(client.peer.expect("/grid_map", 3)), map_of(1))
+
+
+def test_what_is_refused_is_logged_and_changes_nothing(client: Client, tmp_path: Path) -> None:
+    (tmp_path / "bags").mkdir()
+    save_to_bag(map_of(3), tmp_path / "secret", "/map")
+    options = arguments(directory=tmp_path / "bags", input_topic="/incoming")
+    with running_node(MODULE, *options) as node:
+        nothing = client.call("get_grid_map").map
+        assert (nothing.layers, nothing.info.resolution) == ([], 0.0)
+        assert client.call("get_grid_map_info").info.resolution == 0.0
+        assert not client.call("save_map", file_path="bag").success
+        client.peer.publish("/incoming", to_message(map_of(1)))
+        client.peer.wait_until(
+            lambda: client.call("get_grid_map_info").info.resolution, "the map to arrive"
+        )
+        malformed = to_message(map_of(2))
+        malformed.info.resolution = -1.0
+        client.call("set_grid_map", map=malformed)
+        client.peer.publish("/incoming", malformed)
+        client.peer.wait_until(lambda: "dropped a map" in node.text, "the bad map to be dropped")
+        for request in ({"frame_id": "base"}, {"layers": ["slope"]}, {"length_x": -1.0}):
+            assert client.call("get_grid_map", **request).map.info.resolution == 0.0
+        for path in ("../secret", str(tmp_path / "secret"), "missing"):
+            assert not client.call("load_map", file_path=path).success
+        assert not client.call("save_map", file_path="../new").success
+        assert_maps_equal(from_message(client.call("get_grid_map").map), map_of(1))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bags", "secret"]
+    for reason in (
+        "get_grid_map: there is no map yet",
+        "set_grid_map: info.resolution: expected a positive finite number, found -1.0",
+        "get_grid_map: frame_id: expected 'odom', that of the map, got 'base'",
+        "get_grid_map: no layer 'slope'; available: elevation, variance",
+        "get_grid_map: length: expected no negative numbers, got (-1.0, 0.0)",
+        "load_map: file_path: expected a path below",
+        "save_map: file_path: expected a path below",
+        "missing",
+    ):
+        assert reason in node.text
+
+
+def test_a_server_that_is_killed_is_there_again_with_its_bag(
+    client: Client, tmp_path: Path
+) -> None:
+    save_to_bag(map_of(1), tmp_path / "bag", "/map")
+    options = arguments(directory=tmp_path, file_path=tmp_path / "bag", output_topic="/kept")
+    client.peer.listen("/kept", GridMapMessage)
+    published = client.peer.received["/kept"]
+    for _ in range(2):
+        published.clear()
+        node = start_node(MODULE, *options)
+        try:
+            assert_maps_equal(from_message(client.peer.expect("/kept")), map_of(1))
+            # To those who knew it, a server that was killed seems to be there for a while.
+            with peer() as newcomer:
+                Client(newcomer).call("set_grid_map", map=to_message(map_of(2)))
+            assert_maps_equal(from_message(client.peer.expect("/kept", 2)), map_of(2))
+        finally:
+            node.kill()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"file_path": "/no/such/bag"}, "/no/such/bag"),
+        ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
+        ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
+    ],
+)
+def test_a_server_that_cannot_work_as_configured_says_why(
+    parameters: dict[str, str], reason: str
+) -> None:
+    node = start_node(MODULE, *arguments(**parameters))
+    assert node.wait() == 1
+    assert reason in node.text
+    assert "Traceback" not in node.text

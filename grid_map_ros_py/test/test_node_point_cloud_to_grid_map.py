@@ -1,0 +1,236 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node `point_cloud_to_grid_map` in a process of its own, over DDS."""
+
+import math
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from clouds import xyz_cloud
+from geometry_msgs.msg import Quaternion
+from nav_msgs.msg import Odometry
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.testing import Peer, peer, running_node, start_node
+from grid_map_ros_py.tf_poses import has_tf
+from grid_map_ros_py.time import to_stamp
+
+MODULE = "grid_map_ros_py.point_cloud_to_grid_map_node"
+SIDE = 0.5
+SIGHT = 1.2
+"""How far the robot sees along each axis [m]."""
+
+Arguments = Callable[..., list[str]]
+
+
+@pytest.fixture
+def arguments(tmp_path: Path) -> Arguments:
+    """Return a function that writes a parameter file and returns the arguments that load it."""
+
+    def write(**parameters: Any) -> list[str]:
+        path = tmp_path / f"{len([*tmp_path.iterdir()])}.yaml"
+        path.write_text(
+            yaml.safe_dump({"point_cloud_to_grid_map": {"ros__parameters": parameters}})
+        )
+        return ["--ros-args", "--params-file", str(path)]
+
+    return write
+
+
+@pytest.fixture
+def other_side() -> Iterator[Peer]:
+    with peer() as other:
+        yield other
+
+
+def ground(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the height of the world, which is even within every cell."""
+    return np.sin(1.7 * np.floor(x / SIDE)) + 0.3 * np.cos(2.3 * np.floor(y / SIDE))
+
+
+class Robot:
+    """Drives a curve, and sends its odometry and what it sees ten times a second.
+
+    Every third cloud is broken.
+    """
+
+    def __init__(self, other: Peer) -> None:
+        self.steps = 0
+        self._odometry = other.node.create_publisher(Odometry, "/odom", 10)
+        self._clouds = other.node.create_publisher(PointCloud2, "/points", qos_profile_sensor_data)
+        other.node.create_timer(0.1, self.step)
+
+    @staticmethod
+    def pose(step: int) -> tuple[float, float, float]:
+        return 0.1 * step, 2.0 * math.sin(0.05 * step), 0.2 * step
+
+    def step(self) -> None:
+        self.steps += 1
+        self._odometry.publish(self.odometry(self.steps))
+        cloud = self.cloud(self.steps)
+        if self.steps % 3 == 0:
+            cloud.data = cloud.data[:-1]
+        self._clouds.publish(cloud)
+
+    def odometry(self, step: int) -> Odometry:
+        x, y, yaw = self.pose(step)
+        message = Odometry()
+        message.header.frame_id = "odom"
+        message.header.stamp = to_stamp(step)
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
+        message.pose.pose.orientation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+        return message
+
+    def cloud(self, step: int) -> PointCloud2:
+        """Return the cells around the robot as its sensor, which looks to the left, sees them."""
+        x, y, yaw = self.pose(step)
+        points = np.array([(px, py, ground(px, py)) for px, py in self.seen(step)])
+        turn = yaw + math.pi / 2
+        offset = points - (x, y, 0)
+        forward = offset @ (math.cos(turn), math.sin(turn), 0)
+        left = offset @ (-math.sin(turn), math.cos(turn), 0)
+        message = xyz_cloud([*zip(forward, left, points[:, 2], strict=True)], "lidar")
+        message.header.stamp = to_stamp(step)
+        return message
+
+    def seen(self, step: int) -> list[tuple[float, float]]:
+        centre = SIDE * (np.floor(np.array(self.pose(step)[:2]) / SIDE) + 0.5)
+        offsets = np.arange(-SIGHT, SIGHT, SIDE) // SIDE * SIDE
+        return [(centre[0] + dx, centre[1] + dy) for dx in offsets for dy in offsets]
+
+
+def assert_is_the_world(grid_map: GridMap) -> None:
+    heights = grid_map.unwrapped("elevation")
+    x, y = grid_map.geometry.axes()
+    expected = ground(x[:, None], y[None, :])
+    known = np.isfinite(heights)
+    np.testing.assert_allclose(heights[known], expected[known], atol=1e-4)
+    x, y, _ = Robot.pose(grid_map.timestamp)
+    np.testing.assert_allclose(grid_map.position, (x, y), atol=0.5 * SIDE + 1e-6)
+
+
+def assert_saw_the_way(robot: Robot, maps: list[GridMap]) -> None:
+    for grid_map in maps:
+        # Every third cloud was broken.
+        assert grid_map.timestamp % 3 != 0
+        assert_is_the_world(grid_map)
+    last = maps[-1]
+    seen, inside = last.get_indices(robot.seen(last.timestamp))
+    assert inside.all()
+    assert np.isfinite(last["elevation"][tuple(seen.T)]).all()
+    assert np.isfinite(last["elevation"]).sum() > len(seen)
+    assert last["count"].max() > 1
+
+
+def test_a_robot_maps_its_way_though_the_node_is_killed_and_clouds_are_broken(
+    other_side: Peer, arguments: Arguments
+) -> None:
+    options = arguments(
+        # `auto` finds that there is no tf, where that is so.
+        pose_source="odometry" if has_tf() else "auto",
+        resolution=SIDE,
+        length=[12, 6],
+        sensor_rpy=[0.0, 0.0, math.pi / 2],
+        fusion="mean",
+    )
+    other_side.listen("/grid_map", GridMapMessage)
+    maps = other_side.received["/grid_map"]
+    robot = Robot(other_side)
+
+    def maps_after(step: int) -> list[GridMap]:
+        return [m for m in map(from_message, maps) if m.timestamp > step]
+
+    def drive() -> None:
+        """Let a node see some of the way, and kill it."""
+        begin = robot.steps
+        node = start_node(MODULE, *options)
+        try:
+            other_side.wait_until(lambda: len(maps_after(begin)) >= 8, "maps of a moving robot")
+            other_side.wait_until(lambda: "dropped a cloud" in node.text, "a report")
+        finally:
+            node.send(signal.SIGKILL)
+            node.wait()
+        assert "poses: odometry" in node.text
+        assert "dropped a cloud: data: expected" in node.text
+        assert "Traceback" not in node.text
+        assert_saw_the_way(robot, maps_after(begin))
+
+    drive()
+    drive()
+    assert {m.outer_start_index for m in maps} != {0}
+
+
+def test_a_fixed_map_is_published_at_a_rate_and_kept_for_those_who_come_late(
+    other_side: Peer, arguments: Arguments
+) -> None:
+    options = arguments(
+        pose_source="none",
+        robot_centric=False,
+        map_frame="map",
+        input_reliability="reliable",
+        queue_size=50,
+        publish_rate=5,
+        statistics_period=0.2,
+        length=[4, 4],
+        position=[2.0, 0.0],
+        resolution=1,
+    )
+    other_side.listen("/grid_map", GridMapMessage)
+    with running_node(MODULE, *options) as node:
+        for height in range(20):
+            other_side.publish("/points", xyz_cloud([(0.5, 0.5, height)]), 50)
+        other_side.publish("/points", xyz_cloud([(0.5, 0.5, 3.0)], "lidar"), 50)
+        other_side.wait_until(lambda: "20 clouds with 20 points fused" in node.text, "statistics")
+        other_side.wait_until(lambda: "; 1 clouds dropped" in node.text, "the cloud that is wrong")
+        assert "header.frame_id: expected 'map', that of the map, as there are no" in node.text
+        with peer() as late:
+            late.listen("/grid_map", GridMapMessage)
+            late.wait_until(
+                lambda: any(is_done(m) for m in late.received["/grid_map"]), "the whole map"
+            )
+    assert 1 <= len(other_side.received["/grid_map"]) < 20
+
+
+def is_done(message: GridMapMessage) -> bool:
+    grid_map = from_message(message)
+    assert (grid_map.frame_id, grid_map.size) == ("map", (4, 4))
+    return bool(grid_map.at_position("elevation", (0.5, 0.5)) == 19.0)
+
+
+WRONG: dict[str, dict[str, Any]] = {
+    "parameter 'pose_source': expected one of auto, tf, odometry,": {"pose_source": "gps"},
+    "parameter 'robot_centric': expected false without poses": {"pose_source": "none"},
+    "parameter 'length': expected 2 finite numbers, found [1.0]": {"length": [1.0]},
+    "parameter 'input_reliability': expected one of best_effort, reliable": {
+        "input_reliability": "perfect"
+    },
+    "parameter 'publish_rate': expected a finite number, 0 or more": {"publish_rate": -1.0},
+}
+
+
+def test_wrong_parameters_end_the_node_with_one_message(arguments: Arguments) -> None:
+    wrong = dict(WRONG)
+    if not has_tf():
+        wrong["pose_source 'tf' needs the package 'tf2_ros'"] = {"pose_source": "tf"}
+    with ExitStack() as stack:
+        nodes = {}
+        for message, parameters in wrong.items():
+            # What is wrong is not to hang on whether there is tf.
+            nodes[message] = start_node(
+                MODULE, *arguments(**{"pose_source": "odometry", **parameters})
+            )
+            stack.callback(nodes[message].kill)
+        for message, node in nodes.items():
+            assert node.wait() == 1
+            assert message in node.text
+            assert node.text.count("\n") == 1

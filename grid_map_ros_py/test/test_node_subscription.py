@@ -1,0 +1,54 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as they are received, undecoded."""
+
+from collections.abc import Iterator
+
+import pytest
+from test_grid_map import sample_map
+
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import ReceivedMap, to_message, to_serialized_message
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.testing import Peer, peer
+
+
+@pytest.fixture
+def other_side() -> Iterator[Peer]:
+    with peer() as other:
+        yield other
+
+
+def test_maps_arrive_undecoded_until_the_subscription_is_given_up(other_side: Peer) -> None:
+    received: list[ReceivedMap] = []
+    subscription = MapSubscription(other_side.node, "/map", received.append)
+    other_side.publish("/map", to_message(sample_map()))
+    other_side.wait_until(lambda: received, "the map")
+    assert received[0].data[:4] == b"\0\1\0\0"
+    assert received[0].data.startswith(to_serialized_message(sample_map())[:40])
+    assert_maps_equal(received[0].decode(), sample_map())
+    subscription.destroy()
+    subscription.destroy()
+    other_side.wait_until(
+        lambda: not other_side.node.count_subscribers("/map"), "the subscription to go"
+    )
+
+
+def test_a_given_quality_of_service_stays(
+    other_side: Peer, capfd: pytest.CaptureFixture[str]
+) -> None:
+    volatile = map_qos(transient_local=False)
+    publisher = other_side.node.create_publisher(GridMapMessage, "/map", volatile)
+    subscription = MapSubscription(other_side.node, "/map", print, qos=map_qos())
+    text = ""
+
+    def has_warned() -> bool:
+        nonlocal text
+        text += capfd.readouterr().err
+        return "a publisher of /map is not heard" in text and "durability" in text
+
+    other_side.wait_until(has_warned, "a warning")
+    assert publisher.get_subscription_count() == 0
+    subscription.destroy()

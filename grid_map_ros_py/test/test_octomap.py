@@ -1,0 +1,305 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import contextlib
+import gzip
+import itertools
+import json
+import math
+import struct
+import time
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from octomap_stand_in import Octomap, message, write_binary, write_full
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py import MessageError, from_octomap, octomap_to_points
+
+RECORDED = Path(__file__).parent / "data" / "octomaps.json.gz"
+CASES = json.loads(gzip.decompress(RECORDED.read_bytes()))["cases"]
+FORMS = [(case, form) for case in CASES for form in ("binary", "full")]
+NAN = math.nan
+
+Voxel = tuple[int, int, int]
+
+
+def read(case: dict[str, Any], form: str) -> Octomap:
+    about = {"id": case["id"], "resolution": case["resolution"], "binary": form == "binary"}
+    return message(bytes.fromhex(case[form]), **about)
+
+
+def voxels_of(leaf: list[float], resolution: float) -> list[Voxel]:
+    """Return the voxels of a leaf x, y, z, side, counted from the origin."""
+    *centre, side, _ = leaf
+    first = [round((c - side / 2) / resolution) for c in centre]
+    return list(itertools.product(*(range(f, f + round(side / resolution)) for f in first)))
+
+
+def voxels(leaves: list[list[float]], resolution: float, *, occupied: bool) -> set[Voxel]:
+    chosen = (leaf for leaf in leaves if leaf[-1] or not occupied)
+    return {voxel for leaf in chosen for voxel in voxels_of(leaf, resolution)}
+
+
+def to_voxels(points: np.ndarray, resolution: float) -> list[Voxel]:
+    return [tuple(v) for v in np.floor(points / resolution + 1e-6).astype(int).tolist()]
+
+
+def highest(found: set[Voxel], resolution: float, grid_map: GridMap) -> np.ndarray:
+    """Visit the voxels one by one, and return the heights that a map of their columns has."""
+    heights = np.full(grid_map.size, np.nan)
+    for x, y, z in found:
+        cell = grid_map.get_index([(x + 0.5) * resolution, (y + 0.5) * resolution])
+        heights[cell] = np.fmax(heights[cell], (z + 0.5) * resolution)
+    return heights
+
+
+# --- trees that OctoMap wrote ---------------------------------------------------------------------
+
+
+def test_there_are_trees_of_leaves_of_several_sizes() -> None:
+    assert {case["id"] for case in CASES} == {"OcTree", "ColorOcTree"}
+    assert all(len({leaf[3] for leaf in case["leaves"]}) > 1 for case in CASES)
+    assert all({leaf[4] for leaf in case["leaves"]} == {True, False} for case in CASES)
+
+
+@pytest.mark.parametrize(("case", "form"), FORMS)
+def test_occupied_voxels_are_those_that_octomap_finds(case: dict[str, Any], form: str) -> None:
+    found = to_voxels(octomap_to_points(read(case, form)), case["resolution"])
+    assert len(found) == len(set(found))
+    assert set(found) == voxels(case["leaves"], case["resolution"], occupied=True)
+
+
+@pytest.mark.parametrize(("case", "form"), FORMS)
+def test_a_map_covers_the_tree_and_has_the_highest_voxel_of_every_column(
+    case: dict[str, Any], form: str
+) -> None:
+    resolution = case["resolution"]
+    grid_map = from_octomap(read(case, form), "height")
+    known = np.array(sorted(voxels(case["leaves"], resolution, occupied=False)))[:, :2]
+    assert grid_map.resolution == resolution
+    assert grid_map.size == tuple(np.ptp(known, axis=0) + 1)
+    corner = grid_map.position + 0.5 * grid_map.length
+    np.testing.assert_allclose(corner, (known.max(axis=0) + 1) * resolution)
+    occupied = voxels(case["leaves"], resolution, occupied=True)
+    expected = highest(occupied, resolution, grid_map)
+    np.testing.assert_allclose(grid_map["height"], expected, rtol=1e-6)
+    assert np.isnan(expected).any()
+
+
+@pytest.mark.parametrize(("case", "form"), FORMS)
+def test_bounds_leave_out_voxels_whose_centre_is_beyond(case: dict[str, Any], form: str) -> None:
+    resolution = case["resolution"]
+    low, high = (-0.52, NAN, -0.4), (0.61, 0.3, 0.38)
+    octomap = read(case, form)
+
+    def is_within(voxel: Voxel) -> bool:
+        centre = [(k + 0.5) * resolution for k in voxel]
+        return not any(c < lo or c > hi for c, lo, hi in zip(centre, low, high, strict=True))
+
+    expected = set(filter(is_within, voxels(case["leaves"], resolution, occupied=True)))
+    points = octomap_to_points(octomap, min_bound=low, max_bound=high)
+    assert set(to_voxels(points, resolution)) == expected
+    grid_map = from_octomap(octomap, min_bound=low, max_bound=high)
+    columns = np.arange(math.ceil(-0.52 / resolution - 0.5), math.floor(0.61 / resolution + 0.5))
+    assert grid_map.size[0] == len(columns)
+    heights = highest(expected, resolution, grid_map)
+    np.testing.assert_allclose(grid_map["elevation"], heights, rtol=1e-6)
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0, 2.7, 100.0])
+def test_larger_cells_have_the_highest_column(factor: float) -> None:
+    octomap = read(CASES[0], "binary")
+    fine, coarse = from_octomap(octomap), from_octomap(octomap, resolution=0.1 * factor)
+    assert coarse.resolution == 0.1 * factor
+    expected = np.full(coarse.size, np.nan)
+    for position, height in zip(fine.get_positions(), fine["elevation"].ravel("F"), strict=True):
+        cell = coarse.get_index(position)
+        expected[cell] = np.fmax(expected[cell], height)
+    np.testing.assert_array_equal(coarse["elevation"], expected)
+
+
+# --- trees of any shape ---------------------------------------------------------------------------
+
+paths = st.lists(st.integers(0, 7), min_size=1, max_size=16).map(tuple)
+
+
+@st.composite
+def trees(draw: st.DrawFn) -> dict[tuple[int, ...], bool]:
+    """Draw occupied and free leaves, of which none lies in another."""
+    start = draw(st.lists(st.integers(0, 7), min_size=10, max_size=12).map(tuple))
+    ends = st.lists(st.integers(0, 7), min_size=1, max_size=4).map(tuple)
+    chosen: dict[tuple[int, ...], bool] = {}
+    for end in draw(st.lists(ends, min_size=1, max_size=12)):
+        leaf = start + end
+        if not any(leaf[: len(o)] == o or o[: len(leaf)] == leaf for o in chosen):
+            chosen[leaf] = draw(st.booleans())
+    return chosen
+
+
+def first_voxel(leaf: tuple[int, ...]) -> np.ndarray:
+    """Return the voxel at the corner of a leaf, counted from the corner of the tree."""
+    corner, side = np.zeros(3, int), 2**16
+    for child in leaf:
+        side //= 2
+        corner += side * np.array([child & 1, child >> 1 & 1, child >> 2])
+    return corner
+
+
+def described(leaves: dict[tuple[int, ...], bool]) -> list[list[float]]:
+    found = []
+    for leaf, occupied in leaves.items():
+        side = 2 ** (16 - len(leaf))
+        found.append([*(first_voxel(leaf) - 2**15 + side / 2).tolist(), side, occupied])
+    return found
+
+
+@settings(max_examples=60)
+@given(trees())
+def test_leaves_of_all_depths_are_found_in_both_forms(leaves: dict[tuple[int, ...], bool]) -> None:
+    assume(min(map(len, leaves)) > 12)
+    listed = described(leaves)
+    log_odds = lambda occupied: struct.pack("<f", 0.0 if occupied else -0.4)  # noqa: E731
+    colored = lambda occupied: log_odds(occupied) + b"rgb"  # noqa: E731
+    expected = voxels(listed, 1.0, occupied=True)
+    binary = message(write_binary(leaves), resolution=1.0)
+    for octomap in (
+        binary,
+        message(write_full(leaves, log_odds), resolution=1.0, binary=False),
+        message(write_full(leaves, log_odds), resolution=1.0, binary=False, id="OcTreeStamped"),
+        message(write_full(leaves, colored), resolution=1.0, binary=False, id="ColorOcTree"),
+    ):
+        assert set(to_voxels(octomap_to_points(octomap), 1.0)) == expected
+        grid_map = from_octomap(octomap)
+        np.testing.assert_array_equal(grid_map["elevation"], highest(expected, 1.0, grid_map))
+    box = {"min_bound": (NAN, NAN, -5.0), "max_bound": (9.0, NAN, NAN)}
+    try:
+        points = octomap_to_points(binary, **box)
+    except MessageError:
+        return
+    within = {(x, y, z) for x, y, z in expected if z >= -5 and x <= 8}
+    assert set(to_voxels(points, 1.0)) == within
+
+
+def test_a_leaf_far_from_the_ground_is_as_high_as_its_highest_voxel() -> None:
+    # From the root to the positive octant, then down to a leaf of 8 voxels a side at the origin.
+    leaf = (7, *([0] * 12))
+    grid_map = from_octomap(message(write_binary({leaf: True}), resolution=0.5))
+    assert grid_map.size == (8, 8)
+    assert (grid_map["elevation"] == 3.75).all()
+    assert grid_map.position.tolist() == [2.0, 2.0]
+    cut = from_octomap(message(write_binary({leaf: True}), resolution=0.5), max_bound=(1, 9, 1.3))
+    assert cut.size == (2, 18)
+    np.testing.assert_array_equal(np.unique(cut["elevation"][:, 10:]), [1.25])
+
+
+def test_frame_and_time_are_those_of_the_message() -> None:
+    octomap = read(CASES[0], "full")
+    octomap.header.frame_id, octomap.header.stamp.sec = "map", 3
+    grid_map = from_octomap(octomap)
+    assert (grid_map.frame_id, grid_map.timestamp) == ("map", 3_000_000_000)
+
+
+def test_free_space_alone_is_a_map_without_heights() -> None:
+    octomap = message(write_binary({(0,) * 15: False}), resolution=0.5)
+    assert octomap_to_points(octomap).shape == (0, 3)
+    assert np.isnan(from_octomap(octomap)["elevation"]).all()
+
+
+def test_no_tree_has_no_points_and_no_extent_but_that_of_its_bounds() -> None:
+    nothing = message(b"")
+    assert octomap_to_points(nothing).shape == (0, 3)
+    with pytest.raises(MessageError, match="data: expected a tree with leaves, found 'none'"):
+        from_octomap(nothing)
+    grid_map = from_octomap(nothing, min_bound=(-1, -0.5, 0), max_bound=(1, 0.5, 1))
+    assert grid_map.size == (20, 10)
+    assert np.isnan(grid_map["elevation"]).all()
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+GOOD = read(CASES[0], "binary")
+FULL = read(CASES[0], "full")
+DEEP = struct.pack("<H", 3) * 16 + struct.pack("<H", 2)
+
+
+def changed(octomap: Octomap, **changes: Any) -> Octomap:
+    return Octomap(**{**vars(octomap), **changes})
+
+
+MALFORMED = {
+    "cut off": (changed(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
+    "cut in two": (changed(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, found"),
+    "full and cut off": (changed(FULL, data=FULL.data[:-5]), "data: expected 1 more nodes"),
+    "more follows": (changed(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, found '888"),
+    "too deep": (message(DEEP), "data: expected nodes of at most depth 15, found 16"),
+    "very deep": (message(DEEP[:-2] * 9999 + DEEP[-2:]), "nodes of at most depth 15, found"),
+    "no children": (message(b"\0\0"), "data: expected inner nodes with children, found 'one with"),
+    "log-odds": (
+        message(struct.pack("<fB", math.nan, 0), binary=False),
+        "data: expected log-odds that are numbers, found nan",
+    ),
+    "other tree": (changed(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
+    "flag": (changed(GOOD, binary=False), "data: expected"),
+    "no resolution": (changed(GOOD, resolution=0.0), "resolution: expected the side of a voxel"),
+    "nan resolution": (changed(GOOD, resolution=NAN), "resolution: expected the side of a voxel"),
+    "inf resolution": (changed(GOOD, resolution=math.inf), "resolution: expected the side"),
+    "huge": (
+        message(write_binary({(0,) * 16: True, (7,) * 16: True})),
+        "extent: expected an extent of at most .* found '4.29e.09 cells'",
+    ),
+    "all occupied": (message(struct.pack("<H", 0xAAAA)), "extent: expected an extent of at most"),
+}
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> None:
+    octomap, text = MALFORMED[kind]
+    tracemalloc.start()
+    begin = time.perf_counter()
+    with pytest.raises(MessageError, match=text):
+        from_octomap(octomap)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert time.perf_counter() - begin < 5.0
+    assert peak < 1e6 + 300 * len(octomap.data)
+
+
+def test_voxels_that_nobody_could_hold_are_refused() -> None:
+    with pytest.raises(
+        MessageError, match=r"data: expected at most 8388608 occupied voxels, found"
+    ):
+        octomap_to_points(message(struct.pack("<H", 0xAAAA)))
+    few = octomap_to_points(
+        message(struct.pack("<H", 0xAAAA)), min_bound=(0, 0, 0), max_bound=(0.3, 0.2, 0.1)
+    )
+    assert len(few) == 6
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [((1, NAN, NAN), (0, NAN, NAN)), ((NAN, NAN, 1e9), (NAN,) * 3), ((1e9,) * 3, (2e9,) * 3)],
+)
+def test_bounds_without_voxels_between_them_are_refused(low: Any, high: Any) -> None:
+    with pytest.raises(MessageError, match="min_bound, max_bound: expected voxels between them"):
+        from_octomap(GOOD, min_bound=low, max_bound=high)
+
+
+def test_cells_are_not_smaller_than_voxels() -> None:
+    with pytest.raises(MessageError, match=r"resolution: expected at least that of the tree, 0\.1"):
+        from_octomap(GOOD, resolution=0.05)
+    with pytest.raises(MessageError, match="min_bound: expected x, y and z"):
+        from_octomap(GOOD, min_bound=(0, 0))
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=200), st.booleans(), st.sampled_from(["OcTree", "ColorOcTree"]))
+def test_any_bytes_are_read_or_refused(data: bytes, binary: bool, name: str) -> None:
+    octomap = message(data, binary=binary, id=name)
+    for convert in (from_octomap, octomap_to_points):
+        with contextlib.suppress(MessageError):
+            convert(octomap)

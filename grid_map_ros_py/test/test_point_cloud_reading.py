@@ -1,0 +1,411 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Point clouds of every layout become arrays and maps."""
+
+import array
+import math
+import struct
+import tracemalloc
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from clouds import CODES, FLOAT32, FLOAT64, UINT8, UINT32, packed_cloud, xyz_cloud, xyz_fields
+from cpp_recordings import recorded
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2, PointField
+
+from grid_map_core_py import ConfigError, GridGeometry, GridMap, GridMapError
+from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_ros_py import (
+    MessageError,
+    from_message,
+    from_point_cloud,
+    read_points,
+    to_message,
+    to_point_cloud,
+)
+from grid_map_ros_py.point_cloud_reading import read_columns
+
+NAN, INF = math.nan, math.inf
+
+
+# --- arrays ---------------------------------------------------------------------------------------
+
+
+def numbers(datatype: int) -> st.SearchStrategy[Any]:
+    if CODES[datatype] in "fd":
+        return st.floats(width=32 if datatype == FLOAT32 else 64)
+    bits = 8 * struct.calcsize(CODES[datatype])
+    low = 0 if CODES[datatype].isupper() else -(2 ** (bits - 1))
+    return st.integers(low, low + 2**bits - 1)
+
+
+@st.composite
+def layouts(draw: st.DrawFn) -> dict[str, Any]:
+    """Draw fields in any order, with gaps before, between and behind them, and rows of points."""
+    names = draw(st.lists(st.sampled_from("abcdxyz"), unique=True, min_size=1))
+    fields, end = [], 0
+    for name in names:
+        datatype, count = draw(st.sampled_from([*CODES])), draw(st.integers(0, 3))
+        offset = end + draw(st.integers(0, 5))
+        fields.append((name, offset, datatype, count))
+        end = offset + max(count, 1) * struct.calcsize(CODES[datatype])
+    return {
+        "fields": draw(st.permutations(fields)),
+        "point_step": end + draw(st.integers(0, 5)),
+        "height": draw(st.integers(1, 3)),
+        "row_padding": draw(st.integers(0, 5)),
+    }
+
+
+@settings(max_examples=60)
+@given(layouts(), st.integers(0, 3), st.data())
+def test_points_of_any_layout_are_read(
+    layout: dict[str, Any], width: int, data: st.DataObject
+) -> None:
+    points = []
+    for _ in range(width * layout["height"]):
+        point: dict[str, Any] = {}
+        for name, _, datatype, count in layout["fields"]:
+            values = [data.draw(numbers(datatype)) for _ in range(max(count, 1))]
+            point[name] = values if count > 1 else values[0]
+        points.append(point)
+    sent = packed_cloud(points, **layout)
+    arrays = read_points(deserialize_message(serialize_message(sent), PointCloud2))
+    assert [*arrays] == [name for name, *_ in layout["fields"]]
+    for name, _, datatype, count in layout["fields"]:
+        expected_shape = (len(points), count) if count > 1 else (len(points),)
+        assert arrays[name].shape == expected_shape
+        assert arrays[name].dtype.char == np.dtype(CODES[datatype]).char
+        np.testing.assert_array_equal(
+            arrays[name], np.array([point[name] for point in points]).reshape(expected_shape)
+        )
+
+
+def test_arrays_are_views_of_the_message() -> None:
+    cloud = xyz_cloud([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])
+    for values in (*read_points(cloud).values(), read_columns(cloud)[0]):
+        assert np.shares_memory(values, np.frombuffer(cloud.data, np.uint8))
+
+
+def test_an_organised_cloud_is_read_row_after_row() -> None:
+    points = [{"x": k, "y": -k, "z": 0.5 * k} for k in range(6)]
+    plain, padded = (
+        packed_cloud(points, xyz_fields(), height=2, row_padding=padding) for padding in (0, 7)
+    )
+    for cloud in (plain, padded):
+        assert read_points(cloud)["x"].reshape(2, 3).tolist() == [[0, 1, 2], [3, 4, 5]]
+        np.testing.assert_array_equal(read_columns(cloud)[0][:, 2], 0.5 * np.arange(6))
+    assert np.shares_memory(read_points(plain)["y"], np.frombuffer(plain.data, np.uint8))
+
+
+@pytest.mark.parametrize("kind", [bytes, bytearray, lambda data: np.frombuffer(data, np.uint8)])
+def test_messages_of_other_libraries_hold_their_data_as_they_like(
+    kind: Callable[[Any], Any],
+) -> None:
+    cloud = xyz_cloud([(1.0, 2.0, 3.0)])
+    parts = {name: getattr(cloud, name) for name in cloud.get_fields_and_field_types()}
+    foreign = SimpleNamespace(**{**parts, "data": kind(cloud.data)})
+    assert from_point_cloud(foreign, "z", 1.0)["z"].tolist() == [[3.0]]
+
+
+# --- maps -----------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(grid_maps(layers=("elevation", "variance")))
+def test_a_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
+    # Coordinates are float32 in the cloud: where cells are too small for them points go astray.
+    reach = np.float32(np.max(np.abs(grid_map.position) + grid_map.length))
+    assume(np.spacing(reach) < 0.1 * grid_map.resolution)
+    result = from_point_cloud(to_point_cloud(grid_map, "elevation"), onto=grid_map.geometry)
+    is_point = grid_map.valid_mask(("elevation", *grid_map.basic_layers))
+    expected = grid_map.without_layers(["variance"]).copy()
+    expected.basic_layers = ()
+    expected["elevation"][~is_point] = np.nan
+    assert_maps_equal(result.without_layers(["variance"]), expected)
+
+
+def test_a_moved_map_comes_back_onto_itself() -> None:
+    values = np.random.default_rng(3).random((5, 4), np.float32)
+    world = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values, "other": 1.0})
+    moved = moved_in_buffer(world, (3, 2))
+    cloud = to_point_cloud(moved, "elevation", ["elevation"])
+    result = from_point_cloud(cloud, onto=moved)
+    assert result.start_index == (3, 2)
+    assert_maps_equal(result, world)
+    assert result["other"] is moved["other"]
+
+
+def test_the_cloud_of_the_cpp_demo_gives_its_map() -> None:
+    (published,) = recorded("cpp_tutorial", "elevation_points", PointCloud2)
+    (original,) = recorded("cpp_tutorial", "grid_map", type(to_message(GridMap((1, 1), 1.0))))
+    expected = from_message(original.message)
+    result = from_point_cloud(published.message, onto=expected.geometry)
+    np.testing.assert_array_equal(result["elevation"], expected["elevation"])
+    assert (result.frame_id, result.timestamp) == (expected.frame_id, expected.timestamp)
+    assert "elevation_noisy" in result.layers
+
+
+def test_without_a_place_the_map_is_made_to_fit() -> None:
+    cloud = xyz_cloud([(0.0, 0.0, 1.0), (0.9, 1.9, 2.0), (0.9, 1.9, 3.0)])
+    result = from_point_cloud(cloud, resolution=1.0)
+    assert result.layers == ("elevation",)
+    assert result["elevation"].tolist() == [[3.0, 1.0]]
+    assert (result.frame_id, result.timestamp) == ("map", 7_000_000_000)
+    lowest = from_point_cloud(cloud, "ground", 1.0, "min", more_layers={"n": "count"})
+    assert lowest.layers == ("ground", "n")
+    assert np.nanmax(lowest["ground"]) == 2.0
+    assert lowest["n"].sum() == 3
+
+
+def test_length_and_position_place_the_map() -> None:
+    cloud = xyz_cloud([(0.4, 0.4, 1.0), (5.0, 5.0, 2.0)])
+    result = from_point_cloud(cloud, resolution=1.0, length=(2, 2), position=(1, 1))
+    assert result["elevation"][1, 1] == 1.0
+    assert np.isnan(result["elevation"]).sum() == 3
+
+
+@pytest.mark.parametrize("bad", [(NAN, 0, 0), (0, NAN, 0), (0, 0, NAN), (INF, 0, 0), (0, 0, -INF)])
+def test_points_that_are_not_finite_are_left_out(bad: tuple[float, float, float]) -> None:
+    result = from_point_cloud(xyz_cloud([bad, (0, 0, 5)]), resolution=1.0)
+    assert result["elevation"].tolist() == [[5.0]]
+
+
+def test_points_beyond_the_height_limits_are_left_out() -> None:
+    cloud = xyz_cloud([(0, 0, 1), (0, 0, 2), (0, 0, 3)])
+    result = from_point_cloud(cloud, resolution=1.0, max_height=2.5)
+    assert result["elevation"].tolist() == [[2.0]]
+
+
+@pytest.mark.parametrize("datatype", CODES)
+def test_coordinates_may_have_any_type(datatype: int) -> None:
+    points = [{"x": 1, "y": 2, "z": 3}, {"x": 3, "y": 2, "z": 9}]
+    result = from_point_cloud(packed_cloud(points, xyz_fields(datatype)), resolution=2.0)
+    assert result["elevation"].tolist() == [[9.0], [3.0]]
+
+
+def test_coordinates_may_differ_in_type_and_order() -> None:
+    fields = [("z", 0, UINT8, 1), ("x", 3, FLOAT64, 1), ("y", 11, FLOAT32, 0)]
+    points = [{"x": 5e6 + 0.1, "y": 2.0, "z": 200}]
+    xyz, columns = read_columns(packed_cloud(points, fields))
+    assert (xyz.dtype, xyz.tolist(), columns) == (np.float64, [[5e6 + 0.1, 2.0, 200.0]], {})
+
+
+def test_an_empty_cloud_is_an_empty_map() -> None:
+    empty = packed_cloud([], xyz_fields())
+    result = from_point_cloud(empty, onto=GridGeometry(np.array([2.0, 1.0]), 1.0))
+    assert np.isnan(result["elevation"]).all()
+    with pytest.raises(GridMapError, match="points: none is finite"):
+        from_point_cloud(empty, resolution=1.0)
+
+
+# --- fields ---------------------------------------------------------------------------------------
+
+FIELDS = [
+    *xyz_fields(),
+    ("intensity", 12, UINT8, 1),
+    ("normal", 16, FLOAT32, 3),
+    ("ring", 28, 4, 0),
+]
+POINTS = [
+    {"x": 0, "y": 0, "z": 1, "intensity": 10, "normal": [0, 0, 1], "ring": 3},
+    {"x": 0, "y": 0, "z": 2, "intensity": 40, "normal": [0, 1, 0], "ring": 4},
+]
+
+
+def test_other_fields_become_layers() -> None:
+    cloud = packed_cloud(POINTS, FIELDS)
+    result = from_point_cloud(cloud, resolution=1.0, field_reductions={"ring": "last"})
+    found = {name: result[name].item() for name in result}
+    assert found == {"elevation": 2.0, "intensity": 25.0, "ring": 4.0}
+    assert from_point_cloud(cloud, resolution=1.0, fields=()).layers == ("elevation",)
+    chosen = from_point_cloud(cloud, resolution=1.0, fields=["ring"])
+    assert chosen.layers == ("elevation", "ring")
+    assert from_point_cloud(cloud, resolution=1.0, fields="ring").layers == chosen.layers
+
+
+def test_a_field_that_is_asked_for_must_be_there_and_hold_one_number() -> None:
+    cloud = packed_cloud(POINTS, FIELDS)
+    with pytest.raises(MessageError, match=r"fields: expected one called 'rings', found \['x'"):
+        from_point_cloud(cloud, resolution=1.0, fields=["rings"])
+    with pytest.raises(MessageError, match=r"fields\[4\]\.count: expected 1 for 'normal', found 3"):
+        from_point_cloud(cloud, resolution=1.0, fields=["normal"])
+
+
+@pytest.mark.parametrize("alpha", [0, 0xFE])
+@pytest.mark.parametrize(
+    ("name", "datatype"), [("rgb", FLOAT32), ("rgb", UINT32), ("rgba", UINT32)]
+)
+def test_colours_become_the_layer_color(name: str, datatype: int, alpha: int) -> None:
+    bits = np.array([0x102030, 0x304050], np.uint32) | np.uint32(alpha << 24)
+    values = bits.view(np.float32) if datatype == FLOAT32 else bits
+    points = [{"x": 0, "y": 0, "z": 0, name: value} for value in values.tolist()]
+    cloud = packed_cloud(points, [*xyz_fields(), (name, 16, datatype, 1)])
+    mean = from_point_cloud(cloud, resolution=1.0)
+    assert mean.layers == ("elevation", "color")
+    assert hex(mean["color"].view(np.uint32).item()) == "0x203040"
+    last = from_point_cloud(cloud, resolution=1.0, field_reductions={name: "last"})
+    assert hex(last["color"].view(np.uint32).item()) == "0x304050"
+
+
+def test_a_field_called_color_keeps_its_name_to_itself() -> None:
+    fields = [*xyz_fields(), ("color", 12, UINT32, 1), ("rgb", 16, UINT32, 1)]
+    cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "color": 1, "rgb": 2}], fields)
+    result = from_point_cloud(cloud, resolution=1.0)
+    assert {n: result[n].view(np.uint32).item() for n in ("color", "rgb")} == {"color": 1, "rgb": 2}
+
+
+def test_colours_have_four_bytes() -> None:
+    cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "rgb": 9}], [*xyz_fields(), ("rgb", 12, 2, 1)])
+    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colours, found 2"
+    with pytest.raises(MessageError, match=expected):
+        from_point_cloud(cloud, resolution=1.0)
+    assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)
+
+
+def test_a_field_called_as_the_layer_of_heights_must_be_left_out() -> None:
+    fields = [*xyz_fields(), ("elevation", 12, FLOAT32, 1)]
+    cloud = packed_cloud([{"x": 0, "y": 0, "z": 1, "elevation": 2}], fields)
+    with pytest.raises(GridMapError, match="'elevation' is to be made both"):
+        from_point_cloud(cloud, resolution=1.0)
+    assert from_point_cloud(cloud, "height", 1.0).layers == ("height", "elevation")
+
+
+# --- what is wrong --------------------------------------------------------------------------------
+
+
+def test_the_grid_is_given_once() -> None:
+    cloud = xyz_cloud([(0, 0, 0)])
+    with pytest.raises(ConfigError, match="'resolution': expected a number, or `onto`"):
+        from_point_cloud(cloud)
+    for given_too in ({"resolution": 1.0}, {"length": (1, 1)}, {"position": (0, 0)}):
+        with pytest.raises(ConfigError, match="'onto': expected no resolution, length or position"):
+            from_point_cloud(cloud, onto=GridMap((1, 1), 1.0), **given_too)
+    with pytest.raises(ConfigError, match="reduction of elevation"):
+        from_point_cloud(cloud, resolution=1.0, reduction="highest")
+
+
+def test_a_map_of_another_frame_is_refused() -> None:
+    cloud = xyz_cloud([(0, 0, 0)], frame_id="lidar")
+    with pytest.raises(MessageError, match=r"header.frame_id: expected that of the map, 'map'"):
+        from_point_cloud(cloud, onto=GridMap((1, 1), 1.0, frame_id="map"))
+    assert from_point_cloud(cloud, onto=GridMap((1, 1), 1.0)).frame_id == "lidar"
+
+
+def test_a_stray_point_far_away_does_not_take_all_the_memory() -> None:
+    cloud = xyz_cloud([(0, 0, 0), (1e4, 1e4, 0)])
+    with pytest.raises(GridMapError, match="takes too many cells"):
+        from_point_cloud(cloud, resolution=0.1)
+
+
+def setting(**values: Any) -> Callable[[PointCloud2], None]:
+    return lambda cloud: [setattr(cloud, name, value) for name, value in values.items()] and None
+
+
+def setting_field(index: int, **values: Any) -> Callable[[PointCloud2], None]:
+    return lambda cloud: setting(**values)(cloud.fields[index])
+
+
+def resize(change: int) -> Callable[[PointCloud2], None]:
+    def change_size(cloud: PointCloud2) -> None:
+        data = bytes(cloud.data) + b"\0" * max(change, 0)
+        cloud.data = array.array("B", data[: len(data) + min(change, 0)])
+
+    return change_size
+
+
+HUGE = 2**32 - 1
+
+# The cloud has 2 rows of 3 points of 20 bytes: x, y, z, rgb and 4 bytes that are not used.
+MALFORMED: dict[str, tuple[Callable[[PointCloud2], None], str, str, str]] = {
+    "big-endian": (setting(is_bigendian=True), "is_bigendian", "little-endian", "True"),
+    "one byte too few": (resize(-1), "data", "120 bytes (2 rows of 60)", "119"),
+    "one byte too many": (resize(1), "data", "120 bytes (2 rows of 60)", "121"),
+    "no data": (resize(-120), "data", "120 bytes", "0"),
+    "more points than bytes": (
+        setting(width=HUGE), "row_step", f"at least {20 * HUGE} ({HUGE} points", "60"),
+    "more rows than bytes": (setting(height=HUGE), "data", f"({HUGE} rows of 60)", "120"),
+    "gigabytes of points": (
+        setting(width=HUGE, height=HUGE, row_step=HUGE), "row_step", f"{HUGE} points", str(HUGE)),
+    "rows shorter than their points": (setting(row_step=59), "row_step", "at least 60", "59"),
+    "no row step": (setting(row_step=0), "row_step", "at least 60", "0"),
+    "a huge row step": (setting(row_step=HUGE), "data", f"2 rows of {HUGE}", "120"),
+    "points shorter than their fields": (
+        setting(point_step=15), "point_step", "at least 16, where field 'rgb' (fields[3])", "15"),
+    "no point step": (setting(point_step=0), "point_step", "at least 4, where field 'x'", "0"),
+    "a huge point step": (setting(point_step=HUGE), "row_step", f"3 points of {HUGE}", "60"),
+    "a field that leaves the point": (
+        setting_field(1, offset=17), "point_step", "at least 21, where field 'y' (fields", "20"),
+    "a field far beyond the point": (
+        setting_field(3, offset=HUGE), "point_step", f"at least {HUGE + 4}", "20"),
+    "more numbers than the point has room for": (
+        setting_field(3, count=3), "point_step", "at least 24, where field 'rgb'", "20"),
+    "a huge count": (
+        setting_field(3, count=HUGE), "point_step", f"at least {12 + 4 * HUGE}", "20"),
+    "datatype 0": (setting_field(2, datatype=0), "fields[2].datatype", "1 to 8", "0"),
+    "datatype 9": (setting_field(2, datatype=9), "fields[2].datatype", "1 to 8", "9"),
+    "a field twice": (setting_field(3, name="x"), "fields", "every name once", "['x']"),
+    "a field without name": (setting_field(3, name=""), "fields[3].name", "a name", "''"),
+    "a time before the epoch": (
+        lambda m: setattr(m.header.stamp, "sec", -1), "header.stamp.sec", "no negative", "-1"),
+    "a full second of nanoseconds": (
+        lambda m: setattr(m.header.stamp, "nanosec", 10**9),
+        "header.stamp.nanosec", "0 to 999999999", "1000000000"),
+    "no x": (setting_field(0, name="a"), "fields", "one called 'x'", "['a', 'y', 'z', 'rgb']"),
+    "no y": (setting_field(1, name="a"), "fields", "one called 'y'", "['x', 'a', 'z', 'rgb']"),
+    "no z": (setting_field(2, name="a"), "fields", "one called 'z'", "['x', 'y', 'a', 'rgb']"),
+    "no fields": (setting(fields=[]), "fields", "one called 'x'", "[]"),
+    "two x per point": (setting_field(0, count=2), "fields[0].count", "1 for 'x'", "2"),
+}  # fmt: skip
+
+
+def valid_cloud() -> PointCloud2:
+    points = [{"x": k, "y": k, "z": k, "rgb": k} for k in range(6)]
+    fields = [*xyz_fields(), ("rgb", 12, UINT32, 1)]
+    return packed_cloud(points, fields, point_step=20, height=2)
+
+
+def test_the_cloud_that_is_broken_below_is_sound() -> None:
+    assert from_point_cloud(valid_cloud(), resolution=1.0).size == (6, 6)
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_cloud_is_refused_without_taking_memory(case: str) -> None:
+    damage, field, expected, found = MALFORMED[case]
+    cloud = valid_cloud()
+    damage(cloud)
+    tracemalloc.start()
+    try:
+        with pytest.raises(MessageError) as caught:
+            from_point_cloud(cloud, resolution=1.0)
+        assert tracemalloc.get_traced_memory()[1] < 100_000
+    finally:
+        tracemalloc.stop()
+    assert caught.value.field == field
+    assert expected in caught.value.expected
+    assert repr(caught.value.found) == found
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_a_cloud_with_arbitrary_numbers_is_read_or_refused(data: st.DataObject) -> None:
+    cloud = valid_cloud()
+    numbers = st.sampled_from([0, 1, 3, 4, 20, 60, 119, 2**16, 2**31, HUGE]) | st.integers(0, HUGE)
+    for _ in range(data.draw(st.integers(1, 3))):
+        name = data.draw(st.sampled_from(["width", "height", "point_step", "row_step"]))
+        setattr(cloud, name, data.draw(numbers))
+    field: PointField = data.draw(st.sampled_from(cloud.fields))
+    setattr(field, data.draw(st.sampled_from(["offset", "count"])), data.draw(numbers))
+    field.datatype = data.draw(st.integers(0, 10))
+    try:
+        points = read_points(cloud)
+    except MessageError:
+        return
+    assert {len(values) for values in points.values()} == {cloud.width * cloud.height}
+    assert cloud.height * cloud.row_step == len(cloud.data)

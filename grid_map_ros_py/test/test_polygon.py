@@ -1,0 +1,151 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from cpp_golden import assert_header, only
+from geometry_msgs.msg import Point32, PolygonStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GeometryError, Polygon
+from grid_map_ros_py import (
+    MessageError,
+    from_polygon,
+    to_line_marker,
+    to_polygon,
+    to_serialized_line_marker,
+    to_serialized_polygon,
+    to_serialized_triangle_list_marker,
+    to_triangle_list_marker,
+)
+
+GOLDEN = only("polygon")
+POLYGON = Polygon(GOLDEN["vertices"])
+WHERE = {"frame_id": "map", "timestamp": 5_000_000_007}
+RED = (1.0, 0.0, 0.0, 0.5)
+
+coordinates = st.floats(-1e6, 1e6, width=32)
+polygons = st.lists(st.tuples(coordinates, coordinates), max_size=8).map(Polygon)
+frames = st.text("abc/", max_size=9)
+
+
+def xyz(points: Any) -> list[list[float]]:
+    return [[point.x, point.y, point.z] for point in points]
+
+
+# --- against C++ ----------------------------------------------------------------------------------
+
+
+def test_the_message_equals_that_of_cpp() -> None:
+    message, expected = to_polygon(POLYGON, **WHERE), GOLDEN["message"]
+    assert_header(message.header, expected["header"])
+    assert xyz(message.polygon.points) == expected["points"]
+
+
+@pytest.mark.parametrize(
+    ("marker", "expected"),
+    [
+        (to_line_marker(POLYGON, 0.05, RED, height=1.5, **WHERE), GOLDEN["line_marker"]),
+        (
+            to_triangle_list_marker(POLYGON, RED, height=1.5, **WHERE),
+            GOLDEN["triangle_list_marker"],
+        ),
+    ],
+    ids=["line", "triangles"],
+)
+def test_markers_equal_those_of_cpp(marker: Marker, expected: dict[str, Any]) -> None:
+    assert_header(marker.header, expected["header"])
+    assert (marker.type, marker.action) == (expected["type"], expected["action"])
+    scale, lifetime = marker.scale, marker.lifetime
+    assert [scale.x, scale.y, scale.z] == expected["scale"]
+    assert [lifetime.sec, lifetime.nanosec] == expected["lifetime"]
+    assert xyz(marker.points) == expected["points"]
+    assert len(marker.colors) == expected["n_colors"]
+    assert {(c.r, c.g, c.b, c.a) for c in marker.colors} == {RED}
+
+
+def test_everything_that_cpp_made_of_a_polygon_is_compared() -> None:
+    assert set(GOLDEN) == {"vertices", "message", "line_marker", "triangle_list_marker"}
+
+
+# --- both ways ------------------------------------------------------------------------------------
+
+
+@given(polygons)
+def test_a_polygon_of_float32_survives_the_way_through_a_message(polygon: Polygon) -> None:
+    sent = deserialize_message(serialize_message(to_polygon(polygon)), PolygonStamped)
+    assert from_polygon(sent) == polygon
+
+
+Convert = Callable[..., Any]
+
+
+@given(polygons, frames, st.floats(-9, 9, width=32))
+def test_serialized_messages_are_the_same(polygon: Polygon, frame: str, height: float) -> None:
+    where = {"frame_id": frame, "timestamp": 7, "height": height}
+    pairs: list[tuple[bytes, Any]] = [
+        (to_serialized_polygon(polygon, **where), to_polygon(polygon, **where)),
+        (
+            to_serialized_line_marker(polygon, 0.1, RED, **where),
+            to_line_marker(polygon, 0.1, RED, **where),
+        ),
+        (
+            to_serialized_triangle_list_marker(polygon, RED, **where),
+            to_triangle_list_marker(polygon, RED, **where),
+        ),
+    ]
+    for serialized, message in pairs:
+        assert deserialize_message(serialized, type(message)) == message
+        expected = serialize_message(message)
+        # rclpy leaves padding undefined, and for empty sequences it adds a few bytes at the end.
+        assert 0 <= len(expected) - len(serialized) <= 8
+
+
+@given(polygons)
+def test_the_triangles_are_those_of_the_polygon(polygon: Polygon) -> None:
+    marker = to_triangle_list_marker(polygon)
+    expected = [[*corner, 0.0] for part in polygon.triangulate() for corner in part.vertices]
+    assert xyz(marker.points) == expected
+    assert 3 * len(marker.colors) == len(marker.points)
+
+
+@given(polygons)
+def test_the_line_is_closed(polygon: Polygon) -> None:
+    points = xyz(to_line_marker(polygon, 0.1, height=2.0).points)
+    assert len(points) == (len(polygon) + 1 if len(polygon) else 0)
+    assert points[:1] == points[-1:]
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_vertex_that_is_not_finite_is_named(value: float) -> None:
+    message = to_polygon(POLYGON)
+    message.polygon.points[2] = Point32(x=1.0, y=value)
+    with pytest.raises(MessageError, match=r"polygon\.points\[2\]: expected finite coordinates"):
+        from_polygon(message)
+
+
+@pytest.mark.parametrize("color", [(1, 0, 0), (1, 0, 0, 2), (0, 0, math.nan, 1), 1.0])
+def test_a_colour_has_four_components_from_0_to_1(color: Any) -> None:
+    with pytest.raises(GeometryError, match="color: expected red, green, blue, alpha from 0 to 1"):
+        to_line_marker(POLYGON, 0.1, color)
+
+
+def test_a_time_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(MessageError, match="stamp: expected nanoseconds from 0"):
+        to_polygon(POLYGON, timestamp=-1)
+
+
+def test_vertices_are_rounded_to_float32() -> None:
+    received = from_polygon(
+        deserialize_message(to_serialized_polygon(Polygon([(0.1, 0.2)])), PolygonStamped)
+    )
+    np.testing.assert_array_equal(received.vertices, np.float32([(0.1, 0.2)]))

@@ -1,0 +1,257 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where robot and sensor are, from messages and in between."""
+
+import math
+import sys
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TransformStamped,
+    Vector3,
+)
+from nav_msgs.msg import Odometry
+
+from grid_map_core_py import GridMapError
+from grid_map_ros_py import MessageError
+from grid_map_ros_py.errors import MissingPackageError
+from grid_map_ros_py.poses import (
+    NoPoses,
+    Placement,
+    PoseHistory,
+    between,
+    from_xyz_rpy,
+    to_matrix,
+    transformed,
+)
+from grid_map_ros_py.tf_poses import TfPoses, has_tf
+from grid_map_ros_py.time import to_stamp
+
+SECOND = 1_000_000_000
+
+
+def pose(
+    seconds: float, x: float = 0.0, y: float = 0.0, yaw: float = 0.0, kind: type = PoseStamped
+) -> Any:
+    message = kind()
+    message.header.frame_id = "odom"
+    message.header.stamp = to_stamp(round(seconds * SECOND))
+    inner = message.pose if kind is PoseStamped else message.pose.pose
+    inner.position.x, inner.position.y = x, y
+    inner.orientation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    return message
+
+
+def history(*poses: Any, **options: Any) -> PoseHistory:
+    made = PoseHistory("odom", **options)
+    for message in poses:
+        made.add(message)
+    return made
+
+
+def yaw_of(matrix: np.ndarray) -> float:
+    return math.atan2(matrix[1, 0], matrix[0, 0])
+
+
+# --- matrices -------------------------------------------------------------------------------------
+
+
+def test_a_pose_maps_the_axes_of_the_robot_into_the_map() -> None:
+    message = pose(0, 1.0, 2.0, math.pi / 2)
+    matrix = to_matrix(message.pose.position, message.pose.orientation)
+    np.testing.assert_allclose(matrix @ (3, 0, 0.5, 1), (1, 5, 0.5, 1), atol=1e-12)
+
+
+def test_roll_pitch_and_yaw_are_those_of_urdf() -> None:
+    # First about the fixed x axis, then y, then z.
+    turn = from_xyz_rpy((0, 0, 1), (math.pi / 2, 0, math.pi / 2))
+    np.testing.assert_allclose(turn @ (0, 1, 0, 1), (0, 0, 2, 1), atol=1e-12)
+    np.testing.assert_allclose(turn @ (1, 0, 0, 1), (0, 1, 1, 1), atol=1e-12)
+    pitched = from_xyz_rpy((0, 0, 0), (0, math.pi / 2, 0))
+    np.testing.assert_allclose(pitched @ (1, 0, 0, 1), (0, 0, -1, 1), atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_between_two_poses_the_robot_turns_evenly_the_short_way(share: float) -> None:
+    begin, end = from_xyz_rpy((0, 0, 0), (0, 0, 3.0)), from_xyz_rpy((4, 0, 2), (0, 0, -3.0))
+    found = between(begin, end, share)
+    np.testing.assert_allclose(found[:3, 3], (4 * share, 0, 2 * share))
+    turned = 3.0 + share * (2 * math.pi - 6.0)
+    assert math.cos(yaw_of(found) - turned) == pytest.approx(1.0)
+
+
+def test_points_are_moved_one_by_one() -> None:
+    points = np.random.default_rng(2).uniform(-9, 9, (20, 3)).astype(np.float32)
+    points[3, 1], points[4, 0] = math.nan, math.inf
+    transform = from_xyz_rpy((5e6, -2, 3), (0.3, -0.4, 2.0))
+    found = transformed(points, transform)
+    assert found.dtype == np.float64
+    for before, after in zip(points.tolist(), found, strict=True):
+        if np.isfinite(before).all():
+            np.testing.assert_allclose(after, (transform @ (*before, 1.0))[:3])
+        else:
+            assert not np.isfinite(after).all()
+    assert transformed(points, np.eye(4)) is points
+
+
+@pytest.mark.parametrize(
+    "quaternion", [(0, 0, 0, 0), (0, 0, 0, 2), (1, 1, 0, 0), (math.nan, 0, 0, 1), (0, 0, 0, 1e200)]
+)
+def test_a_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) -> None:
+    x, y, z, w = map(float, quaternion)
+    message = pose(0)
+    message.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
+    with pytest.raises(MessageError, match=r"pose\.orientation: expected a quaternion of norm 1"):
+        history(message)
+
+
+def test_a_quaternion_that_was_rounded_is_fine() -> None:
+    matrix = to_matrix(Vector3(), Quaternion(z=0.7071, w=0.7071))
+    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
+
+
+# --- poses of a topic -----------------------------------------------------------------------------
+
+
+def test_poses_are_known_at_and_between_their_times() -> None:
+    known = history(pose(1, 0.0), pose(2, 4.0, yaw=1.0), pose(4, 4.0))
+    for seconds, x, yaw in [(1, 0, 0), (1.25, 1, 0.25), (2, 4, 1), (3, 4, 0.5), (4, 4, 0)]:
+        found = known.at(round(seconds * SECOND))
+        assert found is not None
+        assert (found[0, 3], yaw_of(found)) == (pytest.approx(x), pytest.approx(yaw))
+
+
+def test_a_cloud_waits_for_the_pose_that_follows() -> None:
+    known = PoseHistory("odom")
+    assert known.place("lidar", SECOND) is None
+    assert known.waits_for == "poses"
+    known.add(pose(1.5))
+    assert known.place("lidar", 2 * SECOND) is None
+    assert known.waits_for == "a later pose than that of 1.500 s"
+    known.add(pose(2.5))
+    assert known.place("lidar", 2 * SECOND) is not None
+
+
+def test_time_zero_means_the_latest_pose() -> None:
+    assert PoseHistory("odom").place("lidar", 0) is None
+    known = history(pose(1, 1.0), pose(2, 7.0))
+    placement = known.place("lidar", 0)
+    assert placement is not None
+    assert placement.transform[0, 3] == 7.0
+
+
+def test_a_cloud_from_before_the_first_pose_is_refused() -> None:
+    with pytest.raises(GridMapError, match=r"no pose at 1\.000 s: the first one is of 2\.000 s"):
+        history(pose(2), pose(3)).at(SECOND)
+    with pytest.raises(GridMapError, match="the first one is of 3"):
+        history(pose(1), pose(2), pose(3), limit=1).at(SECOND)
+
+
+def test_time_that_begins_anew_forgets_what_was() -> None:
+    known = history(pose(100, 1.0), pose(101, 1.0), pose(5, 9.0))
+    assert known.at(100 * SECOND) is None
+    found = known.at(5 * SECOND)
+    assert found is not None
+    assert found[0, 3] == 9.0
+
+
+def test_two_poses_of_one_time_are_no_trouble() -> None:
+    known = history(pose(1, 1.0), pose(2, 2.0), pose(2, 3.0), pose(3, 4.0))
+    for seconds in (1.5, 2, 2.5):
+        assert known.at(round(seconds * SECOND)) is not None
+
+
+def test_the_sensor_sits_somewhere_on_the_robot() -> None:
+    sensor = from_xyz_rpy((1, 0, 0.5), (0, 0, 0))
+    placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place("lidar", SECOND)
+    assert placement is not None
+    np.testing.assert_allclose(placement.transform[:3, 3], (10, 21, 0.5))
+    np.testing.assert_array_equal(placement.centre, (10, 20))
+
+
+def test_a_cloud_in_the_map_frame_stays_where_it_is() -> None:
+    placement = history(pose(1, 10.0, 20.0)).place("odom", SECOND)
+    assert placement is not None
+    np.testing.assert_array_equal(placement.transform, np.eye(4))
+    np.testing.assert_array_equal(placement.centre, (10, 20))
+
+
+@pytest.mark.parametrize("kind", [PoseStamped, Odometry, PoseWithCovarianceStamped])
+def test_poses_of_every_kind_are_taken(kind: type) -> None:
+    found = history(pose(1, 3.0, kind=kind)).at(SECOND)
+    assert found is not None
+    assert found[0, 3] == 3.0
+
+
+@pytest.mark.parametrize("kind", [PoseStamped, Odometry])
+def test_a_pose_that_makes_no_sense_changes_nothing(kind: type) -> None:
+    known = history(pose(1))
+    elsewhere, nowhere = pose(2, kind=kind), pose(2, x=math.nan, kind=kind)
+    elsewhere.header.frame_id = "map"
+    with pytest.raises(MessageError, match=r"header\.frame_id: expected 'odom', that of the map"):
+        known.add(elsewhere)
+    with pytest.raises(MessageError, match=r"pose\.position\.x: expected a finite number"):
+        known.add(nowhere)
+    assert known.at(2 * SECOND) is None
+
+
+def test_without_poses_clouds_must_be_in_the_map_frame() -> None:
+    placement = NoPoses("map").place("map", 5)
+    assert placement is not None
+    assert placement.centre is None
+    with pytest.raises(MessageError, match=r"header\.frame_id: expected 'map', .*found 'lidar'"):
+        NoPoses("map").place("lidar", 5)
+
+
+# --- tf -------------------------------------------------------------------------------------------
+
+
+class TransformException(Exception):
+    pass
+
+
+class Tree:
+    """Stands in for the buffer of tf2: knows where everything is from a certain time on."""
+
+    def lookup_transform(self, target: str, source: str, time: Any) -> TransformStamped:
+        if time.nanoseconds < SECOND:
+            raise TransformException(f"no {source} in {target} yet")
+        found = TransformStamped()
+        found.transform.translation.x = {"lidar": 3.0, "base": 2.0}[source]
+        return found
+
+
+@pytest.fixture
+def tf2(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("tf2_ros")
+    module.__spec__ = SimpleNamespace()
+    module.Buffer = Tree
+    module.TransformListener = lambda _buffer, _node: None
+    module.TransformException = TransformException
+    monkeypatch.setitem(sys.modules, "tf2_ros", module)
+
+
+@pytest.mark.usefixtures("tf2")
+@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
+def test_tf_tells_where_cloud_and_robot_are(robot_frame: str, x: float) -> None:
+    assert has_tf()
+    poses = TfPoses(None, "map", robot_frame)
+    assert poses.place("lidar", SECOND - 1) is None
+    assert poses.waits_for == "no lidar in map yet"
+    placement = poses.place("lidar", SECOND)
+    assert isinstance(placement, Placement)
+    np.testing.assert_array_equal(placement.transform[:3, 3], (3, 0, 0))
+    np.testing.assert_array_equal(placement.centre, (x, 0))
+
+
+def test_tf_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tf2_ros", None)
+    assert not has_tf()
+    with pytest.raises(MissingPackageError, match=r"'tf' needs the package 'tf2_ros', .*install"):
+        TfPoses(None, "map")

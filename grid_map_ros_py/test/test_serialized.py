@@ -1,0 +1,250 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as bytes: those of rclpy, and read with the checks of messages."""
+
+import struct
+import tracemalloc
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+from test_cdr import assert_encodes, big_endian
+from test_grid_map import maps, sample_map
+from test_grid_map_malformed import MALFORMED
+from test_multi_array import row_major
+
+from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import (
+    MessageError,
+    ReceivedMap,
+    from_message,
+    from_serialized_message,
+    to_message,
+    to_serialized_message,
+)
+
+
+def buffers_equal(actual: GridMap, expected: GridMap) -> bool:
+    """Tell whether two maps store the same layers, to the bit, from the same start index."""
+    return actual.start_index == expected.start_index and all(
+        np.array_equal(actual[name].view(np.uint32), expected[name].view(np.uint32))
+        for name in (*actual, *expected)
+    )
+
+
+@settings(max_examples=60)
+@given(maps, st.none() | st.sets(st.sampled_from(["elevation", "color"])))
+def test_the_bytes_are_those_of_rclpy(grid_map: GridMap, layers: set[str] | None) -> None:
+    assert_encodes(to_serialized_message(grid_map, layers), to_message(grid_map, layers))
+
+
+@settings(max_examples=60)
+@given(maps, st.none() | st.sets(st.sampled_from(["elevation", "color"])), *[st.booleans()] * 2)
+def test_the_bytes_of_rclpy_are_read_like_its_message(
+    grid_map: GridMap, layers: set[str] | None, copy_basic_layers: bool, unwrap: bool
+) -> None:
+    message = to_message(grid_map)
+    options: Any = {"layers": layers, "copy_basic_layers": copy_basic_layers, "unwrap": unwrap}
+    received = from_serialized_message(serialize_message(message), **options)
+    expected = from_message(message, **options)
+    assert_maps_equal(received, expected)
+    assert buffers_equal(received, expected)
+
+
+@settings(max_examples=30)
+@given(maps)
+def test_a_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
+    received = from_serialized_message(to_serialized_message(grid_map), unwrap=False)
+    assert_maps_equal(received, grid_map)
+    assert buffers_equal(received, grid_map)
+
+
+@pytest.mark.parametrize("unwrap", [True, False])
+def test_row_major_layers_are_read_like_column_major_ones(unwrap: bool) -> None:
+    message = to_message(sample_map())
+    message.data = [row_major(sample_map()[name], data_offset=3) for name in sample_map()]
+    received = from_serialized_message(serialize_message(message), unwrap=unwrap)
+    assert_maps_equal(received, sample_map())
+    assert received["elevation"].flags.f_contiguous
+
+
+def test_big_endian_bytes_are_read_like_little_endian_ones() -> None:
+    data = big_endian(to_message(sample_map()))
+    assert data != to_serialized_message(sample_map())
+    received = from_serialized_message(data, unwrap=False)
+    assert buffers_equal(received, sample_map())
+    assert received["elevation"].dtype.isnative
+
+
+def test_bytes_at_any_address_are_read() -> None:
+    data = b"x" + to_serialized_message(sample_map())
+    assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
+
+
+def test_a_received_map_has_memory_of_its_own() -> None:
+    data = bytearray(to_serialized_message(sample_map(start=(0, 0))))
+    received = from_serialized_message(data)
+    data[:] = bytes(len(data))
+    assert_maps_equal(received, sample_map())
+    received["elevation"][...] = 5.0
+
+
+def test_a_start_index_too_large_for_the_message_is_unwrapped_before_sending() -> None:
+    values = np.arange(66_000, dtype=np.float32)[:, None]
+    grid_map = GridMap((6600.0, 0.1), 0.1, layers={"elevation": values})
+    received = from_serialized_message(
+        to_serialized_message(moved_in_buffer(grid_map, (65_990, 0))), unwrap=False
+    )
+    assert buffers_equal(received, grid_map)
+
+
+def test_only_the_layers_that_are_wanted_take_memory() -> None:
+    names = [f"layer {k}" for k in range(20)]
+    grid_map = GridMap((20.0, 20.0), 0.1, layers=dict.fromkeys(names, 1.0))
+    data = to_serialized_message(grid_map)
+    layer_size = grid_map[names[0]].nbytes
+    assert peak(lambda: from_serialized_message(data, names[:2])) < 2.5 * layer_size
+    assert peak(lambda: to_serialized_message(grid_map, names[:2])) < 2.5 * layer_size
+
+
+def test_layers_that_are_not_there_are_named() -> None:
+    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
+        to_serialized_message(sample_map(), ["slope"])
+    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
+        from_serialized_message(to_serialized_message(sample_map()), ["slope"])
+
+
+def test_a_received_map_tells_what_it_is_without_being_decoded() -> None:
+    data = to_serialized_message(GridMap((30.0, 20.0), 0.1, layers=["a", "b"], frame_id="odom"))
+
+    def look() -> ReceivedMap:
+        received = ReceivedMap(data)
+        assert received.layers == ("a", "b")
+        assert (received.frame_id, received.geometry.size) == ("odom", (300, 200))
+        return received
+
+    assert peak(look) < 50_000
+    assert look().data is data
+
+
+def test_a_received_map_is_decoded_as_often_as_one_likes() -> None:
+    received = ReceivedMap(to_serialized_message(sample_map()))
+    assert received.basic_layers == ("elevation",)
+    assert received.timestamp == sample_map().timestamp
+    assert_maps_equal(received.decode(), sample_map())
+    assert received.decode("variance").layers == ("variance",)
+    assert received.decode(unwrap=False, copy_basic_layers=False).basic_layers == ()
+    assert received.decode(unwrap=False).start_index == sample_map().start_index
+
+
+def test_a_received_map_that_is_none_is_refused_when_somebody_looks() -> None:
+    received = ReceivedMap(b"noise")
+    for look in (lambda: received.layers, lambda: received.frame_id, received.decode):
+        with pytest.raises(MessageError, match="encoding"):
+            look()
+
+
+# --- what is wrong --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", MALFORMED)
+def test_a_malformed_message_gets_the_error_of_from_message(kind: str) -> None:
+    spoil, *_ = MALFORMED[kind]
+    message = to_message(sample_map())
+    spoil(message)
+    with pytest.raises(MessageError) as expected:
+        from_message(message)
+    with pytest.raises(MessageError) as error:
+        from_serialized_message(serialize_message(message))
+    assert str(error.value) == str(expected.value)
+
+
+def test_bytes_that_end_too_early_are_refused_wherever_they_end() -> None:
+    data = to_serialized_message(sample_map())
+    for length in range(len(data)):
+        with pytest.raises(MessageError):
+            from_serialized_message(data[:length])
+
+
+def test_the_error_tells_what_is_cut_off() -> None:
+    data = to_serialized_message(sample_map())
+    with pytest.raises(MessageError) as error:
+        from_serialized_message(data[:-8])
+    assert str(error.value) == (
+        "data[1].data: expected at most 11 values (44 bytes more), found 12"
+    )
+
+
+@settings(max_examples=300)
+@given(st.data())
+def test_spoilt_bytes_are_read_or_refused_with_the_one_error(data: st.DataObject) -> None:
+    spoilt = bytearray(to_serialized_message(sample_map()))
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(spoilt) - 4))
+        spoilt[place : place + 4] = data.draw(
+            st.sampled_from([b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f"])
+            | st.binary(min_size=4, max_size=4)
+        )
+    with suppress(MessageError):
+        from_serialized_message(spoilt)
+
+
+@given(st.binary(max_size=200), st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
+def test_arbitrary_bytes_are_refused(data: bytes, header: bytes) -> None:
+    with pytest.raises(MessageError):
+        from_serialized_message(header + data)
+
+
+def test_lengths_are_not_believed_before_the_bytes_are_there() -> None:
+    data = to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
+    for place in range(4, len(data) - 4, 4):
+        spoilt = data[:place] + struct.pack("<I", 0x7FFFFFF0) + data[place + 4 :]
+
+        def read(spoilt: bytes = spoilt) -> None:
+            with suppress(MessageError):
+                from_serialized_message(spoilt)
+
+        assert peak(read) < 100_000
+
+
+def test_names_that_are_no_text_are_refused_with_their_place() -> None:
+    data = to_serialized_message(sample_map()).replace(b"variance", b"vari\xffnce")
+    with pytest.raises(MessageError, match=r"layers\[1\]: expected a text in UTF-8, found b'vari"):
+        from_serialized_message(data)
+    with pytest.raises(MessageError, match=r"layers\[0\]: expected a text that UTF-8 can hold"):
+        to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["\ud800"]))
+
+
+def test_a_grid_that_is_huge_without_layers_takes_no_memory() -> None:
+    message = GridMapMessage()
+    message.info.resolution = 1.0
+    message.info.length_x = message.info.length_y = 2.0e9
+    message.info.pose.orientation.w = 1.0
+    assert from_message(message).size == (2 * 10**9, 2 * 10**9)
+    data = serialize_message(message)
+    assert peak(lambda: from_serialized_message(data)) < 100_000
+    message.info.length_x = 4.0e9
+    with pytest.raises(MessageError, match=r"info\.length_x: expected 1 to 2147483648 cells"):
+        from_serialized_message(serialize_message(message))
+
+
+def test_rclpy_reads_the_bytes() -> None:
+    message = deserialize_message(to_serialized_message(sample_map()), GridMapMessage)
+    assert message == to_message(sample_map())
+
+
+def peak(operation: Any) -> int:
+    """Return how many bytes an operation had in use at most."""
+    operation()
+    tracemalloc.start()
+    try:
+        operation()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

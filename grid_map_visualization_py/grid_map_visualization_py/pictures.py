@@ -1,0 +1,262 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as pictures, drawn by Matplotlib.
+
+Maps are seen from above as in RViz: x runs to the right and y upwards, in metres, in the frame of
+the map. Cells without a value are left blank.
+
+The light of shaded pictures comes from the upper left, 45 degrees high. Level ground keeps its
+colour, slopes towards the light are lighter and slopes away from it darker.
+"""
+
+from os import PathLike
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
+from grid_map_core_py.atomic import new_file
+from grid_map_ros_py import MissingPackageError
+
+from .colormaps import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
+from .surface import Surface
+
+try:
+    import matplotlib
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Colormap, Normalize
+    from matplotlib.figure import Figure
+except ImportError as error:
+    raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
+
+LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
+"""Direction to the light."""
+
+MAX_CELLS_3D = 20_000
+"""Cells to which surfaces are thinned out by default; Matplotlib takes a second for so many."""
+
+_SIZE, _DPI = (9.0, 7.0), 110
+
+
+def plot(
+    grid_map: GridMap,
+    layer: str,
+    ax: Any = None,
+    *,
+    color_mode: Literal["intensity", "color"] = "intensity",
+    color_map: str = DEFAULT_COLOR_MAP,
+    lower: float | None = None,
+    upper: float | None = None,
+    invert: bool = False,
+    shade_by: str = "",
+    exaggeration: float = 1.0,
+    label: str = "",
+    title: str = "",
+    color_bar: bool = True,
+) -> Any:
+    """Draw a layer as seen from above.
+
+    Args:
+        grid_map: the map.
+        layer: gives the colours.
+        ax: Matplotlib axes to draw on; None means the current ones, as for Matplotlib's own
+            functions.
+        color_mode: "intensity" colours values by the colour map, "color" takes the layer as packed
+            colours.
+        color_map: name of a colour map of Matplotlib.
+        lower, upper: values at the ends of the colour map; None means the smallest and the largest.
+        invert: swap the ends of the colour map.
+        shade_by: layer of heights [m] that the light falls on; empty for no light.
+        exaggeration: factor on the heights for the light.
+        label: of the colour bar; empty means the name of the layer.
+        title: above the picture.
+        color_bar: whether to draw a colour bar.
+
+    Returns:
+        The axes.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        ConfigError: the colour map is unknown, or the bounds make no sense.
+    """
+    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
+    axes = _pyplot().gca() if ax is None else ax
+    values = _upright(grid_map.unwrapped(layer))
+    bar = _mappable(scale, values)
+    if color_mode == "intensity" and not shade_by:
+        # Not as an image of colours: the pointer then tells the values.
+        pixels: Any = np.ma.masked_invalid(values)
+    else:
+        pixels = _rgba(Coloring(color_mode, layer, scale)(values), values)
+    if shade_by:
+        heights = _upright(grid_map.unwrapped(shade_by)) * np.float32(exaggeration)
+        pixels[..., :3] = _lit(pixels[..., :3], _grid_normals(heights, grid_map.resolution))
+    options = {"cmap": bar.cmap, "norm": bar.norm, "interpolation": "nearest", "origin": "upper"}
+    axes.imshow(pixels, extent=_extent(grid_map), **options)
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    if color_bar and color_mode == "intensity":
+        axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.85)
+    return axes
+
+
+def plot_3d(
+    grid_map: GridMap,
+    height_layer: str,
+    ax: Any = None,
+    *,
+    color_layer: str = "",
+    color_mode: Literal["intensity", "color"] = "intensity",
+    color_map: str = DEFAULT_COLOR_MAP,
+    lower: float | None = None,
+    upper: float | None = None,
+    invert: bool = False,
+    exaggeration: float = 1.0,
+    max_cells: int = MAX_CELLS_3D,
+    label: str = "",
+    title: str = "",
+    color_bar: bool = True,
+) -> Any:
+    """Draw a map as a shaded surface in three dimensions; see `surface` for its triangles.
+
+    Args:
+        grid_map: the map.
+        height_layer: heights [m].
+        ax: Matplotlib axes of the projection "3d"; None means new ones.
+        color_layer: gives the colours; empty means the heights.
+        color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
+        exaggeration: factor on the heights for the eye and the light; the axis tells true heights.
+        max_cells: thin out larger maps to at most so many cells; 0 means never.
+
+    Returns:
+        The axes.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        ConfigError: the colour map is unknown, or the bounds make no sense.
+    """
+    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
+    axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
+    surface = Surface(grid_map, height_layer, max_cells=max_cells)
+    layer = color_layer or height_layer
+    mesh = surface.mesh(Coloring(color_mode, layer, scale))
+    x, y, z = (mesh.vertices + mesh.origin).T
+    if len(mesh.faces):
+        # Antialiasing would let the background through between the triangles.
+        options = {"shade": False, "linewidth": 0, "antialiased": False}
+        drawn = axes.plot_trisurf(x, y, z, triangles=mesh.faces, **options)
+        corners = mesh.vertices[mesh.faces] * np.array([1.0, 1.0, exaggeration])
+        colors = mesh.colors[mesh.faces].mean(axis=1) / 255
+        drawn.set_facecolor(_lit(colors, _face_normals(corners)))
+    x0, x1, y0, y1 = _extent(grid_map)
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1))
+    height = exaggeration * float(np.ptp(z)) if z.size else 0.0
+    sides = np.array([x1 - x0, y1 - y0, height])
+    axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
+    axes.view_init(elev=45.0, azim=-60.0)
+    if color_bar and color_mode == "intensity":
+        bar = _mappable(scale, surface.values(layer))
+        axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.6, pad=0.1)
+    return axes
+
+
+def save_picture(
+    grid_map: GridMap,
+    layer: str,
+    path: str | PathLike[str],
+    *,
+    three_d: bool = False,
+    **options: Any,
+) -> None:
+    """Write a picture of a map to a PNG file, which appears complete or not at all.
+
+    Args:
+        grid_map: the map.
+        layer: gives the colours; for `three_d` the heights.
+        path: the file; one that is there is replaced.
+        three_d: draw as `plot_3d` does, else as `plot` does.
+        options: those of the one or the other, but for the axes.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        ConfigError: the colour map is unknown, or the bounds make no sense.
+        OSError: the file cannot be written.
+    """
+    figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
+    if three_d:
+        plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
+    else:
+        plot(grid_map, layer, figure.add_subplot(), **options)
+    with new_file(path) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+# --- colours and light ----------------------------------------------------------------------------
+
+
+def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
+    """Return what tells Matplotlib which value has which colour."""
+    colors: Colormap = matplotlib.colormaps[scale.color_map]
+    return ScalarMappable(
+        Normalize(*scale.bounds(values)), colors.reversed() if scale.invert else colors
+    )
+
+
+def _rgba(colors: npt.NDArray[np.uint8], values: Layer) -> npt.NDArray[np.float64]:
+    """Return colours (..., 4) in [0, 1], transparent where a value is NaN."""
+    return np.concatenate([colors / 255, ~np.isnan(values)[..., None]], axis=-1)
+
+
+def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
+    """Return colours (..., 3) in [0, 1] in the light; where a normal (..., 3) is NaN, as they are.
+
+    The blending is the soft light of Pegtop, which leaves colours alone at a half.
+    """
+    light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
+    light = np.where(np.isnan(light), 0.5, light)[..., None]
+    return (1 - 2 * light) * colors**2 + 2 * light * colors
+
+
+def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
+    """Return unit normals (..., 3) of a picture of heights; NaN where they are not known."""
+    with np.errstate(invalid="ignore"):
+        down, right = (_differences(heights, axis) / resolution for axis in (0, 1))
+    normals = np.stack([-right, down, np.ones_like(down)], axis=-1)
+    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+
+
+def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:
+    """Return central differences, one-sided at the border, zero along a single cell."""
+    if heights.shape[axis] < 2:
+        return np.where(np.isfinite(heights), 0.0, np.nan)
+    return np.asarray(np.gradient(heights.astype(np.float64), axis=axis))
+
+
+def _face_normals(corners: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """Return unit normals (T, 3) of triangles (T, 3, 3)."""
+    first, second, third = corners.astype(np.float64).transpose(1, 0, 2)
+    normals = np.cross(second - first, third - first)
+    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+
+
+# --- places ---------------------------------------------------------------------------------------
+
+
+def _upright(values: Layer) -> Layer:
+    """Return a layer in map order as an image with x to the right and y upwards: (cols, rows)."""
+    return values[::-1, :].T
+
+
+def _extent(grid_map: GridMap) -> tuple[float, float, float, float]:
+    """Return the smallest and largest x, then y, of the map [m]."""
+    (x0, y0), (x1, y1) = (grid_map.position + side * 0.5 * grid_map.length for side in (-1.0, 1.0))
+    return float(x0), float(x1), float(y0), float(y1)
+
+
+def _pyplot() -> Any:
+    # It looks for a screen when it is imported.
+    from matplotlib import pyplot
+
+    return pyplot

@@ -1,0 +1,433 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The page in the browser: a scene, controls and texts. viser does the work.
+
+All who look at the page share the controls; everybody has a view of their own.
+"""
+
+import contextlib
+import io
+import ipaddress
+import socket
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, cast
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py.arrays import Positions
+from grid_map_core_py.errors import GridMapError
+from grid_map_ros_py import MissingPackageError
+
+from ..colormaps import Coloring, ColorScale, color_map_names
+from .scene import Scene
+from .settings import NONE, Settings
+from .slots import Slots
+from .texts import as_note, legend
+
+REMEDY = "install viser (pip)"
+
+FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "RdYlGn", "coolwarm", "gray")
+"""Colour maps that stand at the top of the list."""
+
+MODES = {"layer": "intensity", "packed colour layer": "color", "one colour": "flat"}
+"""How the page calls the modes of `Coloring`."""
+
+NO_LAYER = "(no map yet)"
+NO_VECTORS = "(none)"
+MOST_HISTORY = 10
+SCREENSHOT_SECONDS = 60.0
+
+LINE_WIDTH, POINT_SIZE = 0.05, 0.3
+"""Parts of the distance between cells."""
+
+MARKER_RADIUS = 0.008
+"""Part of the distance from which the map is seen at first."""
+
+GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
+
+AMBIENT = 0.3
+"""The part of the light on level ground that comes from everywhere."""
+
+TO_SUN = (-1.0, 0.6, 1.2)
+"""Where the rest comes from."""
+
+SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
+
+
+class PageError(GridMapError):
+    """The page cannot be served."""
+
+
+class Page:
+    """Serves the page.
+
+    Args:
+        host: name or number of the address to serve at.
+        port: of that address; 0 takes a free one.
+        first: the layers and the colour map that are chosen at first.
+
+    Attributes:
+        url: where the page is.
+
+    Raises:
+        MissingPackageError: viser is not installed.
+        PageError: the page cannot be served at this address.
+    """
+
+    def __init__(self, host: str, port: int, first: Settings) -> None:
+        self._server = _serve(host, port)
+        port = self._server.get_port()
+        self.url = f"http://{socket.gethostname() if _is_any(host) else host}:{port}"
+        self._slots = Slots()
+        self._places: dict[int, Place] = {}
+        self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
+        self._marker: Any = None
+        self._view: tuple[Positions, Positions] | None = None
+        self._prepare_scene()
+        self._make_controls(first)
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether somebody looks at the page."""
+        return bool(self._server.get_clients())
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether somebody wants no new maps."""
+        return bool(self._paused.value)
+
+    @property
+    def height_layer(self) -> str:
+        """The layer of the heights that is chosen."""
+        return str(self._height_layer.value)
+
+    @property
+    def color_layer(self) -> str:
+        """The layer of the colours that is chosen."""
+        return str(self._color_layer.value)
+
+    @property
+    def vectors(self) -> str:
+        """The prefix of the vectors that is chosen; empty for none."""
+        return NONE if self._vectors.value == NO_VECTORS else str(self._vectors.value)
+
+    def settings(self) -> Settings:
+        """Return what is chosen.
+
+        Raises:
+            ConfigError: the bounds of the colours are not in order.
+        """
+        is_automatic = self._automatic.value
+        scale = ColorScale(
+            color_map=self._color_map.value,
+            lower=None if is_automatic else self._lower.value,
+            upper=None if is_automatic else self._upper.value,
+            invert=self._inverted.value,
+        )
+        red, green, blue = self._color.value
+        return Settings(
+            height_layer=self.height_layer,
+            flat=self._flat.value,
+            coloring=Coloring(
+                mode=cast("Any", MODES[self._mode.value]),
+                layer=self.color_layer,
+                scale=scale,
+                color=red << 16 | green << 8 | blue,
+            ),
+            shaded=self._shaded.value,
+            opacity=self._opacity.value,
+            grid_lines=self._grid_lines.value,
+            points=self._points.value,
+            vectors=self.vectors,
+            vector_scale=self._vector_scale.value,
+            history=self._history.value,
+        )
+
+    def offer(
+        self,
+        layers: tuple[str, ...],
+        prefixes: list[str],
+        *,
+        height_layer: str,
+        color_layer: str,
+        vectors: str,
+    ) -> None:
+        """Offer layers and prefixes of vectors, and choose those that are named."""
+        _offer(self._height_layer, layers, height_layer)
+        _offer(self._color_layer, layers, color_layer)
+        _offer(self._vectors, (NO_VECTORS, *prefixes), vectors or NO_VECTORS)
+
+    def load(self, scene: Scene, settings: Settings, *, replaces: bool) -> None:
+        """Load a scene; it is shown when `turn` comes.
+
+        Args:
+            scene: what to show.
+            settings: of the scene.
+            replaces: it shows the same map as the scene before.
+        """
+        slot = self._slots.load(replaces=replaces)
+        with self._server.atomic():
+            if slot not in self._places:
+                self._places[slot] = Place(self._server.scene, f"/maps/{slot}")
+            self._places[slot].fill(scene)
+        scale = settings.coloring.scale
+        bar = legend(scale, scene.bounds) if scale and scene.bounds else ""
+        _set(self._legend, "content", bar)
+
+    def turn(self, history: int) -> None:
+        """Show what was loaded and at most `history` maps."""
+        free = self._slots.turn(history)
+        with self._server.atomic():
+            for slot in self._slots.shown:
+                self._places[slot].is_visible = True
+            for slot in free:
+                self._places[slot].is_visible = False
+            # One more is being loaded; places beyond are not used any more.
+            for slot in [
+                slot for slot in self._places if slot > max([history, *self._slots.shown])
+            ]:
+                self._places.pop(slot).remove()
+
+    def look(self, start: Positions, target: Positions) -> None:
+        """Look from a place at another: at first, and whenever somebody resets the view."""
+        if self._view is None or not np.allclose(self._view, (start, target)):
+            self._view = (start, target)
+            camera, reach = self._server.initial_camera, float(np.linalg.norm(target - start))
+            camera.near, camera.far = reach / 1000, 100 * reach
+            camera.look_at, camera.position = target, start
+
+    def take_click(self) -> tuple[Positions, Positions] | None:
+        """Return start and direction of the ray of the last click, once."""
+        return self._clicks.pop() if self._clicks else None
+
+    def mark(self, point: Positions | None) -> None:
+        """Put the marker to a point (3,); None takes it away."""
+        if self._marker is not None:
+            self._marker.remove()
+            self._marker = None
+        if point is not None and self._view is not None:
+            start, target = self._view
+            self._marker = self._server.scene.add_icosphere(
+                "/marker",
+                radius=MARKER_RADIUS * float(np.linalg.norm(target - start)),
+                color=MARKER_COLOR,
+                position=point,
+                **SHADOWLESS,
+            )
+
+    def tell(self, status: str) -> None:
+        """Say what is known of the map, as HTML."""
+        _set(self._status, "content", status)
+
+    def tell_values(self, readout: str) -> None:
+        """Say what was found under the pointer, as HTML."""
+        _set(self._readout, "content", readout)
+
+    def close(self) -> None:
+        """Serve no more."""
+        with _silence():
+            self._server.stop()
+
+    def _prepare_scene(self) -> None:
+        scene = self._server.scene
+        scene.configure_default_lights(enabled=False)
+        scene.configure_environment_map(None)
+        # Together they give level ground its own colour: viser divides the light by pi.
+        scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
+        sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
+        scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
+        scene.on_click()(self._remember_click)
+
+    def _remember_click(self, event: Any) -> None:
+        self._clicks.append((np.asarray(event.ray_origin), np.asarray(event.ray_direction)))
+
+    def _make_controls(self, first: Settings) -> None:
+        gui = self._server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        self._status = gui.add_html(as_note("No map has come yet."))
+        self._paused = gui.add_checkbox("Pause", False)
+        gui.add_button("Screenshot").on_click(_take_screenshot)
+        with gui.add_folder("Cell"):
+            self._readout = gui.add_html(as_note("Click on the map."))
+        with gui.add_folder("Surface"):
+            layer = first.height_layer or NO_LAYER
+            self._height_layer = gui.add_dropdown("Height", (layer,))
+            self._flat = gui.add_checkbox("Flat", first.flat)
+            self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, first.opacity)
+            self._grid_lines = gui.add_checkbox("Grid lines", first.grid_lines)
+            self._shaded = gui.add_checkbox("Shaded", first.shaded)
+            self._history = gui.add_slider("History", 1, MOST_HISTORY, 1, first.history)
+        with gui.add_folder("Colour"):
+            self._make_color_controls(first.coloring)
+        with gui.add_folder("Overlays"):
+            self._points = gui.add_checkbox("Points", first.points)
+            self._vectors = gui.add_dropdown("Vectors", (NO_VECTORS,))
+            self._vector_scale = gui.add_number("Vector length", first.vector_scale, step=0.01)
+
+    def _make_color_controls(self, coloring: Coloring) -> None:
+        gui, scale = self._server.gui, coloring.scale or ColorScale()
+        modes = {mode: name for name, mode in MODES.items()}
+        self._mode = gui.add_dropdown("Colour by", tuple(MODES), initial_value=modes[coloring.mode])
+        self._color_layer = gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,))
+        names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
+        self._color_map = gui.add_dropdown(
+            "Colour map", tuple(names), initial_value=scale.color_map
+        )
+        self._inverted = gui.add_checkbox("Inverted", scale.invert)
+        self._automatic = gui.add_checkbox("Automatic bounds", scale.lower is None)
+        self._lower = gui.add_number("Lower bound", 0.0, step=0.01)
+        self._upper = gui.add_number("Upper bound", 1.0, step=0.01)
+        self._color = gui.add_rgb("One colour", (192, 192, 192))
+        self._legend = gui.add_html("")
+
+
+class Place:
+    """A place in the scene for one map; hidden at first.
+
+    Args:
+        scene: of viser.
+        name: of the place, as a path in the scene.
+    """
+
+    def __init__(self, scene: Any, name: str) -> None:
+        self._scene = scene
+        self._name = name
+        self._frame = scene.add_frame(name, show_axes=False, visible=False)
+        self._parts: dict[str, Any] = {}
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self._frame.visible)
+
+    @is_visible.setter
+    def is_visible(self, is_visible: bool) -> None:
+        self._frame.visible = is_visible
+
+    def fill(self, scene: Scene) -> None:
+        """Put a scene there, in place of what was there."""
+        self._frame.position = scene.mesh.origin
+        parts = dict(self._parts_of(scene))
+        for name in [name for name in self._parts if name not in parts]:
+            self._parts.pop(name).remove()
+        self._parts = parts
+
+    def remove(self) -> None:
+        """Remove it from the scene."""
+        self._frame.remove()
+
+    def _parts_of(self, scene: Scene) -> Iterator[tuple[str, Any]]:
+        add, width = self._scene, LINE_WIDTH * scene.spacing
+        if scene.glb is not None:
+            yield "surface", add.add_glb(f"{self._name}/surface", scene.glb, **SHADOWLESS)
+        for name, lines, color in (
+            ("grid_lines", scene.grid_lines, GRID_COLOR),
+            ("vectors", scene.vectors, VECTOR_COLOR),
+        ):
+            if len(lines):
+                path = f"{self._name}/{name}"
+                yield name, add.add_line_segments(path, lines, color, thickness=width)
+        if len(scene.points):
+            yield (
+                "points",
+                add.add_point_cloud(
+                    f"{self._name}/points",
+                    scene.points,
+                    scene.point_colors,
+                    point_size=POINT_SIZE * scene.spacing,
+                    point_shape="circle",
+                    precision="float32",
+                ),
+            )
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether an address is reached from this machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _is_any(host: str) -> bool:
+    return host in {"", "0.0.0.0", "::"}
+
+
+def _serve(host: str, port: int) -> Any:
+    try:
+        import viser
+    except ImportError as error:
+        raise MissingPackageError("viser", "web_viewer", REMEDY) from error
+    # viser would silently take the next port that is free.
+    _check_free(host, port)
+    with _silence():
+        server = viser.ViserServer(host, port, label="Grid map", verbose=False)
+    if port not in {0, server.get_port()}:
+        with _silence():
+            server.stop()
+        raise PageError(_taken(host, port, "another program was faster"))
+    return server
+
+
+def _check_free(host: str, port: int) -> None:
+    try:
+        for family, *_, address in socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        ):
+            socket.create_server(address[:2], family=family).close()
+    except (OSError, OverflowError) as error:
+        raise PageError(_taken(host, port, error)) from error
+
+
+def _taken(host: str, port: int, reason: object) -> str:
+    return (
+        f"the page cannot be served at {host}:{port}: {reason}; "
+        "the parameters 'host' and 'port' choose another address"
+    )
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Keep viser from printing; a node has a log."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield
+
+
+def _offer(dropdown: Any, options: tuple[str, ...], chosen: str) -> None:
+    if dropdown.options != options:
+        dropdown.options = options
+    dropdown.value = chosen
+
+
+def _set(element: Any, name: str, value: object) -> None:
+    if getattr(element, name) != value:
+        setattr(element, name, value)
+
+
+def _take_screenshot(event: Any) -> None:
+    """Send the one who asked for it a picture of the scene as they see it."""
+    client = event.client
+    if client is None:
+        return
+    camera = client.camera
+    picture = client.get_render(
+        camera.image_height,
+        camera.image_width,
+        transport_format="png",
+        timeout=SCREENSHOT_SECONDS,
+    )
+    client.send_file_download("grid_map.png", _png(picture), save_immediately=True)
+
+
+def _png(picture: npt.NDArray[np.uint8]) -> bytes:
+    """Return a picture (rows, columns, 4), red, green, blue, opacity, on white, as PNG."""
+    opacity = picture[..., 3:] / 255
+    on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
+    _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
+    return data.tobytes()

@@ -1,0 +1,33 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How often maps come, and how long ago the last one came."""
+
+import math
+from collections import deque
+
+
+class MapRate:
+    """Counts maps by the time at which they came.
+
+    Args:
+        window: over so many seconds the rate is taken.
+    """
+
+    def __init__(self, window: float = 3.0) -> None:
+        self._window = window
+        self._times: deque[float] = deque()
+
+    def add(self, now: float) -> None:
+        """Count a map that came now [s]."""
+        self._times.append(now)
+        while now - self._times[0] > self._window:
+            self._times.popleft()
+
+    def rate(self, now: float) -> float:
+        """Return maps per second; 0 where two of them have not come within the window."""
+        times = [time for time in self._times if now - time <= self._window]
+        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+
+    def age(self, now: float) -> float:
+        """Return the seconds since the last map came; infinite if none has."""
+        return now - self._times[-1] if self._times else math.inf

@@ -1,0 +1,101 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the page says, as HTML. Names come from messages, so everything is escaped."""
+
+import math
+from collections.abc import Mapping
+from html import escape
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Positions, Size
+
+from ..colormaps import ColorScale, packed_colors
+from .light import on_screen
+
+TEXT = "font-size:0.8em;padding:0 1em"
+
+STOPS = 16
+"""Colours of the legend, between which the browser blends."""
+
+PACKED = "color"
+"""Layers whose names end so hold packed colours."""
+
+
+def as_table(rows: Mapping[str, str]) -> str:
+    """Return rows of a name and a value."""
+    cells = "".join(
+        f"<tr><td>{escape(name)}</td><td style='text-align:right'>{escape(value)}</td></tr>"
+        for name, value in rows.items()
+    )
+    return f"<div style='{TEXT}'><table style='width:100%'>{cells}</table></div>"
+
+
+def as_note(text: str) -> str:
+    """Return a sentence."""
+    return f"<div style='{TEXT}'>{escape(text)}</div>"
+
+
+def status(
+    grid_map: GridMap, shown: Size, rate: float, age: float, *, is_paused: bool = False
+) -> str:
+    """Return what is known of the map.
+
+    Args:
+        grid_map: the map.
+        shown: rows and columns of cells that are shown.
+        rate: maps per second.
+        age: seconds since the last map came.
+        is_paused: whether it is not shown.
+    """
+    cells = "{} x {}".format(*grid_map.size)
+    thinned = "{} x {} of {}".format(*shown, cells)
+    return as_table(
+        {
+            "Frame": grid_map.frame_id or "(none)",
+            "Cells": cells if shown == grid_map.size else thinned,
+            "Resolution": f"{grid_map.resolution:g} m",
+            "Rate": f"{rate:.1f} Hz",
+            "Age": f"{age:.0f} s{', paused' if is_paused else ''}",
+        }
+    )
+
+
+def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
+    """Return a bar of colours, as the surface has them, with the values at its ends."""
+    colors = ColorScale(color_map=scale.color_map, lower=0.0, upper=1.0, invert=scale.invert)
+    stops = ",".join(
+        "rgb({},{},{})".format(*color.tolist())
+        for color in on_screen(colors(np.linspace(0, 1, STOPS, dtype=np.float32)))
+    )
+    lower, upper = (f"{bound:.4g}" for bound in bounds)
+    return (
+        f"<div style='{TEXT}'>"
+        f"<div style='height:1em;background:linear-gradient(to right,{stops})'></div>"
+        f"<div style='display:flex;justify-content:space-between'><span>{lower}</span>"
+        f"<span>{upper}</span></div></div>"
+    )
+
+
+def readout(grid_map: GridMap, position: Positions) -> str:
+    """Return the cell at a position and its values in all layers.
+
+    Args:
+        grid_map: the map, unwrapped, with all layers.
+        position: (2,) x, y [m], map frame.
+    """
+    place = {"x": f"{position[0]:.3f} m", "y": f"{position[1]:.3f} m"}
+    if not grid_map.is_inside(position):
+        return as_table({**place, "cell": "outside the map"})
+    row, column = grid_map.get_index(position)
+    values = {layer: _text(layer, grid_map[layer][row, column]) for layer in grid_map.layers}
+    return as_table({**place, "cell": f"{row}, {column}", **values})
+
+
+def _text(layer: str, value: np.float32) -> str:
+    if math.isnan(value):
+        return "no data"
+    if layer.endswith(PACKED):
+        return "#{:02x}{:02x}{:02x}".format(*packed_colors(np.array(value)).tolist())
+    return f"{value:.6g}"

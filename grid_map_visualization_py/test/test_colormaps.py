@@ -1,0 +1,130 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values as colours."""
+
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from grid_map_core_py import color_vector_to_value
+from grid_map_core_py.errors import ConfigError
+from grid_map_ros_py import MissingPackageError
+from grid_map_visualization_py import colormaps
+from grid_map_visualization_py.colormaps import (
+    MISSING,
+    ColorScale,
+    color_map_names,
+    flat_color,
+    packed_colors,
+)
+
+FLOATS = st.floats(width=32)
+
+
+def values(*numbers: float) -> np.ndarray:
+    return np.array(numbers, np.float32)
+
+
+@given(arrays.arrays(np.float32, st.integers(1, 20), elements=FLOATS))
+def test_every_value_gets_a_colour_of_the_map_and_nan_is_grey(numbers):
+    colors = ColorScale(color_map="turbo")(numbers)
+    assert (colors.shape, colors.dtype) == ((*numbers.shape, 3), np.uint8)
+    assert (colors[np.isnan(numbers)] == MISSING).all()
+    turbo = matplotlib.colormaps["turbo"](np.arange(256))
+    table = {tuple(c[:3]) for c in np.rint(255 * turbo)}
+    assert {tuple(color) for color in colors[~np.isnan(numbers)]} <= table
+
+
+@given(st.lists(st.floats(-100, 100, width=32), min_size=2))
+def test_larger_values_are_further_up_the_colour_map(numbers):
+    order = sorted(numbers)
+    grey = ColorScale(color_map="gray")(values(*order))[:, 0].astype(int)
+    assert (np.diff(grey) >= 0).all()
+    if order[0] < order[-1]:
+        assert (grey[0], grey[-1]) == (0, 255)
+
+
+def test_range_is_divided_into_equal_steps():
+    ramp = np.arange(256, dtype=np.float32) + 0.5
+    grey = ColorScale(color_map="gray", lower=0, upper=256)(ramp)
+    assert (grey == np.arange(256)[:, None]).all()
+    assert (ColorScale(color_map="gray", lower=0, upper=256, invert=True)(ramp) == 255 - grey).all()
+
+
+def test_values_beyond_the_bounds_have_the_colours_of_the_ends():
+    grey = ColorScale(color_map="gray", lower=-1, upper=1)
+    assert grey(values(-np.inf, -5, -1, 1, 5, np.inf))[:, 0].tolist() == [0, 0, 0, 255, 255, 255]
+
+
+@pytest.mark.parametrize(
+    ("given_bounds", "numbers", "expected"),
+    [
+        ({}, (1, np.nan, 3, -np.inf), (1, 3)),
+        ({}, (np.nan, np.inf), (0, 0)),
+        ({}, (), (0, 0)),
+        ({"lower": 2}, (1, 3), (2, 3)),
+        ({"lower": 5}, (1, 3), (5, 5)),
+        ({"upper": 2}, (1, 3), (1, 2)),
+        ({"upper": 0}, (1, 3), (0, 0)),
+        ({"upper": 4}, (np.nan,), (4, 4)),
+        ({"lower": 0, "upper": 9}, (1, 3), (0, 9)),
+    ],
+)
+def test_bounds_are_given_or_those_of_the_finite_values(given_bounds, numbers, expected):
+    assert ColorScale(**given_bounds).bounds(values(*numbers)) == expected
+
+
+def test_equal_values_are_at_the_lower_end():
+    assert (ColorScale(color_map="gray")(values(3, 3)) == 0).all()
+
+
+def test_layers_of_any_shape_and_order_of_memory():
+    layer = np.asfortranarray(np.random.default_rng(0).random((4, 3), np.float32))
+    scale = ColorScale()
+    assert (scale(layer) == scale(layer.T.copy()).transpose(1, 0, 2)).all()
+    fixed = ColorScale(lower=float(layer.min()), upper=float(layer.max()))
+    assert (fixed(layer[2, 1]) == scale(layer)[2, 1]).all()
+
+
+def test_packed_colours():
+    packed = color_vector_to_value([(1, 2, 3), (255, 254, 253)])
+    assert packed_colors(packed).tolist() == [[1, 2, 3], [255, 254, 253]]
+    assert packed_colors(values(np.nan)).tolist() == [[MISSING] * 3]
+    assert flat_color(0x010203).tolist() == [1, 2, 3]
+
+
+def test_names_are_those_of_matplotlib_without_the_reversed_ones():
+    names = color_map_names()
+    assert {"viridis", "turbo", "gist_earth", "gray"} <= {*names} <= {*matplotlib.colormaps}
+    assert not [name for name in names if name.endswith("_r")]
+    assert names == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"color_map": "viridas"}, ["'color_map'", "'viridas'", "did you mean viridis"]),
+        ({"color_map": "###"}, ["'color_map'", "'###'", "turbo"]),
+        ({"lower": np.nan}, ["'lower'", "finite", "nan"]),
+        ({"upper": np.inf}, ["'upper'", "finite", "inf"]),
+        ({"lower": 1.0, "upper": 1.0}, ["'upper'", "more than lower (1.0)", "1.0"]),
+        ({"lower": 2.0, "upper": 1.0}, ["'upper'", "more than lower (2.0)", "`invert`"]),
+    ],
+)
+def test_mistake_is_one_error_that_names_the_parameter(parameters, words):
+    with pytest.raises(ConfigError) as caught:
+        ColorScale(**parameters)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_error_without_matplotlib_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    colormaps._table.cache_clear()
+    with pytest.raises(MissingPackageError, match=r"colour map needs .*'matplotlib'.*install pyth"):
+        ColorScale()

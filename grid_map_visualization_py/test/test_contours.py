@@ -1,0 +1,139 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Lines of equal height."""
+
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py import create
+
+
+def drawn(grid_map: GridMap, **params: object) -> Marker:
+    params = {"layer": "elevation", **params}
+    visualization = create("contours", {"type": "contours", "params": params})
+    return deserialize_message(visualization(grid_map), Marker)
+
+
+def pieces(marker: Marker) -> np.ndarray:
+    """Return (N, 2, 3) begin and end of every piece of a line."""
+    return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 2, 3)
+
+
+def slope() -> GridMap:
+    """Return a map whose height is x, on cells of 1 m centred at -3 to 3 m."""
+    grid_map = GridMap((7, 5), 1.0, layers=["elevation"], frame_id="odom")
+    grid_map["elevation"][:] = grid_map.geometry.axes()[0][:, None]
+    return grid_map
+
+
+def test_line_on_a_slope_is_straight_and_exactly_where_the_slope_has_its_height():
+    marker = drawn(slope(), levels=[0.25])
+    found = pieces(marker)
+    np.testing.assert_allclose(found[..., 0], 0.25, atol=1e-6)
+    assert (found[..., 2] == 0.25).all()
+    # Four pieces between the five columns, each once.
+    ends = sorted(tuple(sorted(piece)) for piece in found[..., 1].tolist())
+    assert ends == [(-2, -1), (-1, 0), (0, 1), (1, 2)]
+    assert (marker.type, marker.ns, marker.header.frame_id) == (
+        Marker.LINE_LIST,
+        "contours",
+        "odom",
+    )
+
+
+@pytest.mark.parametrize(
+    ("params", "expected"),
+    [
+        ({"interval": 2}, {-2, 0, 2}),
+        ({"interval": 1.25}, {-2.5, -1.25, 0, 1.25, 2.5}),
+        ({"interval": 2, "levels": [1, -1.5, 1]}, {-1.5, 1}),
+        ({"levels": [17.0]}, set()),
+        ({"interval": 100.0, "levels": []}, {0}),
+    ],
+)
+def test_lines_are_drawn_at_multiples_of_the_interval_or_at_the_levels(params, expected):
+    found = pieces(drawn(slope(), **params))
+    assert set(found[..., 2].ravel()) == expected
+    np.testing.assert_allclose(found[..., 0], found[..., 2], atol=1e-6)
+
+
+def test_flat_lines_are_at_height_zero():
+    found = pieces(drawn(slope(), levels=[1.0], flat=True))
+    assert (found[..., 2] == 0).all()
+    np.testing.assert_allclose(found[..., 0], 1.0)
+
+
+def test_lines_end_at_holes():
+    grid_map = slope()
+    grid_map["elevation"][3, 2] = np.nan
+    ends = pieces(drawn(grid_map, levels=[0.4]))[..., 1]
+    # The line runs between rows 2 and 3, and on one side of the hole through no square of four.
+    assert ends.max() == 2
+    assert ends.min() == -2
+    assert not ((ends > -0.5) & (ends < 0.5)).any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(grid_maps(max_side=6))
+def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
+    marker = drawn(grid_map, levels=[0.0, 10.0])
+    found = pieces(marker)
+    assert np.isfinite(found).all()
+    assert len(marker.colors) == len(marker.points)
+    x, y = grid_map.geometry.axes()
+    assert (found[..., 0] >= x[-1] - 1e-9).all()
+    assert (found[..., 0] <= x[0] + 1e-9).all()
+    assert (found[..., 1] >= y[-1] - 1e-9).all()
+    assert (found[..., 1] <= y[0] + 1e-9).all()
+    moved = moved_in_buffer(grid_map, (grid_map.size[0] - 1, grid_map.size[1] // 2))
+    assert (pieces(drawn(moved, levels=[0.0, 10.0])) == found).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(grid_maps(max_side=5, allow_infinity=False))
+def test_values_on_the_lines_are_those_of_the_level_on_the_edges_of_the_grid(grid_map):
+    level = 0.5
+    x, y = grid_map.geometry.axes()
+    values = grid_map.unwrapped("elevation").astype(np.float64)
+    for px, py, _ in pieces(drawn(grid_map, levels=[level])).reshape(-1, 3):
+        row, column = (x[0] - px) / grid_map.resolution, (y[0] - py) / grid_map.resolution
+        (r, fr), (c, fc) = (divmod(round(v, 9), 1) for v in (row, column))
+        # A point between two cells, straight or (beside a hole) across.
+        assert min(fr, fc, abs(fr - fc), abs(fr + fc - 1)) < 1e-6
+        near = values[int(r) : int(r) + 2, int(c) : int(c) + 2]
+        assert np.nanmin(near) <= level <= np.nanmax(near)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 6), (6, 1)])
+def test_map_of_one_row_has_no_lines(size):
+    assert drawn(GridMap(size, 1.0, layers={"elevation": 1.0})).points == []
+
+
+def test_map_without_values_has_no_lines():
+    assert drawn(GridMap((4, 3), 1.0, layers=["elevation"])).points == []
+
+
+def test_interval_that_is_far_too_small_is_an_error():
+    with pytest.raises(GridMapError, match="'interval': 1e-05 gives more than 10000 lines"):
+        drawn(slope(), interval=1e-5)
+
+
+def test_missing_layer_is_named_beside_those_that_exist():
+    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
+        drawn(slope(), layer="a")
+
+
+def test_error_without_contourpy_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "contourpy", None)
+    with pytest.raises(
+        ConfigError, match=r"visualization 'a' .*contours needs .*'contourpy'.*install"
+    ):
+        create("a", {"type": "contours", "params": {"layer": "a"}})

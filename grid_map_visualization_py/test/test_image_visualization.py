@@ -1,0 +1,70 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers as images."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py import create
+from grid_map_visualization_py.colormaps import MISSING
+
+
+def drawn(grid_map: GridMap, **params: object) -> Image:
+    message = create("image", {"type": "image", "params": params})(grid_map)
+    return deserialize_message(serialize_message(message), Image)
+
+
+def pixels(message: Image) -> np.ndarray:
+    """Return (height, width, channels)."""
+    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, -1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(grid_maps(max_side=6))
+def test_every_pixel_is_the_cell_at_its_place(grid_map):
+    message = drawn(grid_map, layer="elevation", color_map="gray", encoding="rgba8")
+    image, values = pixels(message), grid_map.unwrapped("elevation")
+    assert image.shape == (*grid_map.size, 4)
+    assert message.step == 4 * message.width
+    assert ((image[..., 3] == 0) == np.isnan(values)).all()
+    order = np.argsort(values, axis=None)[: np.count_nonzero(~np.isnan(values))]
+    assert (np.diff(image[..., 0].ravel()[order].astype(int)) >= 0).all()
+    assert (image[..., 0] == image[..., 2]).all()
+
+
+def test_upper_left_pixel_has_the_largest_x_and_y_however_the_map_has_moved():
+    grid_map = GridMap((2, 3), 1.0, layers={"a": [[0, 1, 2], [3, np.nan, 5]]}, frame_id="odom")
+    params = {"layer": "a", "color_map": "gray", "lower": 0, "upper": 5}
+    expected = [[0, 51, 102], [153, MISSING, 255]]
+    for m in (grid_map, moved_in_buffer(grid_map, (1, 2))):
+        message = drawn(m, **params)
+        np.testing.assert_allclose(pixels(message)[..., 1], expected, atol=1)
+    assert (message.encoding, message.header.frame_id) == ("rgb8", "odom")
+    assert (message.height, message.width, message.step) == (2, 3, 9)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "expected"),
+    [
+        ("rgb8", [[1, 2, 3], [MISSING] * 3]),
+        ("bgr8", [[3, 2, 1], [MISSING] * 3]),
+        ("rgba8", [[1, 2, 3, 255], [MISSING, MISSING, MISSING, 0]]),
+        ("bgra8", [[3, 2, 1, 255], [MISSING, MISSING, MISSING, 0]]),
+    ],
+)
+def test_packed_colours_in_the_order_of_the_encoding(encoding, expected):
+    layer = np.array([[color_vector_to_value((1, 2, 3)), np.nan]])
+    grid_map = GridMap((1, 2), 1.0, layers={"color": layer})
+    message = drawn(grid_map, layer="color", color_mode="color", encoding=encoding)
+    assert pixels(message).tolist() == [expected]
+    assert message.encoding == encoding
+
+
+def test_missing_layer_is_named_beside_those_that_exist():
+    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: b"):
+        drawn(GridMap((1, 1), 1.0, layers=["b"]), layer="a")

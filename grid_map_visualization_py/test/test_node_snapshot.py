@@ -1,0 +1,104 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Pictures of topics and of bags, taken by a process of its own."""
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py import save_to_bag, testing, to_message
+from grid_map_ros_py.testing import start_node
+from grid_map_visualization_py.snapshot_node import main, parsed
+
+MODULE = "grid_map_visualization_py.snapshot_node"
+
+
+@pytest.fixture
+def grid_map() -> GridMap:
+    slope = np.arange(12.0).reshape(4, 3)
+    return GridMap((4, 3), 1.0, layers={"elevation": slope, "slope": 0.5}, frame_id="odom")
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Return a function that runs the executable in this process and returns its exit code."""
+
+    def run(*arguments: object) -> int:
+        monkeypatch.setattr("sys.argv", ["snapshot", *map(str, arguments)])
+        return main()
+
+    return run
+
+
+def test_picture_of_a_topic(grid_map, tmp_path):
+    path = tmp_path / "map.png"
+    process = start_node(MODULE, "--topic", "/terrain", "--out", str(path), "--color-map", "turbo")
+    try:
+        with testing.peer() as peer:
+            peer.publish("/terrain", to_message(grid_map))
+            peer.wait_until(lambda: not process.is_running, "the picture")
+        assert process.wait() == 0, process.text
+    finally:
+        process.kill()
+    assert process.text == f"{path}\n"
+    assert matplotlib.image.imread(path).shape[0] > 300
+
+
+def test_topic_without_maps_is_an_error(tmp_path):
+    path = tmp_path / "map.png"
+    process = start_node(MODULE, "--timeout", "0.2", "--out", str(path))
+    assert process.wait() == 1
+    assert "no map on /grid_map within 0.2 s" in process.text
+    assert len(process.lines) == 1, process.text
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--shade-by", "elevation", "--lower", "-1", "--upper", "3", "--invert"),
+        ("--three-d", "--color-layer", "slope", "--exaggeration", "0.1", "--max-cells", "9"),
+    ],
+)
+def test_picture_of_a_bag(grid_map, tmp_path, call, capsys, options):
+    save_to_bag(grid_map, tmp_path / "bag", "/grid_map")
+    path = tmp_path / "map.png"
+    assert call("--bag", tmp_path / "bag", "--out", path, *options) == 0
+    assert capsys.readouterr().out == f"{path}\n"
+    assert len(np.unique(matplotlib.image.imread(path))) > 20
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--layer", "height"], "no layer 'height'; available: elevation, slope"),
+        (["--color-map", "virids"], "did you mean viridis"),
+        (["--lower", "2", "--upper", "1"], "'upper'"),
+        (["--out", "/no/such/folder/map.png"], "/no/such/folder"),
+        (["--topic", "/other"], "/grid_map"),
+    ],
+)
+def test_mistake_is_one_message_and_exit_code_1(grid_map, tmp_path, call, capsys, options, words):
+    save_to_bag(grid_map, tmp_path / "bag", "/grid_map")
+    assert call("--bag", tmp_path / "bag", "--out", tmp_path / "map.png", *options) == 1
+    errors = capsys.readouterr().err
+    assert errors.startswith("snapshot: ")
+    assert words in errors
+    assert not (tmp_path / "map.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--color-layer", "a"], "--color-layer goes with --three-d only"),
+        (["--three-d", "--shade-by", "a"], "--shade-by goes without --three-d only"),
+        (["--color-mode", "rainbow"], "rainbow"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(arguments, words, capsys):
+    with pytest.raises(SystemExit) as ended:
+        parsed(arguments)
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err

@@ -1,0 +1,399 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The web viewer as users see it: a node, maps over DDS, and Chromium without a screen."""
+
+import re
+import shutil
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py import testing, to_message
+from grid_map_ros_py.testing import Peer, Process, running, wait_until
+from grid_map_visualization_py.viewer.light import on_screen
+
+playwright = pytest.importorskip("playwright.sync_api")
+
+MODULE = "grid_map_visualization_py.web_viewer_node"
+TALKATIVE = f"""
+import sys
+import {MODULE} as module
+from grid_map_ros_py import ReceivedMap
+decode = ReceivedMap.decode
+def talk(self, layers=None):
+    print("decoded", *sorted(layers or ["everything"]))
+    return decode(self, layers)
+ReceivedMap.decode = talk
+sys.exit(module.main())
+"""
+PICTURES = Path(__file__).parents[2] / "demo_output"
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
+"""The browser of the system; without one, Playwright takes the one that it has installed."""
+FLAGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-quic",
+    "--disable-sync",
+    "--no-first-run",
+]
+
+VIRIDIS, COOLWARM = (
+    tuple(map(tuple, on_screen(np.array(ends, np.uint8)).tolist()))
+    for ends in (
+        [(0x44, 0x01, 0x54), (0xFD, 0xE7, 0x25)],
+        [(0x3B, 0x4C, 0xC0), (0xB4, 0x04, 0x26)],
+    )
+)
+"""The colours at the ends of these colour maps."""
+
+VIEWPORT = {"width": 900, "height": 640}
+MAX_CELLS = 5000
+
+PATIENCE = 60.0
+"""Seconds that a slow machine may need to draw."""
+
+
+def slope(**layers: np.ndarray | float) -> GridMap:
+    """Return 21 x 21 cells around (1, 2) that rise by 0.2 m per metre of x, and what they tell."""
+    grid_map = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), frame_id="odom")
+    x, y = np.meshgrid(*grid_map.geometry.axes(), indexing="ij")
+    grid_map["elevation"] = 0.2 * x
+    for name, values in {"x": x, "y": y, "side": y > 2.05, **layers}.items():
+        grid_map[name] = values
+    return grid_map
+
+
+class Browser:
+    """A tab that shows the page.
+
+    Attributes:
+        tab: Playwright's page.
+        errors: what the browser complained about.
+    """
+
+    def __init__(self, tab: object) -> None:
+        self.tab = tab
+        self.errors: list[str] = []
+        tab.set_default_timeout(1e3 * PATIENCE)
+        tab.on("console", lambda m: self.errors.append(m.text) if m.type == "error" else None)
+        tab.on("pageerror", lambda error: self.errors.append(str(error)))
+
+    def picture(self) -> np.ndarray:
+        """Return what the scene looks like, (rows, columns, 3) red, green, blue."""
+        box = self.tab.locator("canvas").first.bounding_box()
+        # At the top, notices lie over the scene.
+        clip = {**box, "y": box["y"] + 190, "height": box["height"] - 190}
+        return decoded(self.tab.screenshot(clip=clip))
+
+    def shows(self, *colors: tuple[int, int, int]) -> bool:
+        """Tell whether each of these colours covers at least 2 % of the scene."""
+        picture = self.picture()
+        return all(share(picture, color) > 0.02 for color in colors)
+
+    def wait_for(self, condition: Callable[[], object], what: str) -> None:
+        step = lambda: self.tab.wait_for_timeout(100)  # noqa: E731
+        try:
+            wait_until(condition, what, step=step, timeout=PATIENCE)
+        except AssertionError:
+            self.tab.screenshot(path=PICTURES / "web_viewer_failed.png")
+            raise
+
+    def wait_for_colors(self, *colors: tuple[int, int, int]) -> None:
+        self.wait_for(lambda: self.shows(*colors), f"the colours {colors}")
+
+    def control(self, label: str) -> object:
+        return self.tab.get_by_label(label, exact=True)
+
+    def choose(self, label: str, option: str) -> None:
+        self.control(label).click()
+        self.tab.get_by_role("option", name=option, exact=True).click()
+
+    def click(self, across: float, down: float) -> None:
+        """Click on a place of the scene, counted in parts of its width and height."""
+        box = self.tab.locator("canvas").first.bounding_box()
+        self.tab.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
+
+    def values(self) -> dict[str, str]:
+        """Return all rows of tables on the page."""
+        cells = self.tab.locator("td").all_inner_texts()
+        return dict(zip(cells[::2], cells[1::2], strict=True))
+
+
+def decoded(png: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def share(picture: np.ndarray, color: tuple[int, int, int]) -> float:
+    return float((np.abs(picture.astype(int) - color) <= 3).all(axis=-1).mean())
+
+
+def differs(picture: np.ndarray, other: np.ndarray) -> bool:
+    """Tell whether at least 0.5 % of two pictures are not the same."""
+    return float((np.abs(picture.astype(int) - other) > 30).any(axis=-1).mean()) > 0.005
+
+
+@pytest.fixture(scope="module")
+def peer() -> Iterator[Peer]:
+    with testing.peer() as other:
+        yield other
+
+
+@pytest.fixture(scope="module")
+def publish(peer: Peer) -> Callable[..., None]:
+    return lambda grid_map: peer.publish("/grid_map", to_message(grid_map))
+
+
+def start_viewer(**parameters: object) -> Process:
+    words = (word for name, value in parameters.items() for word in ("-p", f"{name}:={value}"))
+    return Process([sys.executable, "-c", TALKATIVE, "--ros-args", *words])
+
+
+def url_of(node: Process) -> str:
+    pattern = re.compile(r"shows /\w+ at (http://\S+)")
+    wait_until(lambda: pattern.search(node.text), "the address of the page")
+    return pattern.search(node.text)[1]
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Process]:
+    with running(start_viewer(port=0, color_layer="side", max_cells=MAX_CELLS)) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[object]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def tab(chromium: object, node: Process, publish: Callable[..., None]) -> Browser:
+    url = url_of(node)
+    publish(slope())
+    publish(slope())
+    assert "decoded" not in node.text
+    browser = Browser(chromium.new_page(viewport=VIEWPORT))
+    browser.tab.goto(url)
+    browser.control("Shaded").set_checked(False)
+    return browser
+
+
+@pytest.fixture
+def page(tab: Browser) -> Iterator[Browser]:
+    yield tab
+    assert tab.errors == []
+
+
+def test_the_map_is_on_the_page_and_only_what_is_shown_is_decoded(page, node):
+    page.wait_for_colors(*VIRIDIS)
+    values = page.values()
+    assert (values["Frame"], values["Cells"]) == ("odom", "21 x 21")
+    assert "decoded elevation side\n" in node.lines
+    assert not [line for line in node.lines if line.startswith("decoded e") and " x" in line]
+
+
+def test_another_color_map_and_its_inversion_change_the_surface(page):
+    page.choose("Colour map", "coolwarm")
+    page.wait_for_colors(*COOLWARM)
+    left = page.picture()[:, : page.picture().shape[1] // 2]
+    page.control("Inverted").check()
+    warm_left = share(left, COOLWARM[1])
+    page.wait_for(
+        lambda: abs(share(page.picture()[:, : left.shape[1]], COOLWARM[1]) - warm_left) > 0.02,
+        "other colours on the left",
+    )
+    page.control("Inverted").uncheck()
+
+
+def test_bounds_that_make_no_sense_are_named_and_good_ones_are_used(page):
+    page.control("Automatic bounds").uncheck()
+    page.control("Upper bound").fill("-1")
+    page.tab.get_by_text("expected more than lower").wait_for()
+    assert page.shows(*COOLWARM)
+    page.control("Upper bound").fill("1000")
+    page.wait_for(lambda: not page.shows(COOLWARM[1]), "colours of the lower end alone")
+    page.control("Automatic bounds").check()
+    page.wait_for_colors(*COOLWARM)
+
+
+def test_a_click_tells_the_values_of_the_cell(page, node):
+    # The view is at the middle of the map.
+    page.click(0.5, 0.5)
+    page.wait_for(lambda: "cell" in page.values(), "the readout")
+    values = page.values()
+    assert values["cell"] == "10, 10"
+    assert float(values["x"].removesuffix(" m")) == pytest.approx(1.0, abs=0.02)
+    assert float(values["elevation"]) == pytest.approx(0.2, abs=1e-5)
+    assert float(values["side"]) == 0.0
+    assert "decoded everything\n" in node.lines
+    # Looking towards +x and +y, further right is further along +x and -y.
+    page.click(0.65, 0.5)
+    page.wait_for(lambda: page.values()["cell"] != "10, 10", "another cell")
+    values = page.values()
+    x, y = (float(values[axis]) for axis in "xy")
+    assert x > 1.05
+    assert y < 1.95
+    row, column = map(int, values["cell"].split(", "))
+    assert (x, y) == (pytest.approx(2.0 - 0.1 * row), pytest.approx(3.0 - 0.1 * column))
+    assert float(values["elevation"]) == pytest.approx(0.2 * x, abs=1e-5)
+    page.click(0.02, 0.98)
+    page.tab.get_by_text("There is no map at this place").wait_for()
+
+
+def test_overlays_and_history_are_shown(page, publish):
+    publish(slope(normal_x=0.0, normal_y=0.0, normal_z=1.0))
+    for switch in (
+        lambda: page.control("Grid lines").check(),
+        lambda: page.control("Points").check(),
+        lambda: page.choose("Vectors", "normal_"),
+    ):
+        before = page.picture()
+        switch()
+        page.wait_for(lambda old=before: differs(page.picture(), old), "another picture")
+    before = page.picture()
+    # An older map lies beside the new one.
+    page.tab.get_by_role("slider").nth(1).press("ArrowRight")
+    moved = slope()
+    moved.position = (3.5, 2.0)
+    publish(moved)
+    page.wait_for(lambda: differs(page.picture(), before), "a map beside")
+    assert page.shows(*COOLWARM)
+    page.tab.screenshot(path=PICTURES / "web_viewer_overlays.png")
+    page.tab.get_by_role("slider").nth(1).press("ArrowLeft")
+    for label in ("Grid lines", "Points"):
+        page.control(label).uncheck()
+    publish(slope())
+
+
+def test_the_choice_of_layers_follows_the_maps(page, publish):
+    grid_map = slope(rough=1.0)
+    publish(grid_map)
+    # What is chosen stays while it exists.
+    page.choose("Layer", "rough")
+    grid_map["new"] = 2.0
+    publish(grid_map)
+    page.control("Layer").click()
+    page.tab.get_by_role("option", name="new", exact=True).wait_for()
+    page.tab.keyboard.press("Escape")
+    assert page.control("Layer").input_value() == "rough"
+    publish(grid_map.without_layers(["rough"]))
+    page.wait_for(lambda: page.control("Layer").input_value() == "elevation", "another layer")
+    page.choose("Layer", "side")
+    page.wait_for_colors(*COOLWARM)
+
+
+def test_a_map_that_makes_no_sense_is_named_and_the_last_one_stays(page, publish, peer):
+    message = to_message(slope())
+    message.info.resolution = -1.0
+    peer.publish("/grid_map", message)
+    page.tab.get_by_text("info.resolution: expected a positive").wait_for()
+    assert page.shows(*COOLWARM)
+    page.click(0.5, 0.5)
+    page.wait_for(lambda: page.values().get("cell") == "10, 10", "the readout of the last one")
+    publish(slope())
+    page.wait_for(lambda: "Frame" in page.values(), "the next map")
+
+
+def test_a_paused_page_keeps_its_map(page, publish):
+    page.control("Pause").check()
+    page.wait_for(lambda: page.values()["Age"] in {"1 s, paused", "2 s, paused"}, "the pause")
+    publish(GridMap((2.1, 2.1), 0.1, layers={"elevation": 0.0}, frame_id="later"))
+    page.wait_for(lambda: page.values()["Age"] == "0 s, paused", "the map")
+    assert page.values()["Frame"] == "odom"
+    page.control("Pause").uncheck()
+    page.wait_for(lambda: page.values()["Frame"] == "later", "the latest map")
+    publish(slope())
+    page.wait_for(lambda: page.values()["Frame"] == "odom", "the next map")
+
+
+def test_a_screenshot_is_downloaded(page):
+    page.choose("Layer", "side")
+    page.wait_for_colors(*COOLWARM)
+    with page.tab.expect_download() as download:
+        page.tab.get_by_role("button", name="Screenshot").click()
+    assert download.value.suggested_filename == "grid_map.png"
+    picture = decoded(Path(download.value.path()).read_bytes())
+    assert all(share(picture, color) > 0.02 for color in (*COOLWARM, (255, 255, 255)))
+
+
+def test_a_large_map_is_thinned_out_and_the_page_says_so(page, publish):
+    publish(GridMap((40.0, 20.0), 0.1, layers={"elevation": 1.0}))
+    thinned = re.compile(r"(\d+) x (\d+) of 400 x 200")
+    page.wait_for(lambda: thinned.match(page.values()["Cells"]), "the large map")
+    rows, columns = thinned.match(page.values()["Cells"]).groups()
+    assert 1000 < int(rows) * int(columns) <= MAX_CELLS
+
+
+def test_a_page_goes_on_after_its_node_and_its_publisher_have_started_again(chromium):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    # On the usual topic the maps of the other tests are still to be had.
+    topic = "/ground"
+    settings = {"host": "0.0.0.0", "port": port, "color_layer": "side", "grid_map_topic": topic}
+    browser = Browser(chromium.new_page(viewport=VIEWPORT))
+    with testing.peer() as first, running(start_viewer(**settings)) as node:
+        first.publish(topic, to_message(slope()))
+        assert url_of(node).endswith(f":{port}")
+        warning, _ = (line for line in node.lines if not line.startswith("decoded"))
+        assert "[WARN]" in warning
+        assert "everybody who reaches http://" in warning
+        browser.tab.goto(f"http://127.0.0.1:{port}")
+        browser.wait_for(lambda: browser.values().get("Frame") == "odom", "the map")
+    with running(start_viewer(color_map="coolwarm", **settings)):
+        with testing.peer() as second:
+            second.publish(topic, to_message(slope()))
+            is_new = lambda: browser.control("Colour map").input_value() == "coolwarm"  # noqa: E731
+            browser.wait_for(is_new, "the page of the second node")
+            browser.control("Shaded").set_checked(False)
+            browser.wait_for_colors(*COOLWARM)
+        with testing.peer() as third:
+            grid_map = slope()
+            grid_map.frame_id = "third"
+            third.publish(topic, to_message(grid_map))
+            browser.wait_for(lambda: browser.values()["Frame"] == "third", "the map")
+        browser.tab.close()
+
+
+REFUSALS = """
+import sys
+from {module} import WebViewerNode
+from grid_map_ros_py.spin import run
+for parameter in sys.argv[1:]:
+    print(run(WebViewerNode, ["node", "--ros-args", "-p", parameter]))
+sys.modules["viser"] = None
+print(run(WebViewerNode, ["node"]))
+"""
+
+
+def test_a_node_that_cannot_work_ends_with_one_message():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        complaints = {
+            f"port:={port}": f"the page cannot be served at 127.0.0.1:{port}: [Errno 98]",
+            "port:=65536": "parameter 'port': expected a number from 0 to 65535",
+            "max_cells:=3": "parameter 'max_cells': expected 0 or at least 9",
+            "color_map:=virdis": "did you mean viridis",
+            "host:=192.0.2.1": "the page cannot be served at 192.0.2.1:8080: ",
+            "update_rate:=0": "parameter 'update_rate': expected a positive",
+            "grid_map_topic:='no topic'": "parameter 'grid_map_topic': expected the name",
+        }
+        process = Process([sys.executable, "-c", REFUSALS.format(module=MODULE), *complaints])
+        assert process.wait() == 0, process.text
+    messages, codes = process.lines[::2], process.lines[1::2]
+    assert codes == ["1\n"] * (len(complaints) + 1)
+    missing = "web_viewer needs the package 'viser', which is not installed: install viser"
+    for message, complaint in zip(messages, [*complaints.values(), missing], strict=True):
+        assert complaint in message

@@ -1,0 +1,171 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as pictures."""
+
+import matplotlib
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.testing import moved_in_buffer
+from grid_map_visualization_py.pictures import plot, plot_3d, save_picture
+
+YELLOW, PURPLE = (253, 231, 37), (68, 1, 84)
+"""The ends of viridis, which Matplotlib rounds in one way and NumPy in another."""
+
+WHITE = (255, 255, 255)
+
+
+@pytest.fixture
+def corner_map() -> GridMap:
+    """A map that is 1 in the corner of the largest x and y, NaN beside it and else 0."""
+    grid_map = GridMap((3.0, 2.0), 0.5, (10.0, 20.0), {"a": 0.0, "ground": 0.0})
+    grid_map["a"][0, 0] = 1.0
+    grid_map["a"][1, 0] = np.nan
+    return grid_map
+
+
+def flat_axes(**options: object) -> Axes:
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    return figure.add_subplot(**options)
+
+
+def pixels(axes: Axes) -> np.ndarray:
+    """Return the image (height, width) or (height, width, 4) on the axes."""
+    return axes.images[0].get_array()
+
+
+def shown_at(axes: Axes, x: float, y: float) -> tuple[int, ...]:
+    """Return the colour (3,) that a picture has at a position of the map."""
+    figure = axes.figure
+    figure.canvas.draw()
+    column, row = axes.transData.transform((x, y))
+    image = np.asarray(figure.canvas.buffer_rgba())
+    return tuple(image[image.shape[0] - 1 - int(row), int(column), :3].tolist())
+
+
+@pytest.mark.parametrize("start", [(0, 0), (3, 2)])
+@pytest.mark.parametrize("shade_by", ["", "ground"])
+def test_colours_are_where_they_belong_in_the_frame_of_the_map(corner_map, start, shade_by):
+    grid_map = moved_in_buffer(corner_map, start)
+    axes = plot(grid_map, "a", flat_axes(), shade_by=shade_by)
+    assert shown_at(axes, 11.25, 20.75) == pytest.approx(YELLOW, abs=1)
+    assert shown_at(axes, 10.75, 20.75) == WHITE
+    assert shown_at(axes, 11.25, 19.25) == pytest.approx(PURPLE, abs=1)
+    assert shown_at(axes, 8.75, 20.75) == pytest.approx(PURPLE, abs=1)
+    assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+
+
+def test_colour_bar_tells_layer_and_bounds(corner_map):
+    axes = plot(corner_map, "a", flat_axes(), lower=-1, label="height [m]", title="A map")
+    (bar,) = [other for other in axes.figure.axes if other is not axes]
+    assert bar.get_ylabel() == "height [m]"
+    assert bar.get_ylim() == (-1.0, 1.0)
+    assert axes.get_title() == "A map"
+    assert plot(corner_map, "a", flat_axes()).figure.axes[1].get_ylabel() == "a"
+    assert len(plot(corner_map, "a", flat_axes(), color_bar=False).figure.axes) == 1
+
+
+def test_values_stay_under_the_pointer(corner_map):
+    image = pixels(plot(corner_map, "a", flat_axes()))
+    assert image.shape == (4, 6)
+    assert (image[0, -1], bool(image.mask[0, -2]), image.mask.sum()) == (1.0, True, 1)
+
+
+def test_inverted_colours(corner_map):
+    axes = plot(corner_map, "a", flat_axes(), invert=True)
+    assert shown_at(axes, 11.25, 20.75) == pytest.approx(PURPLE, abs=1)
+
+
+def test_packed_colours_have_no_colour_bar():
+    grid_map = GridMap(
+        (1, 1), 1.0, layers={"color": color_vector_to_value((255, 128, 0))[None, None]}
+    )
+    axes = plot(grid_map, "color", flat_axes(), color_mode="color")
+    assert shown_at(axes, 0, 0) == pytest.approx((255, 128, 0), abs=1)
+    assert len(axes.figure.axes) == 1
+
+
+def test_slopes_towards_the_light_are_lighter_and_holes_are_no_slopes():
+    grid_map = GridMap((30, 30), 1.0, layers={"a": 0.5, "z": 0.0, "b": 0.5})
+    grid_map["z"][10:20, :] = np.arange(10)[:, None]  # rises towards -x: away from the light
+    grid_map["z"][25, 10] = np.nan
+    image = pixels(plot(grid_map, "a", flat_axes(), shade_by="z", lower=0, upper=1))
+    level, slope = image[15, 2, :3], image[15, 15, :3]
+    assert (slope < level).all()
+    np.testing.assert_allclose(image[10, 30 - 1 - 25, :3], level)
+    assert (image[..., 3] == 1).all()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 4), (4, 1), (3, 2)])
+@pytest.mark.parametrize("value", [np.nan, 1.0, np.inf])
+def test_any_map_gives_pictures(size, value):
+    grid_map = GridMap(size, 1.0, layers={"a": value})
+    plot(grid_map, "a", flat_axes(), shade_by="a").figure.canvas.draw()
+    plot_3d(grid_map, "a", flat_axes(projection="3d")).figure.canvas.draw()
+
+
+def test_surface_in_three_dimensions_has_the_triangles_of_the_map(corner_map):
+    axes = plot_3d(corner_map, "a", flat_axes(projection="3d"), color_layer="ground", label="g")
+    (surface,) = axes.collections
+    # 3 x 5 squares, of which two have three heights.
+    assert len(surface.get_facecolor()) == 2 * 13 + 2
+    assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
+    assert axes.figure.axes[1].get_ylabel() == "g"
+
+
+def test_missing_layer_and_unknown_colour_map_are_errors(corner_map):
+    with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a, ground"):
+        plot(corner_map, "b", flat_axes())
+    with pytest.raises(LayerNotFoundError, match="no layer 'b'"):
+        plot(corner_map, "a", flat_axes(), shade_by="b")
+    with pytest.raises(ConfigError, match="'virids'; did you mean viridis"):
+        plot(corner_map, "a", flat_axes(), color_map="virids")
+
+
+def test_current_axes_are_those_of_pyplot(corner_map):
+    matplotlib.use("agg")
+    from matplotlib import pyplot
+
+    try:
+        assert plot(corner_map, "a") is pyplot.gcf().axes[0]
+        assert plot_3d(corner_map, "a") is pyplot.gcf().axes[0]
+    finally:
+        pyplot.close("all")
+
+
+# --- on disk --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("three_d", [False, True])
+def test_picture_replaces_the_old_one_and_leaves_nothing_else(corner_map, tmp_path, three_d):
+    path = tmp_path / "picture.png"
+    path.write_bytes(b"old")
+    save_picture(corner_map, "a", path, three_d=three_d, title="t", label="a")
+    image = matplotlib.image.imread(path)
+    assert image.shape[0] > 300
+    assert len(np.unique(image.reshape(-1, image.shape[-1]), axis=0)) > 50
+    assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
+
+
+def test_picture_that_cannot_be_finished_leaves_the_old_one(corner_map, tmp_path, monkeypatch):
+    def fill_the_disk(_figure, file, **_options):
+        file.write_bytes(b"half a pic")
+        raise OSError("no space left on device")
+
+    path = tmp_path / "picture.png"
+    path.write_bytes(b"old")
+    with pytest.raises(LayerNotFoundError):
+        save_picture(corner_map, "b", path)
+    monkeypatch.setattr(Figure, "savefig", fill_the_disk)
+    with pytest.raises(OSError, match="no space left"):
+        save_picture(corner_map, "a", path)
+    assert path.read_bytes() == b"old"
+    assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]

@@ -1,0 +1,257 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as surfaces of triangles, against loops over the cells."""
+
+import tracemalloc
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py import create
+from grid_map_visualization_py.colormaps import MISSING, Coloring
+from grid_map_visualization_py.surface import Mesh, Surface
+
+GREY = Coloring("flat", color=0x102030)
+
+
+def drawn(grid_map: GridMap, **params: object) -> Marker:
+    visualization = create("surface", {"type": "surface", "params": params})
+    return deserialize_message(visualization(grid_map), Marker)
+
+
+def points_of(marker: Marker) -> np.ndarray:
+    return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)
+
+
+def colors_of(marker: Marker) -> np.ndarray:
+    return np.array([(c.r, c.g, c.b, c.a) for c in marker.colors], np.float32).reshape(-1, 4)
+
+
+def corners_of(mesh: Mesh) -> np.ndarray:
+    """Return the corners (T, 3, 3) of the triangles, map frame."""
+    return mesh.vertices[mesh.faces].astype(np.float64) + mesh.origin
+
+
+def as_set(triangles: np.ndarray) -> set[frozenset[tuple[float, ...]]]:
+    return {frozenset(map(tuple, np.round(corners, 4))) for corners in triangles}
+
+
+def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
+    """Return the finite corners (at most 4, 3) of every square of four neighbours, by a loop."""
+    rows, columns = grid_map.size
+    heights = grid_map.unwrapped(layer)
+    x, y = grid_map.geometry.axes()
+    found = []
+    for row in range(rows - 1):
+        for column in range(columns - 1):
+            four = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
+            finite = [(x[i], y[j], heights[i, j]) for i, j in four if np.isfinite(heights[i, j])]
+            found.append(np.array(finite))
+    return found
+
+
+def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
+    """Return twice the areas with sign: positive where the corners run counter-clockwise."""
+    first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(grid_maps(("z",), max_side=6))
+def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
+    triangles = Surface(grid_map, "z").mesh(GREY)
+    corners = corners_of(triangles)
+    expected = squares(grid_map, "z")
+    counts = [{3: 1, 4: 2}.get(len(square), 0) for square in expected]
+    assert len(corners) == sum(counts)
+    cell_area = grid_map.resolution**2
+    np.testing.assert_allclose(area_seen_from_above(corners), cell_area, rtol=1e-3)
+    assert np.isfinite(triangles.vertices).all()
+    assert len(triangles.vertices) == np.count_nonzero(np.isfinite(grid_map["z"]))
+
+
+@settings(max_examples=40, deadline=None)
+@given(grid_maps(("z",), max_side=6))
+def test_marker_and_mesh_are_the_same_triangles(grid_map):
+    marker = points_of(drawn(grid_map, height_layer="z"))
+    mesh = corners_of(Surface(grid_map, "z").mesh(GREY)).reshape(-1, 3)
+    np.testing.assert_allclose(marker, mesh, rtol=1e-5, atol=1e-5)
+
+
+def test_corners_of_triangles_are_cells_of_one_square():
+    random = np.random.default_rng(5)
+    heights = random.random((6, 5)).astype(np.float32)
+    heights[random.random((6, 5)) < 0.3] = np.nan
+    grid_map = GridMap((6, 5), 1.0, (2.0, 1.0), {"z": heights})
+    possible = set()
+    for square in squares(grid_map, "z"):
+        possible |= as_set(np.array(list(combinations(square, 3))))
+    assert as_set(corners_of(Surface(grid_map, "z").mesh(GREY))) <= possible
+
+
+def test_map_of_two_by_two_cells_is_two_triangles_seen_from_above():
+    grid_map = GridMap((2, 2), 1.0, (10.0, 0.0), {"z": [[1, 2], [3, 4]]}, frame_id="odom")
+    marker = drawn(grid_map, height_layer="z", color_mode="flat", color=0xFF8000, opacity=0.5)
+    assert points_of(marker).tolist() == [
+        [10.5, 0.5, 1.0],
+        [9.5, 0.5, 3.0],
+        [10.5, -0.5, 2.0],
+        [9.5, 0.5, 3.0],
+        [9.5, -0.5, 4.0],
+        [10.5, -0.5, 2.0],
+    ]
+    expected = np.array([1.0, 128 / 255, 0.0, 0.5], np.float32)
+    np.testing.assert_allclose(colors_of(marker), np.tile(expected, (6, 1)), rtol=1e-6)
+    assert (marker.type, marker.action, marker.ns) == (Marker.TRIANGLE_LIST, Marker.ADD, "surface")
+    assert (marker.scale.x, marker.scale.y, marker.scale.z) == (1.0, 1.0, 1.0)
+    assert (marker.header.frame_id, marker.pose.orientation.w) == ("odom", 1.0)
+
+
+@pytest.mark.parametrize("hole", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_square_without_one_height_is_the_triangle_of_the_others(hole):
+    heights = np.array([[1.0, 2.0], [3.0, 4.0]])
+    heights[hole] = np.inf
+    grid_map = GridMap((2, 2), 1.0, layers={"z": heights})
+    points = points_of(drawn(grid_map, height_layer="z"))
+    assert sorted(points[:, 2]) == sorted(heights[np.isfinite(heights)])
+    assert area_seen_from_above(points[None]) == [1.0]
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1)])
+def test_map_of_one_row_has_no_triangles(size):
+    grid_map = GridMap(size, 1.0, layers={"z": 1.0})
+    mesh = Surface(grid_map, "z").mesh(GREY)
+    assert (mesh.faces.shape, mesh.vertices.shape) == ((0, 3), (size[0] * size[1], 3))
+    assert drawn(grid_map, height_layer="z").points == []
+
+
+def test_map_without_heights_is_empty():
+    mesh = Surface(GridMap((4, 3), 1.0, layers=["z"]), "z").mesh(Coloring())
+    assert [len(part) for part in (mesh.vertices, mesh.faces, mesh.colors)] == [0, 0, 0]
+
+
+def test_moved_map_is_the_same_surface():
+    random = np.random.default_rng(1)
+    grid_map = GridMap((5, 4), 1.0, (3.0, -2.0), {"z": random.random((5, 4))})
+    grid_map["z"][2, 1] = np.nan
+    one, other = (drawn(m, height_layer="z") for m in (grid_map, moved_in_buffer(grid_map, (3, 1))))
+    assert (points_of(one) == points_of(other)).all()
+    assert (colors_of(one) == colors_of(other)).all()
+
+
+def test_flat_surface_has_the_holes_of_its_heights():
+    grid_map = GridMap((3, 3), 1.0, layers={"z": 7.0})
+    grid_map["z"][0, 0] = np.nan
+    points = points_of(drawn(grid_map, height_layer="z", flat=True))
+    assert len(points) == 3 * 7
+    assert (points[:, 2] == 0).all()
+
+
+def test_vertices_of_a_map_far_away_keep_their_precision():
+    grid_map = GridMap((0.4, 0.4), 0.1, (1e7, -3e7), {"z": 1.0})
+    mesh = Surface(grid_map, "z").mesh(GREY)
+    assert mesh.origin.tolist() == [1e7, -3e7, 0.0]
+    np.testing.assert_allclose(np.unique(mesh.vertices[:, 0]), [-0.15, -0.05, 0.05, 0.15], 1e-5)
+    assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float32, np.uint32)
+    assert mesh.colors.dtype == np.uint8
+
+
+# --- colours --------------------------------------------------------------------------------------
+
+
+def color_at(marker: Marker, x: float, y: float) -> np.ndarray:
+    """Return the colour (4,) of the corners at a position."""
+    found = colors_of(marker)[(points_of(marker)[:, :2] == (x, y)).all(axis=1)]
+    assert len(found)
+    assert (found == found[0]).all()
+    return found[0]
+
+
+def test_colours_come_from_heights_or_another_layer_by_the_colour_map():
+    grid_map = GridMap((2, 2), 1.0, layers={"z": [[0, 1], [2, 3]], "s": [[5, 5], [5, 6]]})
+    black, white = [0, 0, 0, 1], [1, 1, 1, 1]
+    by_height = drawn(grid_map, height_layer="z", color_map="gray")
+    assert color_at(by_height, 0.5, 0.5).tolist() == black
+    assert color_at(by_height, -0.5, -0.5).tolist() == white
+    by_layer = drawn(grid_map, height_layer="z", color_layer="s", color_map="gray", invert=True)
+    assert color_at(by_layer, 0.5, 0.5).tolist() == white
+    assert color_at(by_layer, -0.5, -0.5).tolist() == black
+    fixed = drawn(grid_map, height_layer="z", color_map="gray", lower=0, upper=1.5)
+    assert color_at(fixed, -0.5, 0.5).tolist() == white
+    assert color_at(fixed, 0.5, -0.5)[0] == pytest.approx(2 / 3, abs=1 / 255)
+
+
+def test_packed_colours_are_shown_as_they_are_and_grey_where_there_are_none():
+    colors = color_vector_to_value([[(255, 0, 0), (0, 255, 0)], [(1, 2, 3), (0, 0, 0)]])
+    colors[1, 1] = np.nan
+    grid_map = GridMap((2, 2), 1.0, layers={"z": 0.0, "color": colors})
+    marker = drawn(grid_map, height_layer="z", color_mode="color", color_layer="color")
+    assert color_at(marker, 0.5, 0.5).tolist() == [1, 0, 0, 1]
+    assert color_at(marker, 0.5, -0.5).tolist() == [0, 1, 0, 1]
+    np.testing.assert_allclose(color_at(marker, -0.5, 0.5)[:3] * 255, [1, 2, 3], rtol=1e-6)
+    np.testing.assert_allclose(color_at(marker, -0.5, -0.5)[:3] * 255, MISSING, rtol=1e-6)
+
+
+@pytest.mark.parametrize("params", [{"height_layer": "a"}, {"color_layer": "a"}])
+def test_missing_layer_is_named_beside_those_that_exist(params):
+    grid_map = GridMap((2, 2), 1.0, layers=["elevation"])
+    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
+        drawn(grid_map, **params)
+
+
+# --- large maps -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [(40, 40), (100, 7), (1000, 1), (5, 3)])
+@pytest.mark.parametrize("max_cells", [9, 30, 400])
+def test_thinned_out_map_keeps_its_extent_and_its_values(size, max_cells):
+    random = np.random.default_rng(3)
+    grid_map = GridMap(size, 1.0, (0.3, 0.9), {"z": random.random(size)})
+    mesh = Surface(grid_map, "z", max_cells=max_cells).mesh(Coloring())
+    assert len(mesh.vertices) <= max_cells
+    assert len(mesh.vertices) >= min(max_cells / 16, size[0] * size[1])
+    positions = mesh.vertices[:, :2] + mesh.origin[:2]
+    np.testing.assert_allclose(positions.max(axis=0), grid_map.geometry.corner - 0.5, atol=1e-4)
+    np.testing.assert_allclose(np.ptp(positions, axis=0), np.array(size) - 1.0, atol=1e-4)
+    values = grid_map.at_position("z", positions)
+    np.testing.assert_array_equal(values.astype(np.float32), mesh.vertices[:, 2])
+
+
+def test_map_that_is_not_too_large_is_shown_whole():
+    grid_map = GridMap((4, 3), 1.0, layers={"z": 0.0})
+    assert len(Surface(grid_map, "z", max_cells=12).mesh(GREY).vertices) == 12
+
+
+def test_thinned_out_map_that_moves_keeps_the_cells_inside():
+    grid_map = GridMap((40, 30), 1.0, layers={"z": 0.0})
+    grid_map["z"] = np.random.default_rng(2).random((40, 30))
+
+    def shown() -> set[tuple[float, ...]]:
+        """Return where the cells are that stay, away from the borders."""
+        mesh = Surface(grid_map, "z", max_cells=200).mesh(GREY)
+        positions = mesh.vertices[:, :2] + mesh.origin[:2]
+        return {(x, y) for x, y in positions.tolist() if abs(x) < 16 and abs(y) < 11}
+
+    before = shown()
+    grid_map.move((1.0, 1.0))
+    assert len(before) > 50
+    assert shown() == before
+
+
+def test_surface_of_a_large_map_takes_little_memory():
+    grid_map = GridMap((300, 300), 1.0, layers={"elevation": 0.0})
+    visualization = create("surface", {"type": "surface"})
+    visualization(grid_map)
+    tracemalloc.start()
+    try:
+        data = visualization(grid_map)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * len(data)

@@ -1,0 +1,377 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the web viewer shows of a map, without a browser."""
+
+import io
+import json
+import math
+import re
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py.colormaps import Coloring, ColorScale
+from grid_map_visualization_py.surface import Mesh, Surface
+from grid_map_visualization_py.viewer.glb import to_glb
+from grid_map_visualization_py.viewer.light import on_screen
+from grid_map_visualization_py.viewer.picking import hit
+from grid_map_visualization_py.viewer.rate import MapRate
+from grid_map_visualization_py.viewer.scene import make_scene, view
+from grid_map_visualization_py.viewer.settings import Settings, follow, vector_prefixes
+from grid_map_visualization_py.viewer.slots import Slots
+from grid_map_visualization_py.viewer.texts import legend, readout, status
+
+TYPES = {5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+
+
+@pytest.fixture
+def hill() -> GridMap:
+    """5 x 3 cells, uneven, away from the origin, with a hole in a corner."""
+    grid_map = GridMap((0.5, 0.3), 0.1, (10.0, -4.0), frame_id="map")
+    grid_map["elevation"] = np.arange(15.0).reshape(5, 3) / 10
+    grid_map["elevation"][0, 0] = np.nan
+    grid_map["variance"] = 1.0
+    return grid_map
+
+
+def read_glb(data: bytes) -> tuple[dict[str, object], list[np.ndarray]]:
+    """Return the description and the arrays of a GLB file."""
+    stream = io.BytesIO(data)
+    magic, version, size = struct.unpack("<4sII", stream.read(12))
+    assert (magic, version, size) == (b"glTF", 2, len(data))
+    length, kind = struct.unpack("<I4s", stream.read(8))
+    assert kind == b"JSON"
+    document = json.loads(stream.read(length))
+    length, kind = struct.unpack("<I4s", stream.read(8))
+    assert kind == b"BIN\0"
+    blob = stream.read()
+    assert length == len(blob) == document["buffers"][0]["byteLength"]
+    arrays = []
+    for accessor in document["accessors"]:
+        place = document["bufferViews"][accessor["bufferView"]]
+        assert place["byteOffset"] % 4 == 0
+        values = blob[place["byteOffset"] :][: place["byteLength"]]
+        rows = np.frombuffer(values, TYPES[accessor["componentType"]])
+        arrays.append(rows.reshape(accessor["count"], WIDTHS[accessor["type"]]))
+    return document, arrays
+
+
+# --- settings -------------------------------------------------------------------------------------
+
+
+def test_the_chosen_layer_stays_while_it_exists():
+    assert follow("b", ["a", "b"], ["a"]) == "b"
+
+
+def test_a_layer_that_is_gone_gives_way_to_a_preferred_one_or_the_first():
+    assert follow("gone", ["a", "elevation"], ["elevation"]) == "elevation"
+    assert follow("gone", ["a", "b"], ["elevation"]) == "a"
+
+
+def test_three_layers_that_end_in_x_y_and_z_are_vectors():
+    layers = ["normal_x", "normal_y", "normal_z", "x", "y", "flow_x", "flow_y", "ax", "ay", "az"]
+    assert vector_prefixes(layers) == ["normal_", "a"]
+
+
+def test_only_the_layers_that_are_shown_are_needed():
+    assert Settings(height_layer="a").layers == {"a"}
+    coloring = Coloring("intensity", layer="b")
+    assert Settings(height_layer="a", coloring=coloring, vectors="n_").layers == {
+        *("a", "b", "n_x", "n_y", "n_z")
+    }
+    assert Settings(height_layer="a", coloring=Coloring("flat", layer="b")).layers == {"a"}
+
+
+# --- surface --------------------------------------------------------------------------------------
+
+
+def test_the_surface_reaches_the_browser_as_it_is(hill):
+    settings = Settings(height_layer="elevation", opacity=0.5, shaded=False)
+    scene = make_scene(hill, settings)
+    document, (vertices, colors, faces) = read_glb(scene.glb)
+    mesh = Surface(hill, "elevation").mesh(Coloring())
+    np.testing.assert_array_equal(vertices, mesh.vertices)
+    np.testing.assert_array_equal(faces.reshape(-1, 3), mesh.faces)
+    assert (colors[:, 3] == 0xFFFF).all()
+    (material,) = document["materials"]
+    assert material["alphaMode"] == "BLEND"
+    assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 0.5]
+    assert material["extensions"] == {"KHR_materials_unlit": {}}
+    assert document["extensionsUsed"] == ["KHR_materials_unlit"]
+    bounds = document["accessors"][0]
+    np.testing.assert_array_equal(bounds["min"], mesh.vertices.min(axis=0))
+    np.testing.assert_array_equal(bounds["max"], mesh.vertices.max(axis=0))
+
+
+def test_a_shaded_surface_that_hides_what_is_behind_needs_no_extension(hill):
+    document, _ = read_glb(make_scene(hill, Settings(height_layer="elevation")).glb)
+    (material,) = document["materials"]
+    assert {"alphaMode", "extensions"}.isdisjoint(material)
+    assert "extensionsUsed" not in document
+
+
+def test_colors_are_linear_light_which_a_screen_bends_back():
+    rgb = np.arange(256, dtype=np.uint8)
+    mesh = Mesh(
+        np.zeros(3),
+        np.zeros((256, 3), np.float32),
+        np.array([[0, 1, 2]], np.uint32),
+        np.stack([rgb] * 3, axis=-1),
+    )
+    _, (_, colors, _) = read_glb(to_glb(mesh))
+    light = colors[:, 0] / 0xFFFF
+    # What a screen does, as in IEC 61966-2-1.
+    shown = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    np.testing.assert_array_equal(np.rint(255 * shown), rgb)
+
+
+@given(grid_maps(allow_moved=False))
+def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
+    layer = "elevation"
+    settings = Settings(height_layer=layer, grid_lines=True, points=True)
+    scene = make_scene(grid_map, settings)
+    assert (scene.glb is None) == (len(scene.mesh.faces) == 0)
+    assert len(scene.points) == np.isfinite(grid_map[layer]).sum()
+    rows, columns = grid_map.size
+    moved = make_scene(moved_in_buffer(grid_map, (rows // 2, columns // 2)), settings)
+    assert moved.glb == scene.glb
+    np.testing.assert_array_equal(moved.grid_lines, scene.grid_lines)
+
+
+def test_a_map_without_a_surface_is_no_error():
+    grid_map = GridMap((0.1, 0.3), 0.1, layers={"elevation": 2.0})
+    scene = make_scene(grid_map, Settings(height_layer="elevation", points=True, grid_lines=True))
+    assert scene.glb is None
+    assert len(scene.points) == 3
+    assert len(scene.grid_lines) == 2
+    empty = GridMap((0.2, 0.3), 0.1, layers={"elevation": np.nan})
+    scene = make_scene(empty, Settings(height_layer="elevation", points=True, grid_lines=True))
+    assert (scene.glb, len(scene.points), len(scene.grid_lines)) == (None, 0, 0)
+    start, target = view(scene.mesh, empty)
+    assert np.isfinite([start, target]).all()
+
+
+def test_a_layer_that_is_missing_is_named(hill):
+    with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
+        make_scene(hill, Settings(height_layer="height"))
+    with pytest.raises(LayerNotFoundError, match="no layer 'n_x'"):
+        make_scene(hill, Settings(height_layer="elevation", vectors="n_"))
+
+
+def test_a_large_map_is_thinned_out_and_reaches_as_far():
+    grid_map = GridMap((4.0, 2.0), 0.1, layers={"elevation": 0.0})
+    scene = make_scene(grid_map, Settings(height_layer="elevation"), max_cells=300)
+    rows, columns = scene.size
+    assert 100 < rows * columns <= 300
+    assert len(scene.mesh.vertices) == rows * columns
+    assert 0.15 < scene.spacing < 0.3
+    np.testing.assert_allclose(np.ptp(scene.mesh.vertices, axis=0), [3.9, 1.9, 0], atol=1e-6)
+
+
+# --- overlays -------------------------------------------------------------------------------------
+
+
+def test_grid_lines_lie_between_neighbours_with_heights(hill):
+    scene = make_scene(hill, Settings(height_layer="elevation", grid_lines=True))
+    # 4 x 3 along x and 5 x 2 along y, but two at the hole.
+    assert len(scene.grid_lines) == 4 * 3 + 5 * 2 - 2
+    lengths = np.linalg.norm(np.diff(scene.grid_lines[..., :2], axis=1), axis=-1)
+    np.testing.assert_allclose(lengths, 0.1, rtol=1e-5)
+    ends = scene.grid_lines.reshape(-1, 3) - [0, 0, 0.002]
+    distances = np.linalg.norm(ends[:, None] - scene.mesh.vertices, axis=-1)
+    assert distances.min(axis=1).max() < 1e-5
+
+
+def test_points_have_the_colors_of_their_cells(hill):
+    packed = color_vector_to_value([1.0, 0.5, 0.0])
+    hill["color"] = packed
+    settings = Settings(height_layer="elevation", coloring=Coloring("color", layer="color"))
+    assert len(make_scene(hill, settings).points) == 0
+    scene = make_scene(
+        hill,
+        Settings(height_layer="elevation", coloring=Coloring("color", layer="color"), points=True),
+    )
+    assert (scene.point_colors == [255, 127, 0]).all()
+    heights = sorted(scene.points[:, 2].tolist())
+    np.testing.assert_allclose(heights, np.arange(1, 15) / 10, rtol=1e-6)
+
+
+def test_vectors_start_on_the_surface_where_all_is_finite(hill):
+    hill["n_x"], hill["n_y"], hill["n_z"] = 1.0, 2.0, 3.0
+    hill["n_y"][4, 2] = np.nan
+    scene = make_scene(hill, Settings(height_layer="elevation", vectors="n_", vector_scale=0.5))
+    assert len(scene.vectors) == 15 - 2
+    np.testing.assert_allclose(
+        np.diff(scene.vectors, axis=1)[:, 0], np.tile([0.5, 1.0, 1.5], (13, 1)), rtol=1e-5
+    )
+    heights = sorted(scene.vectors[:, 0, 2].tolist())
+    np.testing.assert_allclose(heights, np.arange(1, 14) / 10, rtol=1e-6)
+
+
+def test_the_legend_has_the_values_of_the_colors(hill):
+    coloring = Coloring(
+        "intensity", layer="elevation", scale=ColorScale(color_map="gray", upper=3.0)
+    )
+    scene = make_scene(hill, Settings(height_layer="elevation", coloring=coloring))
+    assert scene.bounds == (pytest.approx(0.1), 3.0)
+    text = legend(coloring.scale, scene.bounds)
+    assert ">0.1<" in text
+    assert ">3<" in text
+    black, *_, white = legend_colors(text)
+    assert (black, white) == ((0, 0, 0), tuple(on_screen(np.full(3, 255, np.uint8)).tolist()))
+    inverted = legend(ColorScale(color_map="gray", invert=True), scene.bounds)
+    assert legend_colors(inverted) == legend_colors(text)[::-1]
+    flat = Settings(height_layer="elevation", coloring=Coloring("flat"))
+    assert make_scene(hill, flat).bounds is None
+
+
+def legend_colors(text: str) -> list[tuple[int, ...]]:
+    return [tuple(map(int, rgb)) for rgb in re.findall(r"rgb\((\d+),(\d+),(\d+)\)", text)]
+
+
+def test_colors_on_the_screen_are_those_that_chromium_has_shown():
+    viridis = np.array([[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]], np.uint8)
+    seen = np.array([[48, 0, 72], [230, 220, 100]])
+    np.testing.assert_allclose(on_screen(viridis).astype(int), seen, atol=2)
+
+
+def test_the_view_is_at_the_middle_of_the_map_from_above(hill):
+    start, target = view(Surface(hill, "elevation").mesh(Coloring()), hill)
+    np.testing.assert_allclose(target, [10.0, -4.0, 0.75])
+    reach = math.hypot(0.5, 0.3)
+    np.testing.assert_allclose(start - target, np.multiply(reach, [-0.5, -0.5, 0.6]))
+
+
+# --- the pointer ----------------------------------------------------------------------------------
+
+
+def naive_hit(mesh: Mesh, start: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
+    """Solve for every triangle where the ray meets its plane."""
+    distances = []
+    for face in mesh.faces:
+        first, second, third = mesh.vertices[face].astype(np.float64) + mesh.origin
+        system = np.stack([second - first, third - first, -direction], axis=-1)
+        if abs(np.linalg.det(system)) < 1e-12:
+            continue
+        u, v, distance = np.linalg.solve(system, start - first)
+        if u >= 0 and v >= 0 and u + v <= 1 and distance > 0:
+            distances.append(distance)
+    return start + min(distances) * direction if distances else None
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_ray_meets_the_first_triangle_of_a_surface(seed):
+    random = np.random.default_rng(seed)
+    grid_map = GridMap((0.6, 0.5), 0.1, (3.0, 2.0))
+    grid_map["elevation"] = random.uniform(0, 0.3, (6, 5))
+    grid_map["elevation"][random.uniform(size=(6, 5)) < 0.1] = np.nan
+    mesh = Surface(grid_map, "elevation").mesh(Coloring())
+    start = np.array([3.0, 2.0, 0.15]) + random.normal(size=3)
+    aim = np.array([*random.uniform((2.8, 1.8), (3.2, 2.2)), 0.15])
+    found, expected = hit(mesh, start, aim - start), naive_hit(mesh, start, aim - start)
+    assert (found is None) == (expected is None)
+    if expected is not None:
+        np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_a_ray_from_below_or_away_and_an_empty_surface(hill):
+    mesh = Surface(hill, "elevation", flat=True).mesh(Coloring())
+    below = np.array([10.05, -4.03, -1.0])
+    np.testing.assert_allclose(hit(mesh, below, np.array([0, 0, 0.5])), [10.05, -4.03, 0])
+    assert hit(mesh, below, np.array([0, 0, -1])) is None
+    assert hit(mesh, below, np.array([1, 0, 0])) is None
+    empty = Surface(GridMap((0.1, 0.1), 0.1, layers={"a": 0.0}), "a").mesh(Coloring())
+    assert hit(empty, below, np.array([0, 0, 1])) is None
+
+
+def test_the_readout_names_the_cell_and_all_its_values(hill):
+    hill["color"] = color_vector_to_value([255, 16, 0])
+    text = readout(hill, np.array([10.12, -4.08]))
+    for name, value in {
+        "x": "10.120 m",
+        "y": "-4.080 m",
+        "cell": "1, 2",
+        "elevation": "0.5",
+        "variance": "1",
+        "color": "#ff1000",
+    }.items():
+        assert f"<td>{name}</td><td style='text-align:right'>{value}</td>" in text
+    assert ">no data<" in readout(hill, np.array([10.2, -3.9]))
+    assert ">outside the map<" in readout(hill, np.array([0.0, 0.0]))
+
+
+def test_names_from_messages_are_no_html():
+    grid_map = GridMap((0.2, 0.2), 0.1, layers={"<b>": 1.0}, frame_id="<i>")
+    texts = readout(grid_map, np.zeros(2)) + status(grid_map, (2, 2), 1.0, 0.0)
+    assert "&lt;b&gt;" in texts
+    assert "&lt;i&gt;" in texts
+    assert not {"<b>", "<i>"} & {texts[k : k + 3] for k in range(len(texts))}
+
+
+def test_the_status_says_how_many_cells_are_shown(hill):
+    assert ">5 x 3<" in status(hill, (5, 3), 10.04, 0.2)
+    text = status(hill, (3, 2), 10.04, 70.2, is_paused=True)
+    for value in ("3 x 2 of 5 x 3", "0.1 m", "10.0 Hz", "70 s, paused"):
+        assert f">{value}<" in text
+
+
+# --- time -----------------------------------------------------------------------------------------
+
+
+def test_the_rate_is_that_of_the_last_seconds():
+    rate = MapRate(window=3.0)
+    assert (rate.rate(0.0), rate.age(0.0)) == (0.0, math.inf)
+    for k in range(40):
+        rate.add(0.1 * k)
+    assert rate.rate(3.9) == pytest.approx(10.0)
+    assert rate.age(5.9) == pytest.approx(2.0)
+    assert rate.rate(9.0) == 0.0
+    rate.add(9.5)
+    assert rate.rate(9.5) == 0.0
+    rate.add(10.0)
+    assert rate.rate(10.0) == pytest.approx(2.0)
+
+
+def test_a_map_is_loaded_while_the_one_before_is_shown():
+    slots = Slots()
+    first = slots.load(replaces=False)
+    assert slots.shown == []
+    assert slots.turn(1) == set()
+    assert slots.shown == [first]
+    second = slots.load(replaces=False)
+    assert second != first
+    assert slots.turn(1) == {first}
+    assert slots.shown == [second]
+    assert slots.load(replaces=False) == first
+
+
+def test_older_maps_stay_as_long_as_the_history_goes_back():
+    slots = Slots()
+    for _ in range(5):
+        slots.load(replaces=False)
+        slots.turn(3)
+    assert len({*slots.shown}) == 3
+    newest = slots.shown[-1]
+    redrawn = slots.load(replaces=True)
+    assert slots.turn(3) == {newest}
+    assert len(slots.shown) == 3
+    assert slots.shown[-1] == redrawn
+    assert len(slots.turn(1)) == 2
+    assert slots.shown == [redrawn]
+
+
+def test_what_was_never_shown_gives_way():
+    slots = Slots()
+    slots.load(replaces=False)
+    slots.turn(2)
+    slot = slots.load(replaces=False)
+    assert slots.load(replaces=True) == slot
+    slots.turn(2)
+    # The second was a map of its own, however often it was drawn.
+    assert slots.shown == [0, slot]

@@ -1,0 +1,218 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages of nav2 and OctoMap, which need not be installed: built here and converted for real."""
+
+import gzip
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from std_msgs.msg import Header
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, from_octomap
+from grid_map_ros_py.testing import Process, peer, running, wait_until
+from scratch import ROOT, run
+
+NODE = "grid_map_ros_py.octomap_to_grid_map_node"
+OCTOMAPS = ROOT / "grid_map_ros_py" / "test" / "data" / "octomaps.json.gz"
+OCTOMAP = json.loads(gzip.decompress(OCTOMAPS.read_bytes()))["cases"][0]
+
+INTERFACES = {
+    "nav2_msgs": {
+        "msg/Costmap.msg": "std_msgs/Header header\nCostmapMetaData metadata\nuint8[] data\n",
+        "msg/CostmapMetaData.msg": (
+            "builtin_interfaces/Time map_load_time\nbuiltin_interfaces/Time update_time\n"
+            "string layer\nfloat32 resolution\nuint32 size_x\nuint32 size_y\n"
+            "geometry_msgs/Pose origin\n"
+        ),
+    },
+    "octomap_msgs": {
+        "msg/Octomap.msg": (
+            "std_msgs/Header header\nbool binary\nstring id\nfloat64 resolution\nint8[] data\n"
+        ),
+        "srv/GetOctomap.srv": "---\noctomap_msgs/Octomap map\n",
+    },
+}
+
+# Only what Python needs: with all generators it would take twice as long.
+CMAKE = """
+cmake_minimum_required(VERSION 3.8)
+project({name})
+foreach(package ament_cmake builtin_interfaces geometry_msgs std_msgs
+        rosidl_cmake rosidl_generator_c rosidl_typesupport_c
+        rosidl_typesupport_fastrtps_c rosidl_generator_py)
+  find_package(${{package}} REQUIRED)
+endforeach()
+rosidl_generate_interfaces({name} {files} DEPENDENCIES builtin_interfaces geometry_msgs std_msgs)
+ament_package()
+"""
+
+MANIFEST = """
+<package format="3">
+  <name>{name}</name>
+  <version>0.1.0</version>
+  <description>The fields of the messages of that name.</description>
+  <maintainer email="nobody@example.com">nobody</maintainer>
+  <license>BSD-3-Clause</license>
+  <depend>builtin_interfaces</depend>
+  <depend>geometry_msgs</depend>
+  <depend>std_msgs</depend>
+  <member_of_group>rosidl_interface_packages</member_of_group>
+  <export><build_type>ament_cmake</build_type></export>
+</package>
+"""
+
+CONVERT_COSTMAPS = """
+import numpy as np
+from nav2_msgs.msg import Costmap
+from rclpy.serialization import deserialize_message, serialize_message
+from grid_map_core_py import GridMap
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_ros_py import from_costmap, to_costmap
+from grid_map_ros_py.cdr import deserialize, serialize
+
+costs = np.arange(256).reshape(32, 8).astype(np.float32)
+costs[31, 7] = np.nan
+sent = GridMap((1.6, 0.4), 0.05, (3.0, -2.0), {"cost": costs}, frame_id="map", timestamp=7)
+message = to_costmap(sent, "cost")
+assert type(message) is Costmap
+received = deserialize_message(serialize_message(message), Costmap)
+assert received == message == deserialize(serialize(message), Costmap)
+assert_maps_equal(from_costmap(received, "cost"), sent)
+print(sorted(received.data) == list(range(256)), received.data[0], received.metadata.layer)
+"""
+
+OCTOMAP_SERVER = """
+import array, sys, time
+import rclpy
+from octomap_msgs.msg import Octomap
+from octomap_msgs.srv import GetOctomap
+from grid_map_ros_py.qos import map_qos
+
+data, durability = sys.argv[1:]
+rclpy.init()
+node = rclpy.create_node("octomap_server")
+octomap = Octomap(binary=True, id="OcTree", resolution=0.1)
+octomap.header.frame_id = "world"
+octomap.data = array.array("b", bytes.fromhex(data))
+broken = Octomap(binary=True, id="OcTree", resolution=0.1, data=octomap.data[:-2])
+qos = map_qos(transient_local=durability == "latched")
+publisher = node.create_publisher(Octomap, "octomap_binary", qos)
+publisher.publish(octomap)
+turns = [broken, octomap]
+
+def publish():
+    publisher.publish(turns[0])
+    turns.reverse()
+
+def answer(request, response):
+    response.map = octomap
+    return response
+
+if durability == "volatile":
+    node.create_timer(0.2, publish)
+node.create_service(GetOctomap, "get_octomap", answer)
+print("ready")
+rclpy.spin(node)
+"""
+
+
+def write_package(folder: Path, name: str, files: dict[str, str]) -> None:
+    for path, text in files.items():
+        (folder / name / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name / path).write_text(text)
+    (folder / name / "package.xml").write_text(MANIFEST.format(name=name))
+    cmake = CMAKE.format(name=name, files=" ".join(files))
+    (folder / name / "CMakeLists.txt").write_text(cmake)
+
+
+@pytest.fixture(scope="module")
+def with_messages(tmp_path_factory) -> dict[str, str]:
+    """Return the environment of processes that have the messages."""
+    workspace = tmp_path_factory.mktemp("messages")
+    for name, files in INTERFACES.items():
+        write_package(workspace / "src", name, files)
+    done = run("colcon", "build", "--base-paths", "src", environ=os.environ, cwd=workspace)
+    assert done.returncode == 0, done.stdout + done.stderr
+    enter = ". install/local_setup.bash && env -0"
+    done = run("bash", "-c", enter, environ=os.environ, cwd=workspace)
+    entries = (entry.partition("=") for entry in done.stdout.split("\0") if "=" in entry)
+    return {name: value for name, _, value in entries}
+
+
+@pytest.fixture
+def expected() -> GridMap:
+    octomap = SimpleNamespace(
+        header=Header(frame_id="world"),
+        binary=True,
+        id="OcTree",
+        resolution=0.1,
+        data=bytes.fromhex(OCTOMAP["binary"]),
+    )
+    grid_map = from_octomap(octomap, "height", max_bound=(np.nan, np.nan, 0.4))
+    grid_map.basic_layers = ["height"]
+    return grid_map
+
+
+@contextmanager
+def octomap_server(environ: dict[str, str], durability: str) -> Iterator[Process]:
+    command = [sys.executable, "-c", OCTOMAP_SERVER, OCTOMAP["binary"], durability]
+    server = Process(command, environ)
+    try:
+        wait_until(lambda: "ready" in server.text or not server.is_running, "the octomap server")
+        assert server.is_running, server.text
+        yield server
+    finally:
+        server.kill()
+
+
+def node(environ: dict[str, str], **parameters: object) -> Process:
+    given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    return Process([sys.executable, "-m", NODE, "--ros-args", *given], environ)
+
+
+def test_costmaps_of_nav2_are_written_and_read(with_messages):
+    done = run(sys.executable, "-c", CONVERT_COSTMAPS, environ=with_messages)
+    assert (done.stdout, done.stderr) == ("True 255 cost\n", "")
+
+
+@pytest.mark.parametrize("durability", ["latched", "volatile"])
+def test_the_node_converts_the_octomaps_of_a_topic(with_messages, expected, durability):
+    process = node(with_messages, layer="height", max_z=0.4)
+    with octomap_server(with_messages, durability), running(process), peer() as listener:
+        listener.listen("/grid_map", GridMapMessage)
+        assert_maps_equal(from_message(listener.expect("/grid_map")), expected)
+        if durability == "volatile":
+            # Broken ones come in between; the node goes on.
+            text = "cannot use the octomap: data: expected 1 more nodes of the tree"
+            listener.wait_until(lambda: text in process.text, "a warning")
+            listener.expect("/grid_map", len(listener.received["/grid_map"]) + 1)
+            assert process.text.count(text) == 1
+
+
+def test_the_node_asks_a_service_for_octomaps(with_messages, expected):
+    parameters = {"octomap_service_topic": "/get_octomap", "octomap_service_period": 0.3}
+    process = node(with_messages, layer="height", max_z=0.4, grid_map_topic="/map", **parameters)
+    with running(process), peer() as listener:
+        listener.listen("/map", GridMapMessage)
+        listener.wait_until(lambda: "is not there" in process.text, "a warning")
+        with octomap_server(with_messages, "latched"):
+            assert_maps_equal(from_message(listener.expect("/map", 2)), expected)
+
+
+def test_without_the_messages_the_node_says_what_to_install(tmp_path):
+    (tmp_path / "octomap_msgs.py").write_text("raise ImportError")
+    path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
+    process = node({"PYTHONPATH": path})
+    assert process.wait() == 1
+    (line,) = process.text.strip().splitlines()
+    assert "octomap_to_grid_map needs the package 'octomap_msgs', which is not installed: " in line
