@@ -6,6 +6,7 @@ Filters and visualizations are dataclasses whose fields are their parameters. `b
 and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
 """
 
+import numbers
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -56,7 +57,9 @@ def cast(name: str, value: object, hint: Any) -> Any:
     """
     result = _try_cast(value, hint)
     if result is MISSING:
-        unquoted = hint is str and isinstance(value, bool | int | float)
+        # ROS reads y, n, yes, no, on and off as truth values.
+        is_text = hint is str or (get_origin(hint) is Literal and str in map(type, get_args(hint)))
+        unquoted = is_text and isinstance(value, bool | int | float)
         raise mismatch(name, describe(hint) + (" (quote it)" if unquoted else ""), value)
     return result
 
@@ -97,9 +100,12 @@ def _try_cast_all(value: object, sequence: Callable[..., object], hint: Any) -> 
 
 
 def _try_cast_scalar(value: object, hint: Any) -> object:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
     if hint is float and is_number:
         return float(typing.cast("float", value))
+    # NumPy's integers, too.
+    if hint is int and isinstance(value, numbers.Integral) and is_number:
+        return int(value)
     if hint is int and isinstance(value, float) and value.is_integer():
         return int(value)
     if hint is int and not is_number:

@@ -5,6 +5,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from grid_map_core_py.config import build, cast, describe
@@ -30,6 +31,20 @@ def test_yaml_numbers_are_cast_to_the_type_of_the_field():
     assert isinstance(example.count, int)
     assert isinstance(example.limit, float)
     assert build(Example, {"radius": 1.0, "limit": None}).limit is None
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert cast("x", np.float32(0.5), float) == 0.5
+    assert cast("x", np.int64(3), float) == 3.0
+    assert type(cast("x", np.int64(3), int)) is int
+    assert type(cast("x", np.float64(3.0), int)) is int
+    with pytest.raises(ConfigError, match="expected a number"):
+        cast("x", np.True_, float)
+
+
+def test_a_word_that_yaml_takes_for_a_truth_value_is_to_be_quoted():
+    with pytest.raises(ConfigError, match=r"expected one of 'x', 'y' \(quote it\), found True"):
+        cast("axis", True, Literal["x", "y"])
 
 
 @pytest.mark.parametrize("empty", [None, [], ()])

@@ -10,6 +10,7 @@ bits in several times the time: it does the work where numba is missing, piece b
 
 import functools
 import inspect
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any, SupportsFloat, TypeAlias
 
@@ -19,10 +20,14 @@ import numpy.typing as npt
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.pieces import elementwise
 
+from .filter import warn
+
 Cells: TypeAlias = Any
 """A number of one cell, or an array with the numbers of many cells."""
 
 _ZERO = np.float32(0)
+
+_compiling = threading.Lock()
 
 _LIKE_NUMPY = {"error_model": "numpy"}
 """Divisions by 0 are no errors."""
@@ -99,7 +104,8 @@ class CellFunction:
             float32 whose bits are the results, in the shape of the layers, in Fortran order.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
-        constants = tuple(np.float32(float(number)) for number in numbers)
+        with np.errstate(over="ignore"):
+            constants = tuple(np.float32(float(number)) for number in numbers)
         if self._loop is None:
             results = self.plain(flat, constants)
         else:
@@ -116,12 +122,15 @@ class CellFunction:
 
     @functools.cached_property
     def _loop(self) -> Callable[..., None] | None:
-        numba = _numba()
-        if numba is None:
-            return None
-        compile_ = numba.njit(**_LIKE_NUMPY)
-        loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self._function)))
-        return loop
+        # From Python 3.12 on several threads may come here at once, one of which must not compile
+        # while another one is still telling numba of a helper.
+        with _compiling:
+            numba = _numba()
+            if numba is None:
+                return None
+            compile_ = numba.njit(**_LIKE_NUMPY)
+            loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self._function)))
+            return loop
 
 
 def cell_function(
@@ -132,11 +141,19 @@ def cell_function(
 
 
 def _numba() -> Any:
-    """Return numba, which knows our helpers; None where it is missing or refuses this NumPy."""
+    """Return numba, which knows our helpers; None where it is missing, broken or turned off."""
     try:
         import numba
         from numba.extending import overload, register_jitable
     except ImportError:
+        return None
+    # One that was built for another NumPy, or lacks a library, raises SystemError, AttributeError,
+    # OSError, ...
+    except Exception as error:
+        warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
+        return None
+    # Its loops would run in Python.
+    if numba.config.DISABLE_JIT:
         return None
     _replace_choose(overload)
     while _helpers:

@@ -4,11 +4,12 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.config import build
+from grid_map_core_py.config import build, check
 from grid_map_core_py.errors import GridMapError
 
 from .builtin.buffer_normalizer import BufferNormalizer
@@ -111,9 +112,19 @@ def _build(config: StepConfig) -> Filter:
 
 def _made(cls: type[Filter], params: Mapping[str, object]) -> Filter:
     result = build(cls, params) if is_dataclass(cls) else None
+    if result is not None:
+        _check_layers_have_names(result)
     if not callable(result):
         raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
     return result
+
+
+def _check_layers_have_names(made: Any) -> None:
+    """Check the parameters that must name a layer."""
+    for field in fields(made):
+        if field.name.endswith("_layer") and field.default is MISSING:
+            value = getattr(made, field.name)
+            check(value != "", field.name, "the name of a layer", value)
 
 
 def _run(step: Step, grid_map: GridMap) -> GridMap:
@@ -124,7 +135,8 @@ def _run(step: Step, grid_map: GridMap) -> GridMap:
         raise FilterError(f"{step.config}: {message_of(error)}") from error
     if not isinstance(result, GridMap):
         raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
-    return result
+    # A filter may move its map, but the next one shall see no start index.
+    return result if result.start_index == (0, 0) else result.stored_from((0, 0))
 
 
 def message_of(error: Exception) -> str:

@@ -33,7 +33,12 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.parameters import read_parameter, read_parameter_tree, read_positive
+from grid_map_ros_py.parameters import (
+    check_topic,
+    read_parameter,
+    read_parameter_tree,
+    read_positive,
+)
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 from grid_map_ros_py.subscription import MapSubscription
@@ -113,7 +118,9 @@ class FilterChainNode(Node):
         self._publisher = self.create_publisher(
             GridMapMessage, read_parameter(self, "output_topic", str, "/filtered_map"), map_qos()
         )
-        topic = read_parameter(self, "input_topic", str, "/grid_map")
+        topic = check_topic(
+            self, "input_topic", read_parameter(self, "input_topic", str, "/grid_map")
+        )
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
         self._report_diagnostics(read_positive(self, "diagnostics_period", 1.0))

@@ -71,3 +71,13 @@ def test_a_disc_far_larger_than_the_map_is_the_map():
 def test_a_parameter_that_makes_no_sense_is_refused(params, message):
     with pytest.raises(FilterConfigError, match=message):
         bilateral(ground([[1.0]]), **params)
+
+
+def test_nothing_but_zeros_stays_zero_to_the_border():
+    out = filtered("Bilateral", ground(np.zeros((9, 7))), sigma_space=0.1, sigma_range=0.1)
+    assert (out == 0).all()
+
+
+def test_a_sigma_beyond_single_precision_is_refused():
+    with pytest.raises(FilterConfigError, match="sigma_range"):
+        filtered("Bilateral", ground(STEPS), sigma_space=0.1, sigma_range=1e308)

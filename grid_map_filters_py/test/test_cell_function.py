@@ -3,6 +3,7 @@
 """Functions of cells give the same bits, whether numba or NumPy computes them."""
 
 import importlib
+import os
 import subprocess
 import sys
 
@@ -93,3 +94,20 @@ def test_filters_work_where_numba_is_missing():
     command = [sys.executable, "-c", WITHOUT_NUMBA]
     output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert output.stdout.split() == ["ff", "ff0000", "7f007f", "7fc00000", "ff0000", "ff"]
+
+
+@pytest.mark.parametrize("setting", ["NUMBA_DISABLE_JIT", "BROKEN"])
+def test_filters_work_where_numba_is_turned_off_or_broken(tmp_path, setting):
+    (tmp_path / "numba").mkdir()
+    (tmp_path / "numba" / "__init__.py").write_text("raise SystemError('built for another NumPy')")
+    program = WITHOUT_NUMBA.replace('sys.modules["numba"] = None', "")
+    environ = {**os.environ, setting: "1"}
+    if setting == "BROKEN":
+        environ["PYTHONPATH"] = f"{tmp_path}:{environ.get('PYTHONPATH', '')}"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=True, env=environ
+    )
+    assert done.stdout.split() == ["ff", "ff0000", "7f007f", "7fc00000", "ff0000", "ff"]
+    said = "numba cannot be used, NumPy does its work: SystemError: built for another NumPy"
+    assert (said in done.stderr) == (setting == "BROKEN")

@@ -184,6 +184,46 @@ def test_warnings_of_chains_in_two_threads_do_not_mix(grid_map):
     ]
 
 
+def test_a_filter_after_one_that_moves_its_map_sees_no_start_index(grid_map):
+    def moves(grid_map):
+        moved = grid_map.copy()
+        moved.move(grid_map.position + grid_map.resolution)
+        return moved
+
+    seen = []
+
+    def looks(grid_map):
+        seen.append(grid_map)
+        return grid_map
+
+    steps = [
+        Step(StepConfig(n + 1, name, name), f)
+        for n, (name, f) in enumerate({"moves": moves, "looks": looks}.items())
+    ]
+    FilterChain(steps)(grid_map)
+    assert moves(grid_map).start_index != (0, 0)
+    assert_maps_equal(seen[0], moves(grid_map))
+    assert seen[0].start_index == (0, 0)
+
+
+def test_a_required_layer_without_a_name_is_refused():
+    step = {"name": "n", "type": DUPLICATION, "params": {"input_layer": "a", "output_layer": ""}}
+    with pytest.raises(FilterConfigError, match="'output_layer': expected the name of a layer"):
+        FilterChain.from_config([step])
+
+
+def test_yaml_may_merge_mappings_and_write_numbers_without_a_leading_zero(tmp_path):
+    path = tmp_path / "chain.yaml"
+    path.write_text("""
+defaults: &layers {input_layer: a, output_layer: b}
+filters:
+  - {name: n, type: MeanInRadius, params: {<<: *layers, output_layer: c, radius: .5e-1}}
+""")
+    (step,) = FilterChain.from_yaml(path).steps
+    assert (step.filter.input_layer, step.filter.output_layer) == ("a", "c")
+    assert step.filter.radius == 0.05
+
+
 GOOD = {"name": "n", "type": DUPLICATION, "params": {"input_layer": "a", "output_layer": "b"}}
 
 

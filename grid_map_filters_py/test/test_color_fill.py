@@ -20,3 +20,8 @@ def test_color_fill_colours_all_cells_or_those_with_data_in_the_mask():
     assert {oracles.to_bytes(color) for color in masked[[0, 3]]} == {(51, 255, 0)}
     with pytest.raises(FilterConfigError, match="'red, green, blue': expected three finite"):
         run("ColorFill", grid_map, **params | {"red": np.nan})
+
+
+def test_a_channel_beyond_single_precision_is_clamped_as_well():
+    out = run("ColorFill", terrain(), red=1e300, green=-1e300, blue=0, output_layer="out")["out"]
+    assert (out.view(np.uint32) == 0xFF0000).all()

@@ -75,3 +75,18 @@ def test_two_spellings_of_one_parameter_are_an_error():
 def test_refuses_what_is_no_ramp(params, message):
     with pytest.raises(FilterConfigError, match=message):
         color_map(terrain(a=0.0), **RAMP | params)
+
+
+@pytest.mark.parametrize("ends", [(-3e38, 3e38), (0.0, 1e39), (-1e39, 0.0)])
+def test_refuses_a_ramp_that_single_precision_cannot_hold(ends):
+    with pytest.raises(FilterConfigError, match=r"max/value.*a ramp of at most 3\.40282e"):
+        run(
+            "ColorMap",
+            terrain(elevation=0.0),
+            input_layer="elevation",
+            output_layer="out",
+            min_value=ends[0],
+            max_value=ends[1],
+            min_color=[0, 0, 0],
+            max_color=[1, 1, 1],
+        )

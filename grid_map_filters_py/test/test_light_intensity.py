@@ -25,3 +25,17 @@ def test_light_is_brightest_where_it_falls_straight_onto_the_surface():
     for direction in ([0, 0, 0], [1, 2], [0, 0, np.inf]):
         with pytest.raises(FilterConfigError, match="'light_direction': expected three finite"):
             run("LightIntensity", grid_map, light_direction=direction, **params)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
+def test_the_length_of_the_direction_does_not_matter(length):
+    grid_map = terrain(n_x=0.0, n_y=0.6, n_z=0.8)
+    direction = [0.0, 0.0, -length]
+    out = run(
+        "LightIntensity",
+        grid_map,
+        input_layers_prefix="n_",
+        output_layer="out",
+        light_direction=direction,
+    )["out"]
+    assert (out.view(np.uint32) == 0x010101 * int(255 * 0.8)).all()

@@ -70,3 +70,16 @@ def test_as_many_iterations_as_one_likes_close_everything():
 def test_refuses_parameters_that_make_no_sense(params, message):
     with pytest.raises(FilterConfigError, match=message):
         fill(terrain(elevation=0.0), **params)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"fill_mask_layer": "out"},
+        {"fill_mask_layer": "m", "debug": True, "debug_infill_mask_layer": "m"},
+        {"fill_mask_layer": "m", "debug": True, "debug_infill_mask_layer": "out"},
+    ],
+)
+def test_layers_of_one_name_are_refused(names):
+    with pytest.raises(FilterConfigError, match="expected different 'output_layer'"):
+        run("MedianFill", terrain(elevation=0.0), **TO_OUT, fill_hole_radius=0.1, **names)

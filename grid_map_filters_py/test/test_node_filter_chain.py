@@ -548,6 +548,14 @@ def test_a_node_must_not_listen_to_itself(parameters):
     assert "Traceback" not in node.text
 
 
+@pytest.mark.parametrize("topic", ["a b", "", "/a//b"])
+def test_a_topic_that_ros_refuses_is_one_message(parameters, topic):
+    node = start_node(MODULE, *parameters(input_topic=topic))
+    assert node.wait() == 1
+    assert "input_topic" in node.text
+    assert "Traceback" not in node.text
+
+
 def changed(**step):
     return {"filter1": {**FILTERS["filter2"], **step}}
 

@@ -108,3 +108,14 @@ def test_a_chain_of_them_tells_flat_ground_from_a_kerb_and_a_steep_slope():
     assert on_flat == pytest.approx(1.0)
     assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, steps in every disc, but even.
     assert at_kerb < 0.5
+
+
+def test_a_tiny_critical_value_is_a_step():
+    out = run(
+        "Traversability",
+        terrain((2, 1), a=[[0.0], [1.0]]),
+        input_layers=["a"],
+        critical_values=[1e-320],
+        output_layer="out",
+    )["out"]
+    np.testing.assert_array_equal(out, [[1.0], [0.0]])

@@ -20,6 +20,9 @@ from ..filter import check_radius
 _FAR = np.float32(12.0)
 """Standard deviations from which on a value has next to no weight, 5e-32, and counts as missing."""
 
+_NOTHING = np.float32(1e-26)
+"""Standard deviations that are no more than what the missing values have added up to."""
+
 _PIECE = 2**15
 """Cells that are computed together: what there is of them stays in the cache."""
 
@@ -48,7 +51,8 @@ class Bilateral:
         limits = np.finfo(np.float32)
         for name in ("sigma_space", "sigma_range"):
             sigma = getattr(self, name)
-            check(limits.tiny <= sigma <= limits.max, name, "a number > 0", sigma)
+            in_range = float(limits.tiny) <= sigma <= float(limits.max)
+            check(in_range, name, "a number > 0", sigma)
         check_radius(self.radius or 0.0)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -78,6 +82,7 @@ class Bilateral:
             weight = np.exp(np.float32(-0.5) * difference * difference) * share
             weights += weight
             total += weight * difference
+        total[np.abs(total) < _NOTHING * weights] = 0.0
         return centre + sigma * total / weights
 
     def _shares(self, disc: Disc) -> list[tuple[tuple[int, int], np.float32]]:

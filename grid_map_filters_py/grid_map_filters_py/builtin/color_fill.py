@@ -34,7 +34,7 @@ class ColorFill:
     def __post_init__(self) -> None:
         color = self.red, self.green, self.blue
         check_color("red, green, blue", color)
-        value = color_vector_to_value(np.array(color, dtype=np.float32))
+        value = color_vector_to_value(np.clip(color, 0.0, 1.0).astype(np.float32))
         object.__setattr__(self, "_value", np.float32(value))
         _where_finite.prepare()
 

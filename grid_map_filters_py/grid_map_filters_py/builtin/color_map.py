@@ -41,6 +41,9 @@ class ColorMap:
         ascends = math.isfinite(self.max_value) and self.max_value > self.min_value
         expected = f"a finite number above min/value, {self.min_value}"
         check(ascends, "max/value", expected, self.max_value)
+        longest = float(np.finfo(np.float32).max)
+        in_range = max(abs(self.min_value), self.max_value - self.min_value) <= longest
+        check(in_range, "max/value", f"a ramp of at most {longest:g}", self.max_value)
         _color.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:

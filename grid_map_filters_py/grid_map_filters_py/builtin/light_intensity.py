@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/LightIntensityFilter`"""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,13 +31,13 @@ class LightIntensity:
 
     def __post_init__(self) -> None:
         direction = self.light_direction
-        usable = len(direction) == 3 and 0 < np.linalg.norm(direction) < np.inf
+        usable = len(direction) == 3 and 0 < math.hypot(*direction) < math.inf
         expected = "three finite numbers, not all 0"
-        check(bool(usable), "light_direction", expected, list(direction))
+        check(usable, "light_direction", expected, list(direction))
         _shade.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        towards = -np.asarray(self.light_direction) / np.linalg.norm(self.light_direction)
+        towards = -np.asarray(self.light_direction) / math.hypot(*self.light_direction)
         normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
         return grid_map.with_layers({self.output_layer: _shade(normals, towards)})
 

@@ -60,6 +60,13 @@ class MedianFill:
             raise ConfigError("'filter_existing_values' needs an 'existing_value_radius'")
         if self.debug and not self.debug_infill_mask_layer:
             raise ConfigError("'debug' needs a 'debug_infill_mask_layer'")
+        debug_layer = self.debug_infill_mask_layer if self.debug else None
+        names = [self.output_layer, self.fill_mask_layer, debug_layer]
+        if len(set(names)) < len(names):
+            raise ConfigError(
+                "expected different 'output_layer', 'fill_mask_layer' and "
+                f"'debug_infill_mask_layer', found {', '.join(map(repr, names))}"
+            )
         iterations = self.num_erode_dilation_iterations
         check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
 

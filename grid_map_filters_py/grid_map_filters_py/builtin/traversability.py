@@ -57,7 +57,8 @@ class Traversability:
         for layer, critical, weight in zip(
             layers, self.critical_values, self._weights, strict=True
         ):
-            score = np.clip(1.0 - layer.astype(np.float64) / critical, 0.0, 1.0)
+            with np.errstate(over="ignore"):
+                score = np.clip(1.0 - layer.astype(np.float64) / critical, 0.0, 1.0)
             score[~np.isfinite(layer)] = np.nan
             total += weight / sum(self._weights) * score
         return np.minimum(total, 1.0)
