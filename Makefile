@@ -20,9 +20,9 @@ build:  ## Build with colcon what has changed
 	@tools/workspace build
 
 # Demos of two people on one network keep to their own computers, unless ROS is told otherwise.
-demo: build  ## Publish a terrain, filter it, write pictures to demo_output/
+demo: build  ## Publish a terrain, filter it, write pictures to demo_output/ (VIEW=1: show it in the browser until Ctrl-C)
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=$${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST} \
-	    tools/run grid_map_demos_py filters_demo --report demo_output
+	    tools/run grid_map_demos_py filters_demo $(if $(VIEW),--view,--report demo_output)
 
 test: build  ## Run all tests
 	@tools/test
