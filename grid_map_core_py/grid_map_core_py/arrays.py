@@ -78,6 +78,8 @@ def as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
 
 def as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
     """Return `values` as an array of this type."""
+    if type(values) is np.ndarray and values.dtype == dtype:
+        return values
     # Values beyond float32 become infinities, as a cast in C++ makes them.
     with np.errstate(over="ignore"):
         return as_numbers(values, name).astype(dtype, copy=False)

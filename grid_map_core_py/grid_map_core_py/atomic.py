@@ -65,7 +65,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     _take_back(target)
     _remove_abandoned(target)
     _check(target, check_old)
-    temporary, lock = _claimed(target, _make_folder)
+    temporary, lock = _claimed(target, Path.mkdir)
     try:
         yield temporary
         for file in temporary.iterdir():
@@ -86,27 +86,21 @@ def find_folder(path: str | PathLike[str]) -> Path:
     return aside[0] if aside else Path(path)
 
 
-def _claimed(target: Path, make: Callable[[Path], int]) -> tuple[Path, int]:
+def _claimed(target: Path, make: Callable[[Path], None]) -> tuple[Path, int]:
     """Make something temporary beside `target`, and return it with the lock on it."""
     while True:
-        # Where the folder above is missing, another try would not help: that is the error.
-        target.parent.stat()
         temporary = _hidden(target, "partial")
+        make(temporary)
         # Between making and locking it another process may take it for abandoned and remove it.
         with suppress(FileNotFoundError):
-            lock = make(temporary)
+            lock = os.open(temporary, os.O_RDONLY)
             if _is_locked(lock) and temporary.exists():
                 return temporary, lock
             os.close(lock)
 
 
-def _make_file(path: Path) -> int:
-    return os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
-
-
-def _make_folder(path: Path) -> int:
-    path.mkdir()
-    return os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+def _make_file(path: Path) -> None:
+    path.touch(exist_ok=False)
 
 
 def _is_locked(file: int) -> bool:

@@ -84,20 +84,21 @@ def save_images(
     if not names:
         raise GridMapError(f"{folder}: cannot be written: there are no layers")
     colors, given = {*color_layers}, ranges or {}
-    entries: list[dict[str, Any]] = []
-    images: list[Image] = []
-    for name, file in zip(names, _file_names(names), strict=True):
-        if name in colors:
-            images.append(_color_image(grid_map, name))
-            entries.append({"name": name, "image": file, "mode": "color"})
-        else:
-            lower, upper = given.get(name) or _range(grid_map, name)
-            images.append(_value_image(grid_map, name, bits, lower, upper))
-            entry = {"name": name, "image": file, "mode": "values"}
-            entries.append({**entry, "lower": float(lower), "upper": float(upper)})
+    for name in given:
+        grid_map[name]  # raises where it is misspelt
+    pictures = [
+        _color_picture(grid_map, name)
+        if name in colors
+        else _value_picture(grid_map, name, bits, given.get(name) or _range(grid_map, name))
+        for name in names
+    ]
+    entries = [
+        {"name": name, "image": file, **mode}
+        for name, file, (mode, _) in zip(names, _file_names(names), pictures, strict=True)
+    ]
     target = Path(folder)
     with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
-        for entry, image in zip(entries, images, strict=True):
+        for entry, (_, image) in zip(entries, pictures, strict=True):
             (temporary / entry["image"]).write_bytes(_encoded(image))
         (temporary / YAML_NAME).write_text(_document(grid_map, entries), encoding="utf-8")
     return target / YAML_NAME
@@ -113,12 +114,14 @@ def load_images(path: str | PathLike[str]) -> GridMap:
         GridMapError: a file is missing, damaged or of another format.
     """
     given = Path(path)
-    file = given if given.suffix == ".yaml" else find_folder(given) / YAML_NAME
+    with storage_errors(given, "read"):
+        is_file = given.suffix == ".yaml" and not given.is_dir()
+        file = given if is_file else find_folder(given) / YAML_NAME
     document = load_yaml(file)
     with storage_errors(file, "read"):
-        if not isinstance(document, dict) or not isinstance(document.get("grid_map"), dict):
+        found = _part_of_maps(document)
+        if found is None:
             raise ValueError("no file of a map: 'grid_map' is missing")
-        found = document["grid_map"]
         if found.get("version") != VERSION:
             raise ValueError(f"version {found.get('version')!r}, only {VERSION} is known")
         grid_map = _empty_map(found, document["resolution"])
@@ -147,14 +150,21 @@ def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _value_image(grid_map: GridMap, layer: str, bits: int, lower: float, upper: float) -> Image:
+def _value_picture(
+    grid_map: GridMap, layer: str, bits: int, bounds: tuple[float, float]
+) -> tuple[dict[str, Any], Image]:
+    """Return how to read the image of a layer, and the image."""
+    lower, upper = bounds
     channels = 4 if np.isnan(grid_map[layer]).any() else 1
-    return _to_map_server(to_image(grid_map, layer, _DTYPES[bits], channels, lower, upper))
+    image = to_image(grid_map, layer, _DTYPES[bits], channels, lower, upper)
+    mode = {"mode": "values", "lower": float(lower), "upper": float(upper)}
+    return mode, _to_map_server(image)
 
 
-def _color_image(grid_map: GridMap, layer: str) -> Image:
+def _color_picture(grid_map: GridMap, layer: str) -> tuple[dict[str, Any], Image]:
     channels = 4 if np.isnan(grid_map[layer]).any() else 3
-    return _to_map_server(to_color_image(grid_map, layer, np.uint8, channels))
+    image = to_color_image(grid_map, layer, np.uint8, channels)
+    return {"mode": "color"}, _to_map_server(image)
 
 
 def _add(grid_map: GridMap, entry: Mapping[str, Any], image: Image) -> None:
@@ -223,6 +233,8 @@ def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
+    # YAML can escape half a character, but no reader takes it.
+    "".join([grid_map.frame_id, *(entry["name"] for entry in entries)]).encode()
     origin = (grid_map.position - 0.5 * grid_map.length).tolist()
     document = {
         # What map_server reads.
@@ -243,7 +255,7 @@ def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
             "layers": entries,
         },
     }
-    text: str = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+    text: str = yaml.safe_dump(document, sort_keys=False)
     return text
 
 
@@ -278,10 +290,21 @@ def _file_names(names: Iterable[str]) -> Iterator[str]:
 
 
 def _check_old(folder: Path) -> None:
-    """Let a folder of images be replaced, or an empty one, and nothing else."""
+    """Let a folder be replaced that holds what `save_images` has written, or nothing."""
     if not folder.is_dir():
         raise ValueError("it is a file, and the images go to a folder")
-    names = sorted(path.name for path in folder.iterdir())
-    foreign = [name for name in names if name != YAML_NAME and not name.endswith(".png")]
-    if names and (foreign or YAML_NAME not in names):
-        raise ValueError(f"it holds {(foreign or names)[0]}, which is no image of a map")
+    foreign = {path.name for path in folder.iterdir()} - _written(folder / YAML_NAME)
+    if foreign:
+        raise ValueError(f"it holds {min(foreign)}, which is no part of a saved map")
+
+
+def _written(file: Path) -> set[str]:
+    """Return the names of all files that `save_images` wrote with a YAML file, if it did."""
+    found = _part_of_maps(load_yaml(file)) if file.is_file() else None
+    return {file.name, *(entry["image"] for entry in found["layers"])} if found else set()
+
+
+def _part_of_maps(document: Any) -> Mapping[str, Any] | None:
+    """Return what is not for map_server in a YAML file of images, None where there is none."""
+    found = document.get("grid_map") if isinstance(document, dict) else None
+    return found if isinstance(found, dict) else None

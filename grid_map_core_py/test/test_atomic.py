@@ -192,3 +192,9 @@ def test_a_missing_folder_above_is_an_error(tmp_path):
     with pytest.raises(FileNotFoundError, match="missing"), new_folder(missing / "folder", print):
         pass
     assert not missing.exists()
+
+
+@pytest.mark.parametrize("make", [new_file, lambda path: new_folder(path, print)])
+def test_a_folder_above_that_takes_nothing_new_is_an_error(make):
+    with pytest.raises(OSError, match="/proc/"), make("/proc/map"):
+        pass

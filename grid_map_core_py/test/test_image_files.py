@@ -150,12 +150,45 @@ def test_whatever_is_no_folder_of_images_is_never_replaced(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
 
 
+def test_maps_of_map_server_and_images_of_others_are_never_replaced(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers=["a"])
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    save_images(grid_map, ours)
+    (ours / "photo.png").write_bytes(b"precious")
+    theirs.mkdir()
+    (theirs / "map.yaml").write_text("{image: office.png, resolution: 0.05, origin: [0, 0, 0]}")
+    with pytest.raises(GridMapError, match=r"it holds photo\.png, which is no part of a saved map"):
+        save_images(grid_map, ours)
+    with pytest.raises(GridMapError, match=r"it holds map\.yaml, which is no part of a saved map"):
+        save_images(grid_map, theirs)
+
+
+@pytest.mark.parametrize("name", ["a\x85b", "\x85", "a\n b", "\u2028", "null", "1", "../x", "höhe"])
+def test_any_name_comes_back(tmp_path, name):
+    save_images(GridMap((1, 1), 0.5, layers=[name], frame_id=name), tmp_path / "images")
+    loaded = load_images(tmp_path / "images")
+    assert (loaded.layers, loaded.frame_id) == ((name,), name)
+
+
+def test_a_name_that_no_file_can_hold_is_refused(tmp_path):
+    with pytest.raises(GridMapError, match="cannot be written"):
+        save_images(GridMap((1, 1), 0.5, layers=["\ud800"]), tmp_path / "images")
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_folder_may_be_called_like_a_file(tmp_path):
+    save_images(GridMap((1, 1), 0.5, layers=["a"]), tmp_path / "map.yaml")
+    assert load_images(tmp_path / "map.yaml").layers == ("a",)
+
+
 def test_what_cannot_be_images_is_refused(tmp_path):
     grid_map = GridMap((1, 1), 0.5, layers={"a": [[-3e38, 3e38], [0, 0]]})
     with pytest.raises(GeometryError, match="two different finite"):
         save_images(grid_map, tmp_path / "images")
     with pytest.raises(LayerNotFoundError):
         save_images(grid_map, tmp_path / "images", ["b"])
+    with pytest.raises(LayerNotFoundError):
+        save_images(grid_map, tmp_path / "images", ranges={"b": (0.0, 1.0)})
     with pytest.raises(GridMapError, match="bits: expected 8 or 16, got 32"):
         save_images(grid_map, tmp_path / "images", bits=32)
     with pytest.raises(GridMapError, match="there are no layers"):

@@ -153,7 +153,7 @@ def _numba() -> Any:
         warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
         return None
     # Its loops would run in Python.
-    if numba.config.DISABLE_JIT:
+    if getattr(numba.config, "DISABLE_JIT", False):
         return None
     _replace_choose(overload)
     while _helpers:

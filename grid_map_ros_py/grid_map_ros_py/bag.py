@@ -10,6 +10,7 @@ The time of a message in a bag is that of its map, unless said otherwise.
 """
 
 import bisect
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
@@ -33,8 +34,8 @@ from .time import check_nanoseconds
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_OF_BAGS = {".yaml", ".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
-"""Endings of the files in the folder of a bag."""
+_OF_BAGS = {".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
+"""Endings of the files in the folder of a bag, besides its metadata."""
 
 
 # --- writing --------------------------------------------------------------------------------------
@@ -99,7 +100,7 @@ class BagWriter:
             self._folder = stack.enter_context(new_folder(self._path, self._check_old))
             self._file = f"{self._path.resolve().name}_0.mcap"
             self._writer = McapWriter(self._folder / self._file, self._compression)
-            stack.callback(self._writer.close)
+            stack.callback(self._writer.abandon)
             self._contents = bag_metadata.Contents({})
             self._stack = stack.pop_all()
         return self
@@ -164,14 +165,17 @@ class BagWriter:
         parent = self._path.resolve().parent
         if not parent.is_dir():
             raise BagError(self._path, f"cannot be written: there is no folder {parent}")
+        if not os.access(parent, os.W_OK | os.X_OK):
+            raise BagError(self._path, f"cannot be written: {parent} may not be written to")
 
     def _check_old(self, target: Path) -> None:
         """Let a bag or an empty folder be replaced, and nothing else."""
         if not target.is_dir():
             raise BagError(self._path, "is a file, and a bag is a folder")
         names = sorted(path.name for path in target.iterdir())
-        foreign = [name for name in names if Path(name).suffix not in _OF_BAGS]
-        if names and (foreign or bag_metadata.FILE_NAME not in names):
+        others = [name for name in names if name != bag_metadata.FILE_NAME]
+        foreign = [name for name in others if Path(name).suffix not in _OF_BAGS]
+        if foreign or (names and others == names):
             raise BagError(
                 self._path, f"is no bag and not replaced; it holds {(foreign or names)[0]}"
             )
@@ -269,9 +273,9 @@ class BagReader:
     """
 
     def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
-        self._path = find_folder(path)
         self._open: tuple[int, Storage] | None = None
-        with bag_errors(self._path):
+        with bag_errors(Path(path)):
+            self._path = find_folder(path)
             self._files = _files(self._path)
         try:
             self.topics = self._read_topics()

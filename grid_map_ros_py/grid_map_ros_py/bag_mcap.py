@@ -11,6 +11,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -326,8 +327,9 @@ class McapWriter:
         """Write the rest of the file, and what the bag tells about itself, and close it."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
         self._writer.finish()
-        self.close()
-
-    def close(self) -> None:
-        """Close the file as it is."""
         self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is; what the disk has no room for is lost."""
+        with suppress(OSError):
+            self._file.close()

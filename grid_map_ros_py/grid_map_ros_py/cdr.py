@@ -104,7 +104,7 @@ def deserialize(data: Buffer, message_type: type[Message]) -> Message:
             not plain CDR, or a field is of a type that is not known (wstring). The error names the
             field.
     """
-    message: Message = _struct(message_type).read(_Reader(data, as_views=False))
+    message: Message = _read(data, message_type, as_views=False)
     return message
 
 
@@ -127,7 +127,17 @@ def view(data: Buffer, message_type: type) -> Any:
 
     Args and errors are those of `deserialize`.
     """
-    return _struct(message_type).read(_Reader(data, as_views=True))
+    return _read(data, message_type, as_views=True)
+
+
+def _read(data: Buffer, message_type: type, *, as_views: bool) -> Any:
+    try:
+        return _struct(message_type).read(_Reader(data, as_views=as_views))
+    except MessageError as error:
+        if error.field:
+            raise
+        # The numbers of a point are read at once, and none of them is to blame.
+        raise _inside(message_type.__name__, error) from None
 
 
 class _Packing:

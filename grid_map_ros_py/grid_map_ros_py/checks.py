@@ -89,6 +89,19 @@ def check_cells(field: str, size: npt.ArrayLike) -> None:
         raise MessageError(field, f"an extent of at most {MOST_CELLS} cells", f"{cells:.3g} cells")
 
 
+def as_float32(field: str, value: float) -> float:
+    """Return a positive number as a message holds it in a float32, which it must fit."""
+    with np.errstate(over="ignore"):
+        held = float(np.float32(value))
+    if not 0 < held < math.inf:
+        raise MessageError(field, "a positive number that float32 can hold", value)
+    return held
+
+
 def as_written(value: float) -> float:
-    """Return the float64 that is written like a float32, such as 0.1 for the float32 next to it."""
-    return float(str(np.float32(value)))
+    """Return the float64 that is written like a float32, such as 0.1 for the float32 next to it.
+
+    0 and infinity stand for what no float32 holds, as for a message that never was on the wire.
+    """
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(value)))

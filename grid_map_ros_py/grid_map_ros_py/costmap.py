@@ -17,7 +17,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py import costmap as costs
 from grid_map_core_py.costmap import FREE, LETHAL, CostCodec, CostRange, CostTable
 
-from .checks import as_written, check_grid, check_positive
+from .checks import as_float32, as_written, check_grid, check_positive
 from .errors import MissingPackageError
 from .time import from_stamp, to_header
 
@@ -56,6 +56,7 @@ def to_costmap(
     Raises:
         LayerNotFoundError: the map lacks the layer.
         GeometryError: the bounds are equal as float32, or not finite.
+        MessageError: the resolution does not fit a float32.
         MissingPackageError: nav2_msgs is not installed.
     """
     try:
@@ -70,7 +71,7 @@ def to_costmap(
         map_load_time=header.stamp,
         update_time=header.stamp,
         layer=layer,
-        resolution=float(np.float32(costmap.resolution)),
+        resolution=as_float32("resolution", costmap.resolution),
         size_x=costmap.size_x,
         size_y=costmap.size_y,
         origin=Pose(position=origin, orientation=Quaternion(w=1.0)),

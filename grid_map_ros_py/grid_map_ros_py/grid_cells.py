@@ -2,17 +2,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`nav_msgs/GridCells` and grid maps."""
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point
 from nav_msgs.msg import GridCells
 
 from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import as_number
 from grid_map_core_py.pieces import slices
 from grid_map_core_py.point_cloud import fitting_geometry
 
 from .cdr import serialize
-from .checks import as_written, check_cells, check_positive
+from .checks import as_float32, as_written, check_cells, check_positive
 from .errors import MessageError
 from .time import from_stamp, to_header
 
@@ -96,11 +99,16 @@ def centres_between(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
+        MessageError: a bound is NaN, or the resolution does not fit the message.
     """
     values = grid_map[layer].ravel("F")
+    bounds = as_number(lower, "lower"), as_number(upper, "upper")
+    if any(map(math.isnan, bounds)):
+        raise MessageError("lower, upper", "numbers", bounds)
     with np.errstate(over="ignore"):
-        chosen = (values >= np.float32(lower)) & (values <= np.float32(upper))
-        chosen &= np.isfinite(values)
+        low, high = map(np.float32, bounds)
+    chosen = (values >= low) & (values <= high)
+    chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.geometry.axes(grid_map.start_index)
     # A few columns of cells at a time, so that what is looked up stays in the cache. Their x are
@@ -119,16 +127,17 @@ def centres_between(
 
 
 def _without_cells(grid_map: GridMap) -> GridCells:
-    side = float(np.float32(grid_map.resolution))
+    side = as_float32("resolution", grid_map.resolution)
     return GridCells(header=to_header(grid_map), cell_width=side, cell_height=side)
 
 
 def _side(message: GridCells, resolution: float | None) -> float:
     """Return the side of a cell, which must be that of the cells in the message."""
     width = check_positive("cell_width", message.cell_width)
-    side = as_written(width) if resolution is None else resolution
+    side = as_written(width) if resolution is None else as_number(resolution, "resolution")
+    held = as_written(as_float32("resolution", side))
     for name in ("cell_width", "cell_height"):
-        if np.float32(getattr(message, name)) != np.float32(side):
+        if as_written(getattr(message, name)) != held:
             raise MessageError(name, f"the resolution {side}", getattr(message, name))
     return side
 

@@ -26,6 +26,7 @@ from grid_map_core_py import image as pixels
 from grid_map_core_py.image import COLOR_LAYER, Order
 
 from .errors import MessageError
+from .multi_array import set_array
 from .time import from_stamp, to_header
 
 
@@ -273,6 +274,5 @@ def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> Image
         is_bigendian=0,
         step=len(data) // rows,
     )
-    # The constructor would copy the data once more.
-    message.data = data
+    set_array(message, data)
     return message

@@ -3,6 +3,7 @@
 """`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
 
 import array
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,9 +26,17 @@ def to_multi_array(layer: npt.ArrayLike) -> Float32MultiArray:
     values = array.array("f")
     values.frombytes(data.T.data.cast("B"))
     message = Float32MultiArray(layout=to_layout(data.shape))
-    # The constructor would copy the values once more.
-    message.data = values
+    set_array(message, values)
     return message
+
+
+def set_array(message: Any, values: "array.array[Any]") -> None:
+    """Let a message keep an array as its `data`, without a copy.
+
+    The constructor and the setter that rosidl generates copy it, unless they check every field. An
+    array of another type than the field's must not come here.
+    """
+    message._data = values
 
 
 def to_layout(size: Size) -> MultiArrayLayout:
@@ -46,8 +55,8 @@ def from_multi_array(
     """Return the (rows, cols) values of a message: a view of its memory, nothing is copied.
 
     Column-major (`column_index` first) and row-major data (`row_index` first) are understood. Data
-    begins after `data_offset` values and must end with the array. Strides are not looked at: many
-    publishers leave them unset, and the length leaves no room for padding.
+    begins after `data_offset` values and must end with the array. Publishers leave strides unset or
+    count them in their own ways, so that all that occur without padding are understood.
 
     Args:
         message: the layer.
@@ -55,7 +64,7 @@ def from_multi_array(
         field: what to call the message in an error.
 
     Raises:
-        MessageError: labels, sizes or the number of values are not those of such an array.
+        MessageError: labels, sizes, strides or the number of values are not those of such an array.
     """
     column_major = _is_column_major(message.layout.dim, f"{field}.layout.dim")
     shape = size[::-1] if column_major else size
@@ -64,6 +73,7 @@ def from_multi_array(
             expected = f"{cells} ({dim.label} of {size[0]} x {size[1]} cells)"
             raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
     _check_count(message, size, field)
+    _check_strides(message, shape, field)
     values: Layer = np.asarray(message.data)[message.layout.data_offset :].reshape(shape)
     return values.T if column_major else values
 
@@ -78,6 +88,14 @@ def _is_column_major(dim: list[MultiArrayDimension], field: str) -> bool:
     if second != other:
         raise MessageError(f"{field}[1].label", f"{other!r} after {first!r}", second)
     return bool(first == COLUMN_LABEL)
+
+
+def _check_strides(message: Float32MultiArray, shape: Size, field: str) -> None:
+    strides = (0, 1, *shape, shape[0] * shape[1])
+    for axis, dim in enumerate(message.layout.dim):
+        if dim.stride not in strides:
+            expected = f"one of {strides}, as there is no padding"
+            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
 
 
 def _check_count(message: Float32MultiArray, size: Size, field: str) -> None:

@@ -10,13 +10,19 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import as_number
+from grid_map_core_py.pieces import slices
 
-from .checks import check_grid
+from .checks import as_float32, check_grid
 from .errors import MessageError
+from .multi_array import set_array
 from .time import from_stamp, to_header
 
 UNKNOWN = -1
 OCCUPIED = 100
+
+PIECE = 1 << 15
+"""Cells that are worked on at once."""
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
@@ -37,9 +43,11 @@ def to_occupancy_grid(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        MessageError: the bounds are equal as float32, or not finite.
+        MessageError: the bounds are equal as float32, or not finite; or the resolution does not fit
+            a float32.
     """
-    values = occupancies(grid_map.unwrapped(layer), data_min, data_max)
+    stored = occupancies(grid_map[layer], data_min, data_max)
+    values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
     header = to_header(grid_map)
     x, y = (grid_map.position - 0.5 * grid_map.length).tolist()
     data = array.array("b")
@@ -47,12 +55,14 @@ def to_occupancy_grid(
     data.frombytes(values.ravel("F")[::-1].tobytes())
     info = MapMetaData(
         map_load_time=header.stamp,
-        resolution=float(np.float32(grid_map.resolution)),
+        resolution=as_float32("resolution", grid_map.resolution),
         width=grid_map.size[0],
         height=grid_map.size[1],
         origin=Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0)),
     )
-    return OccupancyGrid(header=header, info=info, data=data)
+    message = OccupancyGrid(header=header, info=info)
+    set_array(message, data)
+    return message
 
 
 def from_occupancy_grid(message: OccupancyGrid, layer: str) -> GridMap:
@@ -87,12 +97,18 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
     Raises:
         MessageError: the bounds are equal as float32, or not finite.
     """
+    data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = np.float32(data_min), np.float32(data_max)
         extent = high - low
         if not np.isfinite(extent) or extent == 0:
             expected = "two different finite float32 numbers"
-            raise MessageError("data_min, data_max", expected, (float(data_min), float(data_max)))
-        share = (np.asarray(values, dtype=np.float32) - low) / extent
-    scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)
-    return np.where(np.isnan(scaled), np.float32(UNKNOWN), scaled).astype(np.int8)
+            raise MessageError("data_min, data_max", expected, (data_min, data_max))
+        cells = np.asarray(values, dtype=np.float32)
+        flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
+        # A piece at a time, so that what is computed of it stays in the cache.
+        for piece in slices(flat.size, PIECE):
+            share = (flat[piece] - low) / extent
+            scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)
+            found[piece] = np.where(np.isnan(scaled), np.float32(UNKNOWN), scaled)
+    return found.reshape(cells.shape, order="F")

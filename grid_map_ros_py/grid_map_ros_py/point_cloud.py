@@ -14,6 +14,7 @@ from grid_map_core_py.pieces import slices
 
 from .errors import MessageError
 from .grid_map import select_layers
+from .multi_array import set_array
 from .time import to_header
 
 AXES = ("x", "y", "z")
@@ -94,7 +95,8 @@ def _interleaved(
 ) -> "array.array[int]":
     """Return the bytes of (N, fields) little-endian float32: one row per valid cell."""
     rows, columns = grid_map.size
-    x, y = grid_map.geometry.axes(grid_map.start_index)
+    with np.errstate(over="ignore"):
+        x, y = (axis.astype(FLOAT) for axis in grid_map.geometry.axes(grid_map.start_index))
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
@@ -132,6 +134,5 @@ def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> P
         row_step=len(data),
         is_dense=False,
     )
-    # The constructor would copy the data once more.
-    message.data = data
+    set_array(message, data)
     return message

@@ -6,6 +6,8 @@ Such messages hold one Python object per vertex. For large polygons the function
 `to_serialized_...` make the bytes of the message at once; publishers accept them in its place.
 """
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import Point, Point32, PolygonStamped
@@ -14,7 +16,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GeometryError, Polygon
-from grid_map_core_py.arrays import as_array
+from grid_map_core_py.arrays import as_array, as_number
 
 from .cdr import serialize
 from .errors import MessageError
@@ -41,10 +43,10 @@ def to_polygon(
         height: z of the vertices [m].
 
     Raises:
-        MessageError: the timestamp does not fit the message.
+        MessageError: the timestamp, the height or a vertex does not fit the message.
     """
     message = PolygonStamped(header=_header(frame_id, timestamp))
-    vertices = _raised(polygon.vertices, height).tolist()
+    vertices = _single(_raised(polygon.vertices, height)).tolist()
     message.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in vertices]
     return message
 
@@ -54,7 +56,7 @@ def to_serialized_polygon(
 ) -> bytes:
     """Return what `to_polygon` does, in CDR."""
     header = serialize(_header(frame_id, timestamp))
-    points = _raised(polygon.vertices, height).astype(np.float32)
+    points = _single(_raised(polygon.vertices, height))
     body = serialize(PolygonMessage(), {"points": points})
     # Nothing in the body is aligned to more than 4 bytes, as many as its encapsulation takes.
     return header + bytes(-len(header) % 4) + body[4:]
@@ -98,7 +100,8 @@ def to_line_marker(
         height: z of the vertices [m].
 
     Raises:
-        MessageError: the timestamp does not fit the message.
+        MessageError: the timestamp does not fit the message, or the height or the width of the line
+            makes no sense.
         GeometryError: the colour does not have four components from 0 to 1.
     """
     return _with_points(*_line(polygon, line_width, color, _header(frame_id, timestamp), height))
@@ -148,7 +151,9 @@ def _line(
     polygon: Polygon, line_width: float, color: npt.ArrayLike, header: Header, height: float
 ) -> tuple[Marker, Points, Colors]:
     marker = Marker(header=header, type=Marker.LINE_STRIP, action=Marker.ADD)
-    marker.scale.x = float(line_width)
+    marker.scale.x = as_number(line_width, "line_width")
+    if not 0 <= marker.scale.x < math.inf:
+        raise MessageError("line_width", "a finite number, 0 or more", marker.scale.x)
     closed = np.concatenate([polygon.vertices, polygon.vertices[:1]])
     return marker, _raised(closed, height), _repeated(color, len(closed))
 
@@ -176,7 +181,21 @@ def _serialized(marker: Marker, points: Points, colors: Colors) -> bytes:
 
 
 def _raised(vertices: Points, height: float) -> Points:
+    if not math.isfinite(height := as_number(height, "height")):
+        raise MessageError("height", "a finite number", height)
     return np.pad(vertices, ((0, 0), (0, 1)), constant_values=((0, 0), (0, height)))
+
+
+def _single(points: Points) -> npt.NDArray[np.float32]:
+    """Return (N, 3) points as float32, which they must fit."""
+    with np.errstate(over="ignore"):
+        single = points.astype(np.float32)
+    finite = np.isfinite(single).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        found = tuple(points[index].tolist())
+        raise MessageError(f"polygon.points[{index}]", "coordinates that float32 can hold", found)
+    return single
 
 
 def _repeated(color: npt.ArrayLike, count: int) -> Colors:

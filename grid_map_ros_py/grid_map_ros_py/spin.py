@@ -110,6 +110,8 @@ def _spin(node: Node, signals: _Signals) -> None:
     finally:
         signals.ignore()
         node.destroy_node()
+        # Left to the garbage collector, it may find its parts gone, and say so with a traceback.
+        executor.shutdown()
 
 
 def _failed(error: Exception | str) -> int:

@@ -19,16 +19,18 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import fuzz_files
+import nav2_stand_in
 import numpy as np
 import octomap_stand_in
 from geometry_msgs.msg import PolygonStamped
-from nav_msgs.msg import GridCells, OccupancyGrid
+from nav_msgs.msg import GridCells, OccupancyGrid, Odometry
 from sensor_msgs.msg import Image, PointCloud2
 
 from grid_map_core_py import GridMap, Polygon
 from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
+    from_costmap,
     from_grid_cells,
     from_image,
     from_message,
@@ -48,7 +50,8 @@ from grid_map_ros_py import (
     to_polygon,
     to_serialized_message,
 )
-from grid_map_ros_py.cdr import deserialize, serialize
+from grid_map_ros_py.cdr import deserialize, serialize, view
+from grid_map_ros_py.poses import PoseHistory
 
 LONGEST = 10.0
 """Seconds that a reader may take, on a busy machine."""
@@ -91,6 +94,29 @@ def _octrees() -> tuple[Any, ...]:
     return binary, octomap_stand_in.message(data, binary=False)
 
 
+def _costmap() -> nav2_stand_in.Costmap:
+    costmap = nav2_stand_in.Costmap(data=array.array("B", range(0, 252, 21)))
+    costmap.metadata.resolution = float(np.float32(0.1))
+    costmap.metadata.size_x, costmap.metadata.size_y = 3, 4
+    return costmap
+
+
+def _odometry() -> Odometry:
+    odometry = Odometry()
+    odometry.header.frame_id = "odom"
+    odometry.header.stamp.sec = 3
+    odometry.pose.pose.orientation.x, odometry.pose.pose.orientation.w = 0.6, 0.8
+    return odometry
+
+
+def _read_pose(odometry: Odometry) -> Any:
+    history = PoseHistory("odom")
+    history.add(odometry)
+    pose = history.at(0)
+    assert np.isfinite(pose).all()
+    return pose
+
+
 def targets() -> list[Target]:
     """Return all readers of messages and files."""
     grid_map = world()
@@ -129,6 +155,7 @@ def targets() -> list[Target]:
             (to_polygon(Polygon([(0, 0), (1, 0), (1, 1), (0.2, 0.9)])),),
             from_polygon,
         ),
+        ("Odometry", Odometry, (_odometry(),), _read_pose),
     ]
     result = []
     for name, kind, seeds, read in messages:
@@ -141,6 +168,24 @@ def targets() -> list[Target]:
         )
     result.append(
         Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message)
+    )
+    cloud = serialize(to_point_cloud(grid_map, "elevation"))
+    result.append(
+        Target(
+            "PointCloud2, raw",
+            (cloud,),
+            lambda data: from_point_cloud(view(data, PointCloud2), resolution=0.1),
+        )
+    )
+    result.append(
+        Target(
+            "Costmap",
+            (_costmap(),),
+            lambda message: (
+                from_costmap(message, "cost"),
+                from_costmap(nav2_stand_in.PyCostmap2D(message), "cost"),
+            ),
+        )
     )
     result.append(
         Target(
@@ -190,7 +235,7 @@ def _damaged_bytes(data: bytes, generator: random.Random) -> bytes:
 
 def _fields(message: Any) -> dict[str, str]:
     if dataclasses.is_dataclass(message):
-        kinds = {"resolution": "double", "binary": "boolean", "id": "string"}
+        kinds = {"resolution": "double", "size_x": "uint32", "size_y": "uint32"}
         return {f.name: kinds.get(f.name, "") for f in dataclasses.fields(message)}
     fields: dict[str, str] = message.get_fields_and_field_types()
     return fields
@@ -200,7 +245,7 @@ def _damage_message(message: Any, generator: random.Random) -> None:
     fields = _fields(message)
     name = generator.choice(list(fields))
     value = getattr(message, name)
-    if hasattr(value, "get_fields_and_field_types"):
+    if hasattr(value, "get_fields_and_field_types") or dataclasses.is_dataclass(value):
         _damage_message(value, generator)
     elif isinstance(value, list) and value and not isinstance(value[0], str):
         if generator.random() < 0.7:
@@ -211,6 +256,8 @@ def _damage_message(message: Any, generator: random.Random) -> None:
         setattr(message, name, _damaged_list(value, generator))
     elif isinstance(value, array.array):
         setattr(message, name, _damaged_array(value, generator))
+    elif isinstance(value, np.ndarray):
+        value[generator.randrange(len(value))] = generator.choice(FLOATS)
     else:
         setattr(message, name, _another(value, fields[name], generator))
 

@@ -29,6 +29,7 @@ def targets() -> list[tuple[str, tuple[bytes, ...], Callable[[bytes], Any]]]:
         ("metadata.yaml", _metadata(folder), _through(folder / "bag" / "metadata.yaml", _bag)),
         ("npz", _archives(folder), _through(folder / "damaged", load_npz)),
         ("map.yaml", *_images(folder / "images")),
+        ("PNG", *_pictures(folder / "pictures")),
     ]
 
 
@@ -86,3 +87,12 @@ def _images(folder: Path) -> tuple[tuple[bytes, ...], Callable[[bytes], Any]]:
     values = np.arange(20.0).reshape(4, 5)
     file = save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), folder)
     return (file.read_bytes(),), _through(file, load_images)
+
+
+def _pictures(folder: Path) -> tuple[tuple[bytes, ...], Callable[[bytes], Any]]:
+    values = np.arange(20.0).reshape(4, 5)
+    values[0, 0] = np.nan
+    save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), folder)
+    file = folder / "a.png"
+    data = file.read_bytes()
+    return (data,), _through(file, lambda _: load_images(folder))

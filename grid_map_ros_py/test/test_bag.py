@@ -236,6 +236,17 @@ def test_whatever_is_no_bag_is_never_replaced(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
+def test_a_bag_with_files_of_others_in_its_folder_is_not_replaced(bag):
+    (bag / "notes.yaml").write_text("precious")
+    with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.yaml"):
+        save_to_bag(numbered_map(1), bag, TOPIC)
+
+
+def test_what_cannot_be_a_path_is_one_error():
+    with pytest.raises(BagError, match="cannot be read: embedded null byte"):
+        load_from_bag("a\0b")
+
+
 def test_an_empty_folder_becomes_the_bag(tmp_path):
     (tmp_path / "bag").mkdir()
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, overwrite=False)

@@ -2,17 +2,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A save that is killed or fails leaves the old bag or the new one."""
 
+import itertools
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from bags import TOPIC, number_of, numbered_map
 
-from grid_map_core_py import atomic
+from grid_map_core_py import GridMap, atomic
 from grid_map_core_py.testing import killed_at_every_step
 from grid_map_ros_py import BagError, bag_maps, load_from_bag, save_to_bag
 
@@ -27,6 +31,17 @@ while True:
     for grid_map in maps:
         save_to_bag(grid_map, sys.argv[2], TOPIC)
 """
+
+
+@contextmanager
+def limited_file_size(size: int) -> Iterator[None]:
+    """Let no file grow beyond so many bytes, as on a disk that is full then."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("can_exchange", [True, False])
@@ -76,6 +91,16 @@ def test_an_error_between_two_maps_passes_through_and_leaves_the_old_bag(tmp_pat
 
     with pytest.raises(ZeroDivisionError, match="of the caller"):
         save_to_bag(maps(), tmp_path / "bag", TOPIC)
+    assert number_of(load_from_bag(tmp_path / "bag")) == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_file_that_may_not_grow_is_one_error_and_leaves_the_old_bag(tmp_path):
+    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
+    # Chunks that pack well, so that the buffer of the file holds some when there is no more room.
+    maps = itertools.repeat(GridMap((45, 45), 0.1, layers={"a": 1.0}))
+    with limited_file_size(20_000), pytest.raises(BagError, match="cannot be written: File too"):
+        save_to_bag(maps, tmp_path / "bag", TOPIC, compression="zstd")
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 

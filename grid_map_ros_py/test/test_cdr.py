@@ -204,8 +204,14 @@ def test_every_message_is_read_as_rclpy_reads_it(message_type, data):
 def test_every_message_that_is_cut_off_is_refused(message_type, data):
     raw = serialize(data.draw(messages(message_type)))
     length = data.draw(st.integers(0, len(raw) - 1))
-    with pytest.raises(MessageError):
+    with pytest.raises(MessageError) as refused:
         deserialize(raw[:length], message_type)
+    assert refused.value.field
+
+
+def test_a_cut_off_message_of_nothing_but_numbers_is_named():
+    with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, found 20$"):
+        deserialize(serialize(Point())[:-4], Point)
 
 
 @settings(max_examples=15)

@@ -117,6 +117,13 @@ def test_a_map_comes_back_where_it_was_with_its_costs(grid_map: GridMap) -> None
     assert to_costmap(received, "cost").data == message.data
 
 
+@pytest.mark.parametrize("resolution", [1e-60, 1e60])
+def test_a_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
+    grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
+    with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
+        to_costmap(grid_map, "e", 0.0, 1.0)
+
+
 def test_costs_themselves_are_the_default_and_all_of_them_survive() -> None:
     costs = np.arange(256).reshape(16, 16).astype(np.float32)
     costs[15, 15] = np.nan

@@ -7,7 +7,7 @@ import pytest
 
 TARGETS = fuzz.targets()
 SECONDS = 10 / len(TARGETS)
-CHECKED = {"MCAP", "npz", "map.yaml"}
+CHECKED = {"MCAP", "npz", "map.yaml", "PNG"}
 """Formats whose checksums, or whose brevity, let hardly any damage pass."""
 
 

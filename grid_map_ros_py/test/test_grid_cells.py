@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from nav_msgs.msg import GridCells
 from rclpy.serialization import deserialize_message, serialize_message
 
-from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, from_grid_cells, to_grid_cells, to_serialized_grid_cells
 
@@ -79,6 +79,18 @@ def test_an_unknown_layer_is_named() -> None:
             convert(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
 
 
+@pytest.mark.parametrize("convert", [to_grid_cells, to_serialized_grid_cells])
+def test_bounds_are_numbers_and_the_resolution_fits_a_float32(convert: Any) -> None:
+    grid_map = GridMap((1, 1), 1.0, layers={"elevation": 0.1})
+    with pytest.raises(MessageError, match=r"lower, upper: expected numbers, found \(0\.0, nan\)"):
+        convert(grid_map, "elevation", 0.0, math.nan)
+    with pytest.raises(GridMapError, match="lower: expected a number, got 'low'"):
+        convert(grid_map, "elevation", "low", 1.0)
+    large = GridMap((1e60, 1e60), 1e60, layers={"elevation": 0.1})
+    with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
+        convert(large, "elevation", 0.0, 1.0)
+
+
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -135,6 +147,7 @@ def test_cells_beside_the_grid_are_left_out() -> None:
 MALFORMED = {
     "width": ({"cell_width": 0.2}, "cell_width: expected the resolution 0.1, found 0.2"),
     "height": ({"cell_height": 0.2}, "cell_height: expected the resolution 0.1, found 0.2"),
+    "absurd": ({"cell_height": 1e300}, "cell_height: expected the resolution 0.1, found 1e.300"),
     "no width": ({"cell_width": 0.0}, "cell_width: expected a positive finite number, found 0.0"),
     "nan": ({"cells": [Point(), Point(x=math.nan)]}, r"cells\[1\]: expected finite coordinates"),
     "inf": ({"cells": [Point(y=math.inf)]}, r"cells\[0\]: expected finite coordinates.*inf"),
@@ -151,6 +164,12 @@ def test_malformed_cells_get_one_error_that_names_the_field(kind: str) -> None:
         setattr(message, name, value)
     with pytest.raises(MessageError, match=text):
         from_grid_cells(message, "covered", 0.1)
+
+
+@pytest.mark.parametrize("resolution", [1e300, 0.0, -0.1, math.nan, "fine"])
+def test_a_resolution_that_makes_no_sense_is_refused(resolution: Any) -> None:
+    with pytest.raises(GridMapError, match="resolution: expected a"):
+        from_grid_cells(cells_message((0.0, 0.0)), "covered", resolution)
 
 
 def test_a_grid_of_another_resolution_is_refused() -> None:

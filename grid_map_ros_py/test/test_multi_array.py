@@ -1,11 +1,13 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 import array
+import tracemalloc
 
 import numpy as np
 import pytest
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
+from grid_map_ros_py import MessageError
 from grid_map_ros_py.multi_array import from_multi_array, to_multi_array
 
 LAYER = np.arange(6, dtype=np.float32).reshape(2, 3)
@@ -54,14 +56,35 @@ def test_values_begin_after_the_data_offset() -> None:
     np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
 
 
-def test_strides_do_not_matter() -> None:
+@pytest.mark.parametrize("strides", [(0, 0), (2, 1), (2, 6), (6, 2)])
+def test_strides_may_be_unset_or_counted_in_other_ways(strides: tuple[int, int]) -> None:
     message = to_multi_array(LAYER)
-    for dim in message.layout.dim:
-        dim.stride = 0
+    for dim, stride in zip(message.layout.dim, strides, strict=True):
+        dim.stride = stride
     np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("stride", [7, 12, 2**32 - 1])
+def test_strides_of_padded_values_are_refused(axis: int, stride: int) -> None:
+    message = to_multi_array(LAYER)
+    message.layout.dim[axis].stride = stride
+    text = rf"dim\[{axis}\]\.stride: expected one of .*as there is no padding.*, found {stride}"
+    with pytest.raises(MessageError, match=text):
+        from_multi_array(message, (2, 3))
 
 
 def test_reading_copies_nothing() -> None:
     message = to_multi_array(LAYER)
     message_memory = np.frombuffer(message.data, np.float32)
     assert np.shares_memory(from_multi_array(message, (2, 3)), message_memory)
+
+
+def test_writing_copies_once() -> None:
+    layer = np.ones((500, 500), np.float32, order="F")
+    tracemalloc.start()
+    message = to_multi_array(layer)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(message.data) == layer.size
+    assert peak < 1.2 * layer.nbytes

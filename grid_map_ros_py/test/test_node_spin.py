@@ -19,6 +19,22 @@ os.kill(os.getpid(), signal.SIGINT)
 os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
 
+RUN_ONCE = """
+import gc
+from rclpy.executors import Executor
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+from grid_map_ros_py.spin import run
+
+class Once(Node):
+    def __init__(self):
+        super().__init__("once")
+        self.create_timer(0.01, try_shutdown)
+
+run(Once)
+print(sum(isinstance(living, Executor) for living in gc.get_objects()))
+"""
+
 
 def wait_until_alive(process: Process) -> None:
     wait_until(lambda: process.lines, "a sign of life")
@@ -68,6 +84,15 @@ def test_an_interrupt_that_was_held_back_while_python_started_ends_the_node() ->
     finally:
         process.kill()
     assert process.lines == ["destroyed\n"]
+
+
+def test_no_executor_is_left_that_complains_when_it_is_collected() -> None:
+    process = Process([sys.executable, "-c", RUN_ONCE])
+    try:
+        assert process.wait() == 0
+    finally:
+        process.kill()
+    assert process.lines == ["0\n"]
 
 
 @pytest.mark.parametrize(

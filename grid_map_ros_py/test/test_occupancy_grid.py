@@ -131,6 +131,19 @@ def test_bounds_without_a_usable_difference_are_refused(bounds: tuple[float, flo
         to_occupancy_grid(grid_map, "elevation", *bounds)
 
 
+@pytest.mark.parametrize("bound", ["high", None, [1.0]])
+def test_a_bound_is_a_number(bound: Any) -> None:
+    with pytest.raises(GridMapError, match="data_max: expected a number"):
+        to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0.0, bound)
+
+
+@pytest.mark.parametrize("resolution", [1e-60, 1e60])
+def test_a_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
+    grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
+    with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
+        to_occupancy_grid(grid_map, "e", 0.0, 1.0)
+
+
 def test_an_unknown_layer_is_named() -> None:
     with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
         to_occupancy_grid(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
@@ -174,6 +187,14 @@ def test_a_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None
     setattr(target, last, value)
     with pytest.raises(MessageError, match=text):
         from_occupancy_grid(message, "occ")
+
+
+@pytest.mark.parametrize("resolution", [1e-60, 1e300])
+def test_a_resolution_that_was_never_on_the_wire_is_refused_too(resolution: float) -> None:
+    message = to_occupancy_grid(GridMap((2, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
+    message.info.resolution = resolution
+    with pytest.raises(MessageError, match="info: expected a grid of finite size and place"):
+        from_occupancy_grid(message, "e")
 
 
 def test_the_layer_needs_a_name() -> None:

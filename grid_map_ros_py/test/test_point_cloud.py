@@ -171,3 +171,10 @@ def test_all_fields_are_unpadded_floats() -> None:
     assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
         (name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(["a", "x", "y", "z"])
     ]
+
+
+@pytest.mark.filterwarnings("error")
+def test_coordinates_beyond_float32_are_infinite() -> None:
+    grid_map = GridMap((1.0, 1.0), 1.0, position=(1e60, 0.0), layers={"elevation": 2.0})
+    cloud = points(to_point_cloud(grid_map, "elevation"))
+    assert [cloud[axis].tolist() for axis in "xyz"] == [[math.inf], [0.0], [2.0]]

@@ -144,6 +144,36 @@ def test_a_time_that_does_not_fit_is_refused() -> None:
         to_polygon(POLYGON, timestamp=-1)
 
 
+@pytest.mark.parametrize("convert", [to_polygon, to_serialized_polygon])
+def test_a_vertex_that_float32_cannot_hold_is_named(convert: Callable[..., object]) -> None:
+    polygon = Polygon([(0, 0), (1e300, 0), (1, 1)])
+    with pytest.raises(MessageError, match=r"polygon\.points\[1\]: .* float32 can hold"):
+        convert(polygon)
+
+
+CONVERSIONS: list[Callable[..., object]] = [
+    to_polygon,
+    to_serialized_polygon,
+    to_triangle_list_marker,
+    lambda polygon, height: to_line_marker(polygon, 0.1, height=height),
+    lambda polygon, height: to_serialized_line_marker(polygon, 0.1, height=height),
+]
+
+
+@pytest.mark.parametrize("convert", CONVERSIONS)
+def test_the_height_is_a_finite_number(convert: Callable[..., object]) -> None:
+    with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
+        convert(POLYGON, height=math.nan)
+    with pytest.raises(GeometryError, match="height: expected a number, got 'high'"):
+        convert(POLYGON, height="high")
+
+
+@pytest.mark.parametrize("line_width", [-0.1, math.nan, math.inf])
+def test_a_line_has_a_finite_width(line_width: float) -> None:
+    with pytest.raises(MessageError, match="line_width: expected a finite number, 0 or more"):
+        to_line_marker(POLYGON, line_width)
+
+
 def test_vertices_are_rounded_to_float32() -> None:
     received = from_polygon(
         deserialize_message(to_serialized_polygon(Polygon([(0.1, 0.2)])), PolygonStamped)

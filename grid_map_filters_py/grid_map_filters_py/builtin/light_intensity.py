@@ -39,7 +39,7 @@ class LightIntensity:
     def __call__(self, grid_map: GridMap) -> GridMap:
         towards = -np.asarray(self.light_direction) / math.hypot(*self.light_direction)
         normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
-        return grid_map.with_layers({self.output_layer: _shade(normals, towards)})
+        return grid_map.with_layers({self.output_layer: _shade(normals, towards.tolist())})
 
 
 @cell_function(takes=np.float32, gives=np.uint32, numbers=3)
