@@ -41,7 +41,7 @@ from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression.functions import CONSTANTS, FUNCTIONS
 from grid_map_filters_py.registry import BUILT_IN as FILTERS_BUILT_IN
 from grid_map_ros_py.testing import Peer, Process, environment, peer, running, running_node
-from grid_map_visualization_py import pictures
+from grid_map_visualization_py.pictures import plot, plot_3d
 from grid_map_visualization_py.registry import BUILT_IN, create
 from scratch import ROOT, run
 
@@ -425,6 +425,21 @@ def test_a_node_has_the_defaults_of_its_page(executable):
     found = [[*value] if isinstance(value, array.array) else value for value in values]
     # An empty text or list is written as nothing.
     assert [value or None for value in found] == [value or None for value in documented.values()]
+
+
+def test_the_page_of_pictures_has_all_options_and_defaults():
+    rows = list(table(page("docs/pictures.md").section("Python")))
+    documented = {name for names, *_ in rows for name in re.findall(r"`(\w+)`", names)}
+    defaults = {names.strip("` "): text.strip("` ").replace(" ", "") for names, text, _ in rows}
+    options = {
+        parameter.name: parameter.default
+        for function in (plot, plot_3d)
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    assert documented == options.keys()
+    for name in ("color_mode", "color_map", "invert", "exaggeration", "max_cells"):
+        assert ast.literal_eval(defaults[name]) == options[name]
 
 
 def test_the_page_of_expressions_has_all_functions():

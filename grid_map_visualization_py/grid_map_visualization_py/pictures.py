@@ -9,6 +9,7 @@ The light of shaded pictures comes from the upper left, 45 degrees high. Level g
 colour, slopes towards the light are lighter and slopes away from it darker.
 """
 
+import math
 from os import PathLike
 from typing import Any, Literal
 
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.atomic import new_file
+from grid_map_core_py.config import check
 from grid_map_ros_py import MissingPackageError
 
 from .colormaps import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
@@ -79,8 +81,9 @@ def plot(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or the bounds make no sense.
+        ConfigError: the colour map is unknown, or another option makes no sense.
     """
+    _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
     axes = _pyplot().gca() if ax is None else ax
     values = _upright(grid_map.unwrapped(layer))
@@ -134,10 +137,12 @@ def plot_3d(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or the bounds make no sense.
+        ConfigError: the colour map is unknown, or another option makes no sense.
     """
+    _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
     axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
+    check(axes.name == "3d", "ax", "axes of the projection '3d'", axes.name)
     surface = Surface(grid_map, height_layer, max_cells=max_cells)
     layer = color_layer or height_layer
     mesh = surface.mesh(Coloring(color_mode, layer, scale))
@@ -156,6 +161,8 @@ def plot_3d(
     sides = np.array([x1 - x0, y1 - y0, height])
     axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
     axes.view_init(elev=45.0, azim=-60.0)
+    # Heights are small beside the map.
+    axes.locator_params(axis="z", nbins=3)
     if color_bar and color_mode == "intensity":
         bar = _mappable(scale, surface.values(layer))
         axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.6, pad=0.1)
@@ -181,7 +188,7 @@ def save_picture(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or the bounds make no sense.
+        ConfigError: the colour map is unknown, or another option makes no sense.
         OSError: the file cannot be written.
     """
     figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
@@ -191,6 +198,13 @@ def save_picture(
         plot(grid_map, layer, figure.add_subplot(), **options)
     with new_file(path) as temporary:
         figure.savefig(temporary, format="png")
+
+
+def _check_options(color_mode: str, exaggeration: float) -> None:
+    modes = "intensity", "color"
+    check(color_mode in modes, "color_mode", f"one of {', '.join(modes)}", color_mode)
+    is_factor = math.isfinite(exaggeration) and exaggeration > 0
+    check(is_factor, "exaggeration", "a positive number", exaggeration)
 
 
 # --- colours and light ----------------------------------------------------------------------------
@@ -223,8 +237,8 @@ def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
     """Return unit normals (..., 3) of a picture of heights; NaN where they are not known."""
     with np.errstate(invalid="ignore"):
         down, right = (_differences(heights, axis) / resolution for axis in (0, 1))
-    normals = np.stack([-right, down, np.ones_like(down)], axis=-1)
-    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+        normals = np.stack([-right, down, np.ones_like(down)], axis=-1)
+        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
 
 def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:

@@ -29,6 +29,8 @@ from .colormaps import DEFAULT_COLOR_MAP
 DEFAULT_TOPIC = "/grid_map"
 ONLY_FLAT, ONLY_THREE_D = ("shade_by",), ("color_layer", "max_cells")
 """Options that one kind of picture has alone."""
+LONGEST_TIMEOUT = 1e9
+"""A timer of ROS counts nanoseconds in 64 bits [s]."""
 
 
 class SnapshotError(NodeFailedError):
@@ -46,7 +48,9 @@ class SnapshotNode(Node):
         super().__init__("grid_map_snapshot")
         self._options = options
         self._topic = check_topic(self, "--topic", options.topic or DEFAULT_TOPIC)
-        check(options.timeout > 0, "--timeout", "a positive time [s]", options.timeout)
+        is_time = 0 < options.timeout <= LONGEST_TIMEOUT
+        expected = f"a positive time up to {LONGEST_TIMEOUT:g} s"
+        check(is_time, "--timeout", expected, options.timeout)
         self._subscription = MapSubscription(self, self._topic, self._receive)
         self.create_timer(options.timeout, self._give_up)
 

@@ -72,12 +72,16 @@ class Surface:
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
+        ConfigError: no map can be thinned out to so few cells.
     """
 
     grid_map: GridMap
     height_layer: str
     flat: bool = False
     max_cells: int = 0
+
+    def __post_init__(self) -> None:
+        check_max_cells(self.max_cells)
 
     def values(self, layer: str) -> Layer:
         """Return a layer (columns, rows) of the cells that are shown.
@@ -125,12 +129,13 @@ class Surface:
     def colors(self, coloring: Coloring) -> Colors:
         """Return red, green, blue (columns * rows, 3) of all cells.
 
-        Without a layer, the colours come from the heights.
+        Without a layer, the colours come from the heights. One colour for all needs no layer.
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
         """
-        return coloring(self.values(coloring.layer or self.height_layer)).reshape(-1, 3)
+        layer = "" if coloring.mode == "flat" else coloring.layer
+        return coloring(self.values(layer or self.height_layer)).reshape(-1, 3)
 
     def mesh(self, coloring: Coloring) -> Mesh:
         """Return the surface as a mesh.
@@ -152,7 +157,7 @@ class Surface:
     @cached_property
     def _step(self) -> int:
         rows, columns = self.grid_map.size
-        if self.max_cells <= 0 or rows * columns <= self.max_cells:
+        if self.max_cells == 0 or rows * columns <= self.max_cells:
             return 1
         # At most so many lines stay: every n-th, and two borders.
         return next(n for n in count(2) if _lines(rows, n) * _lines(columns, n) <= self.max_cells)

@@ -26,7 +26,7 @@ from grid_map_ros_py.subscription import MapSubscription
 from grid_map_ros_py.throttle import LogThrottle
 
 from .colormaps import DEFAULT_COLOR_MAP, Coloring, ColorScale
-from .surface import SMALLEST_MAX_CELLS
+from .surface import check_max_cells
 from .viewer.page import Page, is_loopback
 from .viewer.settings import Settings
 from .viewer.viewer import Viewer
@@ -62,8 +62,7 @@ class WebViewerNode(Node):
 
 def _read_max_cells(node: Node) -> int:
     max_cells = read_parameter(node, "max_cells", int, 150_000)
-    expected = f"0 or at least {SMALLEST_MAX_CELLS}"
-    check(max_cells == 0 or max_cells >= SMALLEST_MAX_CELLS, "max_cells", expected, max_cells)
+    check_max_cells(max_cells)
     return max_cells
 
 

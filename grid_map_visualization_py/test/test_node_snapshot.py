@@ -54,6 +54,12 @@ def test_topic_without_maps_is_an_error(tmp_path):
     assert not path.exists()
 
 
+@pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf"])
+def test_time_that_makes_no_sense_is_one_message(call, capfd, timeout):
+    assert call("--timeout", timeout) == 1
+    assert "parameter '--timeout': expected a positive time" in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     "options",
     [
@@ -76,6 +82,8 @@ def test_picture_of_a_bag(grid_map, tmp_path, call, capsys, options):
         (["--layer", "height"], "no layer 'height'; available: elevation, slope"),
         (["--color-map", "virids"], "did you mean viridis"),
         (["--lower", "2", "--upper", "1"], "'upper'"),
+        (["--exaggeration", "nan"], "'exaggeration'"),
+        (["--three-d", "--max-cells", "3"], "'max_cells'"),
         (["--out", "/no/such/folder/map.png"], "/no/such/folder"),
         (["--topic", "/other"], "/grid_map"),
     ],

@@ -130,6 +130,26 @@ def test_missing_layer_and_unknown_colour_map_are_errors(corner_map):
         plot(corner_map, "a", flat_axes(), color_map="virids")
 
 
+def test_other_colour_modes_and_axes_are_errors(corner_map):
+    with pytest.raises(ConfigError, match=r"'color_mode': expected one of .* found 'rainbow'"):
+        plot(corner_map, "a", flat_axes(), color_mode="rainbow")
+    with pytest.raises(ConfigError, match="'ax': expected axes of the projection '3d'"):
+        plot_3d(corner_map, "a", flat_axes())
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, np.inf])
+def test_exaggeration_that_is_no_factor_is_an_error(corner_map, factor):
+    with pytest.raises(ConfigError, match="'exaggeration': expected a positive number"):
+        plot(corner_map, "a", flat_axes(), shade_by="a", exaggeration=factor)
+    with pytest.raises(ConfigError, match="'exaggeration': expected a positive number"):
+        plot_3d(corner_map, "a", flat_axes(projection="3d"), exaggeration=factor)
+
+
+def test_surface_of_too_few_cells_is_an_error(corner_map):
+    with pytest.raises(ConfigError, match=r"'max_cells': expected 0 .* at least 9, found 3"):
+        plot_3d(corner_map, "a", flat_axes(projection="3d"), max_cells=3)
+
+
 def test_current_axes_are_those_of_pyplot(corner_map):
     matplotlib.use("agg")
     from matplotlib import pyplot

@@ -97,7 +97,8 @@ def test_corners_of_triangles_are_cells_of_one_square():
 
 def test_map_of_two_by_two_cells_is_two_triangles_seen_from_above():
     grid_map = GridMap((2, 2), 1.0, (10.0, 0.0), {"z": [[1, 2], [3, 4]]}, frame_id="odom")
-    marker = drawn(grid_map, height_layer="z", color_mode="flat", color=0xFF8000, opacity=0.5)
+    paint = {"color_mode": "flat", "color_layer": "not needed", "color": 0xFF8000, "opacity": 0.5}
+    marker = drawn(grid_map, height_layer="z", **paint)
     assert points_of(marker).tolist() == [
         [10.5, 0.5, 1.0],
         [9.5, 0.5, 3.0],

@@ -6,6 +6,7 @@ import io
 import json
 import math
 import re
+import socket
 import struct
 
 import numpy as np
@@ -19,9 +20,10 @@ from grid_map_visualization_py.colormaps import Coloring, ColorScale
 from grid_map_visualization_py.surface import Mesh, Surface
 from grid_map_visualization_py.viewer.glb import to_glb
 from grid_map_visualization_py.viewer.light import on_screen
+from grid_map_visualization_py.viewer.page import is_loopback, url_of
 from grid_map_visualization_py.viewer.picking import hit
 from grid_map_visualization_py.viewer.rate import MapRate
-from grid_map_visualization_py.viewer.scene import make_scene, view
+from grid_map_visualization_py.viewer.scene import View, make_scene, view
 from grid_map_visualization_py.viewer.settings import Settings, follow, vector_prefixes
 from grid_map_visualization_py.viewer.slots import Slots
 from grid_map_visualization_py.viewer.texts import legend, readout, status
@@ -77,6 +79,7 @@ def test_a_layer_that_is_gone_gives_way_to_a_preferred_one_or_the_first():
 def test_three_layers_that_end_in_x_y_and_z_are_vectors():
     layers = ["normal_x", "normal_y", "normal_z", "x", "y", "flow_x", "flow_y", "ax", "ay", "az"]
     assert vector_prefixes(layers) == ["normal_", "a"]
+    assert vector_prefixes(["x", "y", "z"]) == []
 
 
 def test_only_the_layers_that_are_shown_are_needed():
@@ -153,8 +156,8 @@ def test_a_map_without_a_surface_is_no_error():
     empty = GridMap((0.2, 0.3), 0.1, layers={"elevation": np.nan})
     scene = make_scene(empty, Settings(height_layer="elevation", points=True, grid_lines=True))
     assert (scene.glb, len(scene.points), len(scene.grid_lines)) == (None, 0, 0)
-    start, target = view(scene.mesh, empty)
-    assert np.isfinite([start, target]).all()
+    seen = view(scene.mesh, empty)
+    assert np.isfinite([seen.start, seen.target]).all()
 
 
 def test_a_layer_that_is_missing_is_named(hill):
@@ -227,7 +230,8 @@ def test_the_legend_has_the_values_of_the_colors(hill):
     assert (black, white) == ((0, 0, 0), tuple(on_screen(np.full(3, 255, np.uint8)).tolist()))
     inverted = legend(ColorScale(color_map="gray", invert=True), scene.bounds)
     assert legend_colors(inverted) == legend_colors(text)[::-1]
-    flat = Settings(height_layer="elevation", coloring=Coloring("flat"))
+    # A layer that was chosen before does not matter any more.
+    flat = Settings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
     assert make_scene(hill, flat).bounds is None
 
 
@@ -242,10 +246,30 @@ def test_colors_on_the_screen_are_those_that_chromium_has_shown():
 
 
 def test_the_view_is_at_the_middle_of_the_map_from_above(hill):
-    start, target = view(Surface(hill, "elevation").mesh(Coloring()), hill)
-    np.testing.assert_allclose(target, [10.0, -4.0, 0.75])
+    seen = view(Surface(hill, "elevation").mesh(Coloring()), hill)
+    np.testing.assert_allclose(seen.target, [10.0, -4.0, 0.75])
     reach = math.hypot(0.5, 0.3)
-    np.testing.assert_allclose(start - target, np.multiply(reach, [-0.5, -0.5, 0.6]))
+    np.testing.assert_allclose(seen.start - seen.target, np.multiply(reach, [-0.5, -0.5, 0.6]))
+
+
+@pytest.mark.parametrize(
+    ("shift", "scale", "is_lost"),
+    [
+        ((0.0, 0.0, 0.0), 1.0, False),
+        ((0.9, 0.0, 0.0), 1.0, False),
+        ((0.9, -0.9, 0.0), 1.0, True),
+        ((0.0, 0.0, 5.0), 1.0, False),
+        ((0.0, 0.0, 0.0), 2.5, False),
+        ((0.0, 0.0, 0.0), 3.5, True),
+        ((0.0, 0.0, 0.0), 0.3, True),
+    ],
+)
+def test_a_view_loses_maps_that_lie_beside_it_or_have_another_scale(shift, scale, is_lost):
+    place, offset = np.array([5e5, -100.0, 2.0]), np.array([0.0, -0.6, 0.8])
+    before = View(place + offset, place)
+    after = View(place + shift + scale * offset, place + shift)
+    assert before.loses(after) == is_lost
+    assert before.is_like(after) == (not any(shift) and scale == 1.0)
 
 
 # --- the pointer ----------------------------------------------------------------------------------
@@ -292,15 +316,17 @@ def test_a_ray_from_below_or_away_and_an_empty_surface(hill):
 
 def test_the_readout_names_the_cell_and_all_its_values(hill):
     hill["color"] = color_vector_to_value([255, 16, 0])
+    hill["x"] = 7.0
     text = readout(hill, np.array([10.12, -4.08]))
-    for name, value in {
-        "x": "10.120 m",
-        "y": "-4.080 m",
-        "cell": "1, 2",
-        "elevation": "0.5",
-        "variance": "1",
-        "color": "#ff1000",
-    }.items():
+    for name, value in (
+        ("x", "10.120 m"),
+        ("y", "-4.080 m"),
+        ("cell", "1, 2"),
+        ("elevation", "0.5"),
+        ("variance", "1"),
+        ("color", "#ff1000"),
+        ("x", "7"),
+    ):
         assert f"<td>{name}</td><td style='text-align:right'>{value}</td>" in text
     assert ">no data<" in readout(hill, np.array([10.2, -3.9]))
     assert ">outside the map<" in readout(hill, np.array([0.0, 0.0]))
@@ -319,6 +345,27 @@ def test_the_status_says_how_many_cells_are_shown(hill):
     text = status(hill, (3, 2), 10.04, 70.2, is_paused=True)
     for value in ("3 x 2 of 5 x 3", "0.1 m", "10.0 Hz", "70 s, paused"):
         assert f">{value}<" in text
+
+
+@pytest.mark.parametrize(
+    ("host", "expected"),
+    [
+        ("127.0.0.1", True),
+        ("localhost", True),
+        ("::1", True),
+        ("0.0.0.0", False),
+        ("192.168.0.7", False),
+        ("robot.local", False),
+    ],
+)
+def test_only_addresses_of_this_machine_need_no_warning(host, expected):
+    assert is_loopback(host) == expected
+
+
+def test_the_address_can_be_opened_as_it_is_printed():
+    assert url_of("127.0.0.1", 8080) == "http://127.0.0.1:8080"
+    assert url_of("::1", 80) == "http://[::1]:80"
+    assert url_of("0.0.0.0", 80) == url_of("::", 80) == f"http://{socket.gethostname()}:80"
 
 
 # --- time -----------------------------------------------------------------------------------------

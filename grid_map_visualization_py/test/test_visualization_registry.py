@@ -115,6 +115,10 @@ def test_parameters_may_be_left_out(config):
         ),
         ({"type": "vectors", "params": {**VECTORS, "scale": math.nan}}, ["'scale'", "nan"]),
         ({"type": "vectors", "params": {**VECTORS, "scale": math.inf}}, ["'scale'", "inf"]),
+        (
+            {"type": "grid_cells", "params": {"layer": "a", "upper_threshold": math.nan}},
+            ["'upper_threshold'", "at least lower_threshold (-inf)", "nan"],
+        ),
         ({"type": "surface", "params": {"color_mode": "rainbow"}}, ["'color_mode'", "'intensity'"]),
         ({"type": "surface", "params": {"color_map": "virids"}}, ["'color_map'", "mean viridis"]),
         ({"type": "surface", "params": {"opacity": 1.5}}, ["'opacity'", "0 to 1", "1.5"]),

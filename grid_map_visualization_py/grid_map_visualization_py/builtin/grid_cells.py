@@ -9,6 +9,7 @@ from typing import ClassVar
 from nav_msgs import msg
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.config import check
 from grid_map_ros_py.grid_cells import to_serialized_grid_cells
 
 
@@ -19,6 +20,9 @@ class GridCells:
     Attributes:
         layer: the layer to look at.
         lower_threshold, upper_threshold: smallest and largest value that is shown.
+
+    Raises:
+        ConfigError: the thresholds are not in order, so that nothing would ever be shown.
     """
 
     message_type: ClassVar[type] = msg.GridCells
@@ -26,6 +30,11 @@ class GridCells:
     layer: str
     lower_threshold: float = -math.inf
     upper_threshold: float = math.inf
+
+    def __post_init__(self) -> None:
+        expected = f"at least lower_threshold ({self.lower_threshold})"
+        in_order = self.lower_threshold <= self.upper_threshold
+        check(in_order, "upper_threshold", expected, self.upper_threshold)
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the cells, serialized."""

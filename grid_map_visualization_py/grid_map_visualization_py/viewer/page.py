@@ -22,7 +22,7 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import MissingPackageError
 
 from ..colormaps import Coloring, ColorScale, color_map_names
-from .scene import Scene
+from .scene import Scene, View
 from .settings import NONE, Settings
 from .slots import Slots
 from .texts import as_note, legend
@@ -79,13 +79,13 @@ class Page:
 
     def __init__(self, host: str, port: int, first: Settings) -> None:
         self._server = _serve(host, port)
-        port = self._server.get_port()
-        self.url = f"http://{socket.gethostname() if _is_any(host) else host}:{port}"
+        self.url = url_of(host, self._server.get_port())
         self._slots = Slots()
         self._places: dict[int, Place] = {}
         self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
         self._marker: Any = None
-        self._view: tuple[Positions, Positions] | None = None
+        self._view: View | None = None
+        self._aim: View | None = None
         self._prepare_scene()
         self._make_controls(first)
 
@@ -173,8 +173,7 @@ class Page:
             if slot not in self._places:
                 self._places[slot] = Place(self._server.scene, f"/maps/{slot}")
             self._places[slot].fill(scene)
-        scale = settings.coloring.scale
-        bar = legend(scale, scene.bounds) if scale and scene.bounds else ""
+        bar = legend(settings.coloring.scale, scene.bounds) if scene.bounds else ""
         _set(self._legend, "content", bar)
 
     def turn(self, history: int) -> None:
@@ -191,13 +190,19 @@ class Page:
             ]:
                 self._places.pop(slot).remove()
 
-    def look(self, start: Positions, target: Positions) -> None:
-        """Look from a place at another: at first, and whenever somebody resets the view."""
-        if self._view is None or not np.allclose(self._view, (start, target)):
-            self._view = (start, target)
-            camera, reach = self._server.initial_camera, float(np.linalg.norm(target - start))
-            camera.near, camera.far = reach / 1000, 100 * reach
-            camera.look_at, camera.position = target, start
+    def look(self, view: View) -> None:
+        """Look this way: at first, and whenever somebody resets the view.
+
+        Those who could see nothing of the map any more are taken there at once.
+        """
+        if self._view is None or not view.is_like(self._view):
+            self._view = view
+            camera = self._server.initial_camera
+            _set_clipping(camera, view)
+            camera.look_at, camera.position = view.target, view.start
+        if self._aim is None or self._aim.loses(view):
+            self._take_all(view)
+            self._aim = view
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return start and direction of the ray of the last click, once."""
@@ -209,10 +214,9 @@ class Page:
             self._marker.remove()
             self._marker = None
         if point is not None and self._view is not None:
-            start, target = self._view
             self._marker = self._server.scene.add_icosphere(
                 "/marker",
-                radius=MARKER_RADIUS * float(np.linalg.norm(target - start)),
+                radius=MARKER_RADIUS * self._view.reach,
                 color=MARKER_COLOR,
                 position=point,
                 **SHADOWLESS,
@@ -230,6 +234,18 @@ class Page:
         """Serve no more."""
         with _silence():
             self._server.stop()
+
+    def _take_all(self, view: View) -> None:
+        """Take everybody to a view; the angle under which they look stays."""
+        factor = view.reach / self._aim.reach if self._aim else 1.0
+        for client in self._server.get_clients().values():
+            camera = client.camera
+            offset = factor * (camera.position - camera.look_at) if self._aim else view.offset
+            with client.atomic():
+                _set_clipping(camera, view)
+                # The position takes the target along.
+                camera.position = view.target + offset
+                camera.look_at = view.target
 
     def _prepare_scene(self) -> None:
         scene = self._server.scene
@@ -269,7 +285,7 @@ class Page:
             self._vector_scale = gui.add_number("Vector length", first.vector_scale, step=0.01)
 
     def _make_color_controls(self, coloring: Coloring) -> None:
-        gui, scale = self._server.gui, coloring.scale or ColorScale()
+        gui, scale = self._server.gui, coloring.scale
         modes = {mode: name for name, mode in MODES.items()}
         self._mode = gui.add_dropdown("Colour by", tuple(MODES), initial_value=modes[coloring.mode])
         self._color_layer = gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,))
@@ -355,6 +371,12 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def url_of(host: str, port: int) -> str:
+    """Return where a page is that is served at an address; at all addresses: on this machine."""
+    name = socket.gethostname() if _is_any(host) else host
+    return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
+
+
 def _is_any(host: str) -> bool:
     return host in {"", "0.0.0.0", "::"}
 
@@ -397,6 +419,10 @@ def _silence() -> Iterator[None]:
     """Keep viser from printing; a node has a log."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
+
+
+def _set_clipping(camera: Any, view: View) -> None:
+    camera.near, camera.far = view.reach / 1000, 100 * view.reach
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], chosen: str) -> None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colormaps import Colors, ColorScale
+from ..colormaps import Colors
 from ..surface import Mesh, Surface
 from .glb import to_glb
 from .settings import AXES, Settings
@@ -20,6 +20,12 @@ Points = npt.NDArray[np.float32]
 
 LIFT = 0.02
 """By which part of the spacing lines lie above the surface, so as not to drown in it."""
+
+SAME_VIEW = 0.001
+"""Views differ if a place differs by more than this part of the reach."""
+
+SAME_SCALE = 3.0
+"""Maps are much larger or smaller than others by this factor."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +85,42 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
     )
 
 
-def view(mesh: Mesh, grid_map: GridMap) -> tuple[Positions, Positions]:
-    """Return from where (3,) and at what (3,) to look [m], to see a map from behind and above."""
+@dataclass(frozen=True, eq=False)
+class View:
+    """From where, (3,), and at what, (3,), to look [m]."""
+
+    start: Positions
+    target: Positions
+
+    @property
+    def offset(self) -> Positions:
+        """The way from the target to the start (3,) [m]."""
+        return self.start - self.target
+
+    @property
+    def reach(self) -> float:
+        """The distance from the start to the target [m]."""
+        return float(np.linalg.norm(self.offset))
+
+    def is_like(self, other: "View") -> bool:
+        """Whether there is no difference to be seen."""
+        tolerance = SAME_VIEW * self.reach
+        starts, targets = self.start - other.start, self.target - other.target
+        return bool(max(np.abs(starts).max(), np.abs(targets).max()) <= tolerance)
+
+    def loses(self, other: "View") -> bool:
+        """Whether what the other view shows lies beside this one, or is far too large or small."""
+        # Heights may be wrong for a moment, and nobody wants to be taken to and fro.
+        is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
+        return is_beside or not 1 / SAME_SCALE < other.reach / self.reach < SAME_SCALE
+
+
+def view(mesh: Mesh, grid_map: GridMap) -> View:
+    """Return the view of a map from behind and above."""
     heights = mesh.vertices[:, 2] if len(mesh.vertices) else np.zeros(1)
     target = mesh.origin + [0.0, 0.0, 0.5 * (float(heights.min()) + float(heights.max()))]
     reach = float(np.hypot(*grid_map.length))
-    return target + reach * np.array([-0.5, -0.5, 0.6]), target
+    return View(target + reach * np.array([-0.5, -0.5, 0.6]), target)
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
@@ -119,4 +155,4 @@ def _bounds(surface: Surface, settings: Settings) -> tuple[float, float] | None:
     if coloring.mode != "intensity":
         return None
     values = surface.values(coloring.layer or settings.height_layer)
-    return (coloring.scale or ColorScale()).bounds(values)
+    return coloring.scale.bounds(values)

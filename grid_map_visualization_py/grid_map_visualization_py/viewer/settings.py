@@ -65,4 +65,5 @@ def follow(chosen: str, layers: Sequence[str], preferred: Sequence[str] = ()) ->
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
     """Return the prefixes that three layers share which end in x, y and z."""
     ending_in_x = (name.removesuffix("x") for name in layers if name.endswith("x"))
-    return [name for name in ending_in_x if all(name + axis in layers for axis in AXES)]
+    # Layers that are called x, y and z have none, and are more likely positions.
+    return [name for name in ending_in_x if name and all(name + axis in layers for axis in AXES)]

@@ -3,7 +3,7 @@
 """What the page says, as HTML. Names come from messages, so everything is escaped."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from html import escape
 
 import numpy as np
@@ -23,11 +23,11 @@ PACKED = "color"
 """Layers whose names end so hold packed colours."""
 
 
-def as_table(rows: Mapping[str, str]) -> str:
+def as_table(rows: Iterable[tuple[str, str]]) -> str:
     """Return rows of a name and a value."""
     cells = "".join(
         f"<tr><td>{escape(name)}</td><td style='text-align:right'>{escape(value)}</td></tr>"
-        for name, value in rows.items()
+        for name, value in rows
     )
     return f"<div style='{TEXT}'><table style='width:100%'>{cells}</table></div>"
 
@@ -52,13 +52,13 @@ def status(
     cells = "{} x {}".format(*grid_map.size)
     thinned = "{} x {} of {}".format(*shown, cells)
     return as_table(
-        {
-            "Frame": grid_map.frame_id or "(none)",
-            "Cells": cells if shown == grid_map.size else thinned,
-            "Resolution": f"{grid_map.resolution:g} m",
-            "Rate": f"{rate:.1f} Hz",
-            "Age": f"{age:.0f} s{', paused' if is_paused else ''}",
-        }
+        [
+            ("Frame", grid_map.frame_id or "(none)"),
+            ("Cells", cells if shown == grid_map.size else thinned),
+            ("Resolution", f"{grid_map.resolution:g} m"),
+            ("Rate", f"{rate:.1f} Hz"),
+            ("Age", f"{age:.0f} s{', paused' if is_paused else ''}"),
+        ]
     )
 
 
@@ -85,12 +85,13 @@ def readout(grid_map: GridMap, position: Positions) -> str:
         grid_map: the map, unwrapped, with all layers.
         position: (2,) x, y [m], map frame.
     """
-    place = {"x": f"{position[0]:.3f} m", "y": f"{position[1]:.3f} m"}
+    place = [("x", f"{position[0]:.3f} m"), ("y", f"{position[1]:.3f} m")]
     if not grid_map.is_inside(position):
-        return as_table({**place, "cell": "outside the map"})
+        return as_table([*place, ("cell", "outside the map")])
     row, column = grid_map.get_index(position)
-    values = {layer: _text(layer, grid_map[layer][row, column]) for layer in grid_map.layers}
-    return as_table({**place, "cell": f"{row}, {column}", **values})
+    # Layers may be called x, y and cell, too.
+    values = [(layer, _text(layer, grid_map[layer][row, column])) for layer in grid_map.layers]
+    return as_table([*place, ("cell", f"{row}, {column}"), *values])
 
 
 def _text(layer: str, value: np.float32) -> str:

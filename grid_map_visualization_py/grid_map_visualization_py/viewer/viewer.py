@@ -103,7 +103,7 @@ class Viewer:
         grid_map = received.decode(layers)
         scene = make_scene(grid_map, settings, self._max_cells)
         self._page.load(scene, settings, replaces=not is_new)
-        self._page.look(*view(scene.mesh, grid_map))
+        self._page.look(view(scene.mesh, grid_map))
         self._drawn, self._map, self._scene, self._problem = received, grid_map, scene, ""
         if self._selected is not None:
             self._page.tell_values(readout(grid_map, self._selected))
