@@ -84,6 +84,7 @@ def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
     return from_message(other.expect("/filtered_map", count))
 
 
+@pytest.mark.filterwarnings("ignore:.*no finite cell:grid_map_filters_py.FilterWarning")
 def test_maps_moved_or_not_square_or_empty_come_back_with_the_same_result(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     empty = GridMap((2.0, 3.0), 0.5, layers=["elevation"], frame_id="odom")
