@@ -50,13 +50,13 @@ def read_parameter(
     return typed
 
 
-def read_positive(node: "Node", name: str, default: float) -> float:
+def read_positive(node: "Node", name: str, default: float, *, description: str = "") -> float:
     """Return a parameter that is a positive finite number, such as a rate or a time.
 
     Raises:
         ConfigError: it is none.
     """
-    value = read_parameter(node, name, float, default)
+    value = read_parameter(node, name, float, default, description=description)
     check(math.isfinite(value) and value > 0, name, "a positive number", value)
     return value
 
