@@ -8,7 +8,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-oldest fuzz check format bench clean distclean
+.PHONY: help setup build demo test test-oldest explore fuzz check format bench clean distclean
 
 help:  ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -32,6 +32,12 @@ test-oldest:  ## Run the tests of core and filters with the oldest supported Num
 	@for package in grid_map_core_py grid_map_filters_py; do \
 	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \
 	        $(CURDIR)/.venv-oldest/bin/python -m pytest --ignore-glob='*/test_node_*.py') || exit 1; \
+	done
+
+explore:  ## Look for counterexamples of the tests' properties at random (make test always tries the same)
+	@$(ENTER) for package in core filters ros visualization; do \
+	    (cd grid_map_$${package}_py && PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 -m pytest -q --ignore-glob='*/test_node_*.py' \
+	        --hypothesis-profile=explore --timeout=600) || exit 1; \
 	done
 
 fuzz: build  ## Read damaged messages and files for a minute (FOR=... for longer)

@@ -47,6 +47,21 @@ def assert_maps_equal(
         )
 
 
+def register_profiles() -> None:
+    """Tell hypothesis how to look for examples: for the `conftest.py` of a package.
+
+    The profile `grid_map`, which is loaded, tries the same examples every time, so that a change is
+    judged by what it changes. `explore` tries others, and more of them, every time:
+    `pytest --hypothesis-profile=explore`, or `make explore`. In neither does an example have to be
+    quick: that says more about the machine than about the code.
+    """
+    from hypothesis import settings
+
+    settings.register_profile("grid_map", deadline=None, derandomize=True)
+    settings.register_profile("explore", deadline=None, max_examples=1000)
+    settings.load_profile("grid_map")
+
+
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
     """Return the same world stored from another start index: what a map is after moves."""
     result = grid_map.copy()

@@ -15,7 +15,8 @@ from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFound
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 
 GOLDEN = golden.load("transformed_map")
-RATIOS = st.sampled_from([0.0, 0.2, 0.25, 0.5, 1.3, -1.0])
+# Not 0.5: such points are on the borders of cells, where rounding decides which side they are on.
+RATIOS = st.sampled_from([0.0, 0.2, 0.25, 0.45, 1.3, -1.0])
 
 
 def rigid(roll=0.0, pitch=0.0, yaw=0.0, translation=(0.0, 0.0, 0.0)):

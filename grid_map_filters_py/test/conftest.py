@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings of all tests of this package."""
 
-from hypothesis import settings
+from grid_map_core_py.testing import register_profiles
 
-# How long an example takes says more about the machine than about the code.
-settings.register_profile("grid_map", deadline=None)
-settings.load_profile("grid_map")
+register_profiles()

@@ -8,13 +8,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
+from grid_map_core_py.testing import register_profiles
 from grid_map_ros_py.testing import Process
 
-# How long an example takes says more about the machine than about the code.
-settings.register_profile("grid_map", deadline=None)
-settings.load_profile("grid_map")
+register_profiles()
 
 Start = Callable[..., Process]
 

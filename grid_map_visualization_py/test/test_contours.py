@@ -81,7 +81,7 @@ def test_lines_end_at_holes():
     assert not ((ends > -0.5) & (ends < 0.5)).any()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid_maps(max_side=6))
 def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
     marker = drawn(grid_map, levels=[0.0, 10.0])
@@ -97,7 +97,7 @@ def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
     assert (pieces(drawn(moved, levels=[0.0, 10.0])) == found).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid_maps(max_side=5, allow_infinity=False))
 def test_values_on_the_lines_are_those_of_the_level_on_the_edges_of_the_grid(grid_map):
     level = 0.5

@@ -24,7 +24,7 @@ def pixels(message: Image) -> np.ndarray:
     return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, -1)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(grid_maps(max_side=6))
 def test_every_pixel_is_the_cell_at_its_place(grid_map):
     message = drawn(grid_map, layer="elevation", color_map="gray", encoding="rgba8")

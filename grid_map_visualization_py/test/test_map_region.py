@@ -17,7 +17,7 @@ def drawn(grid_map: GridMap, **parameters: object) -> Marker:
     return deserialize_message(MapRegion(**parameters)(grid_map), Marker)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid_maps())
 def test_line_runs_once_around_the_map_and_closes(grid_map):
     points = np.array([(p.x, p.y, p.z) for p in drawn(grid_map).points])

@@ -62,7 +62,7 @@ def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid_maps(("z",), max_side=6))
 def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
     triangles = Surface(grid_map, "z").mesh(GREY)
@@ -76,7 +76,7 @@ def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
     assert len(triangles.vertices) == np.count_nonzero(np.isfinite(grid_map["z"]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(grid_maps(("z",), max_side=6))
 def test_marker_and_mesh_are_the_same_triangles(grid_map):
     marker = points_of(drawn(grid_map, height_layer="z"))

@@ -35,7 +35,7 @@ def lines_by_loop(grid_map: GridMap, scale: float) -> list[tuple[float, float, f
     return points
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(grid_maps(LAYERS, max_side=6), st.sampled_from([0.06, 1.0, -2.5]))
 def test_every_valid_cell_gets_a_line_in_the_order_of_the_buffer(grid_map, scale):
     marker = drawn(grid_map, scale=scale)
