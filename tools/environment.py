@@ -27,6 +27,7 @@ RECIPE = "1"
 """Change it when a change of this program must remake the environments that exist."""
 
 ADDED_TO_ROS = (
+    "argcomplete",
     "hypothesis",
     "import-linter",
     "lark",
@@ -37,6 +38,7 @@ ADDED_TO_ROS = (
     "pypcd4",
     "pytest-benchmark",
     "pytest-timeout",
+    "rasterio",
     "rosbags",
     "ruff",
     "trimesh",

@@ -4,11 +4,6 @@
 
 Waits for some messages on every topic, writes two pictures, prints a table and ends.
 The exit code is 0 only if every topic delivered in time.
-
-Parameters:
-    output_directory: where the pictures go (`demo_output`).
-    messages: number of messages to wait for on every topic (3).
-    timeout: how long to wait [s] (60.0).
 """
 
 import statistics
@@ -58,8 +53,14 @@ class DemoReportNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
-        self._directory = Path(read_parameter(self, "output_directory", str, "demo_output"))
-        self._needed = read_parameter(self, "messages", int, 3)
+        self._directory = Path(
+            read_parameter(
+                self, "output_directory", str, "demo_output", description="the pictures go there"
+            )
+        )
+        self._needed = read_parameter(
+            self, "messages", int, 3, description="how many to wait for on every topic"
+        )
         check(self._needed >= 1, "messages", "at least 1", self._needed)
         self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
         self._filtered: GridMap | None = None
@@ -69,7 +70,7 @@ class DemoReportNode(Node):
             self._count_messages(topic, message_type)
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
-        self._timeout = read_positive(self, "timeout", 60.0)
+        self._timeout = read_positive(self, "timeout", 60.0, description="how long to wait [s]")
         self.create_timer(self._timeout, self._give_up)
 
     def _count_messages(self, topic: str, message_type: type) -> None:

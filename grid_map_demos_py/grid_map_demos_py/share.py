@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files that are installed with this package."""
+"""Where files are: those of this package, and those that users name."""
 
 from pathlib import Path
 
@@ -12,3 +12,12 @@ PACKAGE = "grid_map_demos_py"
 def share(*parts: str) -> Path:
     """Return the path of an installed file, such as `share("config", "simple_demo.yaml")`."""
     return Path(get_package_share_directory(PACKAGE), *parts)
+
+
+def user_path(text: str) -> Path:
+    """Return the path that a user has written, who may begin it with `~`."""
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        # The home of somebody unknown: a name like others, of which it will be said that it is none.
+        return Path(text)

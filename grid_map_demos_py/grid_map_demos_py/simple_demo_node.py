@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_simple_demo`: makes a map, fills it with a wave that moves, and publishes it.
 
-Publishes `/grid_map` 30 times a second.
+Publishes on `grid_map`, 30 times a second.
 """
 
 import sys
@@ -23,9 +23,8 @@ class SimpleDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_simple_demo")
         self._map = GridMap((1.2, 2.0), 0.03, layers=["elevation"], frame_id="map")
-        self._publisher = self.create_publisher(GridMapMessage, "/grid_map", map_qos())
-        rows, columns = self._map.size
-        self.get_logger().info(f"a map of {rows} x {columns} cells on /grid_map")
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        self.get_logger().info(f"publishes {self._map} on {self._publisher.topic_name}")
         self.create_timer(1.0 / 30.0, self._publish)
 
     def _publish(self) -> None:

@@ -1,17 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_terrain`: publishes real ground with holes, again and again.
-
-Parameters:
-    topic: where the map goes (`/grid_map`).
-    file: the elevation model, an .npz file; empty for the one that is installed with this package.
-    resolution: side of a cell [m] (0.03).
-    frame_id: coordinate frame of the map (`map`).
-    publish_rate: maps per second [Hz] (1.0).
-"""
+"""Node `grid_map_terrain`: publishes real ground with holes, again and again."""
 
 import sys
-from pathlib import Path
 
 from rclpy.node import Node
 
@@ -21,7 +12,7 @@ from grid_map_ros_py.parameters import check_topic, read_parameter, read_positiv
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 
-from .share import share
+from .share import share, user_path
 from .terrain import load_terrain
 
 
@@ -30,15 +21,26 @@ class TerrainPublisherNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")
-        file = read_parameter(self, "file", str, "")
-        self._map = load_terrain(
-            Path(file) if file else share("data", "jacksboro_fault_dem.npz"),
-            read_positive(self, "resolution", 0.03),
-            frame_id=read_parameter(self, "frame_id", str, "map"),
+        topic = read_parameter(self, "topic", str, "/grid_map", description="the map goes there")
+        file = read_parameter(
+            self,
+            "file",
+            str,
+            "",
+            description="elevation model, an .npz file; empty for the one of this package",
         )
-        topic = check_topic(self, "topic", read_parameter(self, "topic", str, "/grid_map"))
-        self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
-        self.create_timer(1.0 / read_positive(self, "publish_rate", 1.0), self._publish)
+        self._map = load_terrain(
+            user_path(file) if file else share("data", "jacksboro_fault_dem.npz"),
+            read_positive(self, "resolution", 0.03, description="side of a cell [m]"),
+            frame_id=read_parameter(
+                self, "frame_id", str, "map", description="coordinate frame of the map"
+            ),
+        )
+        rate = read_positive(self, "publish_rate", 1.0, description="maps per second [Hz]")
+        self._publisher = self.create_publisher(
+            GridMapMessage, check_topic(self, "topic", topic), map_qos()
+        )
+        self.create_timer(1.0 / rate, self._publish)
         self._publish()
 
     def _publish(self) -> None:

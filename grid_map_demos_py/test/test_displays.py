@@ -15,9 +15,32 @@ from grid_map_visualization_py import create
 PACKAGE = Path(__file__).parent.parent
 VISUALIZATIONS = {
     "simple_demo": "simple_demo.yaml",
+    "iterators_demo": "iterators_demo.yaml",
+    "move_demo": "move_demo.yaml",
+    "tutorial_demo": "tutorial_demo.yaml",
+    "image_to_gridmap_demo": "image_to_gridmap_demo.yaml",
+    "opencv_demo": "opencv_demo.yaml",
+    "resolution_change_demo": "resolution_change_demo.yaml",
+    "octomap_to_gridmap_demo": "octomap_to_gridmap_demo.yaml",
     "filters_demo": "filters_demo_visualization.yaml",
+    "interpolation_demo": "interpolation_demo.yaml",
+    "normal_filter_comparison_demo": "normal_filter_comparison_demo.yaml",
+    "sdf_demo": "sdf_demo.yaml",
 }
-"""Parameter files by demo; each has a configuration of its name."""
+"""Parameter files by demo; each has a configuration of RViz of its name."""
+
+OWN_TOPICS = {
+    "image_to_gridmap_demo": {"/image": "Image"},
+    "iterators_demo": {"/polygon": "PolygonStamped"},
+    "sdf_demo": {
+        f"/grid_map_sdf_demo/signed_distance_field/{name}": "PointCloud2"
+        for name in ("full_sdf", "free_space", "occupied_space")
+    },
+}
+"""Types of message by topic that a demo publishes beside its visualizations for RViz to show."""
+
+LAYOUTS = sorted(path.stem for path in (PACKAGE / "foxglove").iterdir())
+"""Demos with a layout of Foxglove."""
 
 SHOWN_BY = {
     "GridCells": "rviz_default_plugins/GridCells",
@@ -25,6 +48,7 @@ SHOWN_BY = {
     "Marker": "rviz_default_plugins/Marker",
     "OccupancyGrid": "rviz_default_plugins/Map",
     "PointCloud2": "rviz_default_plugins/PointCloud2",
+    "PolygonStamped": "rviz_default_plugins/Polygon",
 }
 """Displays that every installation of RViz has, by type of message."""
 
@@ -44,12 +68,15 @@ PANELS = {"3D", "DiagnosticSummary", "Image"}
 each_demo = pytest.mark.parametrize("demo", VISUALIZATIONS)
 
 
-def published(demo: str) -> dict[str, str]:
-    """Return the type of message by topic."""
+def visualized(demo: str) -> dict[str, str]:
+    """Return the type of message by topic of the visualizations."""
     path = PACKAGE / "config" / VISUALIZATIONS[demo]
-    parameters = yaml.safe_load(path.read_text())["grid_map_visualization"]["ros__parameters"]
-    names = parameters["grid_map_visualizations"]
-    return {f"/{name}": create(name, parameters[name]).message_type.__name__ for name in names}
+    found = {}
+    for section in yaml.safe_load(path.read_text()).values():
+        parameters = section["ros__parameters"]
+        for name in parameters.get("grid_map_visualizations", ()):
+            found[f"/{name}"] = create(name, parameters[name]).message_type.__name__
+    return found
 
 
 def rviz(demo: str) -> Any:
@@ -82,10 +109,9 @@ def leaves(layout: Any) -> Iterator[str]:
 
 def test_every_configuration_belongs_to_a_demo_that_is_installed():
     setup = (PACKAGE / "setup.py").read_text()
-    for folder, ending in (("rviz", "rviz"), ("foxglove", "json")):
-        assert {path.name for path in (PACKAGE / folder).iterdir()} == {
-            f"{demo}.{ending}" for demo in VISUALIZATIONS
-        }
+    assert {path.stem for path in (PACKAGE / "rviz").iterdir()} == {*VISUALIZATIONS}
+    assert {*LAYOUTS} <= {*VISUALIZATIONS}
+    for folder in ("rviz", "foxglove"):
         assert f'glob("{folder}/*")' in setup
     for demo in VISUALIZATIONS:
         assert f'"{demo} = ' in setup
@@ -103,7 +129,8 @@ def test_rviz_shows_every_output_of_the_demo_by_the_display_of_its_type(demo):
     manager = rviz(demo)["Visualization Manager"]
     displays = {d["Topic"]["Value"]: d for d in manager["Displays"] if "Topic" in d}
     shown = {topic: display["Class"] for topic, display in displays.items()}
-    assert shown == {topic: SHOWN_BY[kind] for topic, kind in published(demo).items()}
+    published = visualized(demo) | OWN_TOPICS.get(demo, {})
+    assert shown == {topic: SHOWN_BY[kind] for topic, kind in published.items()}
     assert manager["Global Options"]["Fixed Frame"] == "map"
     for display in displays.values():
         # The last map arrives, even if nothing new is published.
@@ -111,7 +138,7 @@ def test_rviz_shows_every_output_of_the_demo_by_the_display_of_its_type(demo):
         assert display["Topic"]["Reliability Policy"] == "Reliable"
 
 
-@each_demo
+@pytest.mark.parametrize("demo", LAYOUTS)
 def test_foxglove_shows_every_output_of_the_demo(demo):
     layout = foxglove(demo)
     assert {*leaves(layout["layout"])} == {*layout["configById"]}
@@ -121,4 +148,4 @@ def test_foxglove_shows_every_output_of_the_demo(demo):
         topics |= {*panel.get("topics", ())}
         topics |= {panel.get("imageMode", {}).get("imageTopic"), panel.get("topicToRender")}
     diagnostics = {"/diagnostics"} if demo == "filters_demo" else set()
-    assert topics - {None} == {*published(demo)} | diagnostics
+    assert topics - {None} == {*visualized(demo)} | diagnostics

@@ -83,6 +83,7 @@ def test_the_terrain_is_published_alone_with_its_parameters(terrain):
     ("node", "parameter", "message"),
     [
         ("terrain_publisher", "publish_rate:=0.0", "parameter 'publish_rate': expected a positive"),
+        ("terrain_publisher", "publish_rate:=1e-300", "'publish_rate': expected a positive number"),
         ("terrain_publisher", "resolution:=-1", "parameter 'resolution': expected a positive"),
         ("terrain_publisher", "topic:=7", "parameter 'topic': expected a string"),
         ("terrain_publisher", "topic:='no topic'", "parameter 'topic': expected the name of a"),

@@ -7,7 +7,6 @@ read-only unless said otherwise: nodes configure themselves once, when they star
 """
 
 import array
-import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
@@ -20,6 +19,9 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 T = TypeVar("T")
+
+EXTREMES = (1e-9, 1e9)
+"""Smallest and largest positive parameter: the period of such a rate still fits a ROS timer."""
 
 
 def read_parameter(
@@ -51,17 +53,20 @@ def read_parameter(
 
 
 def read_positive(node: "Node", name: str, default: float, *, description: str = "") -> float:
-    """Return a parameter that is a positive finite number, such as a rate or a time.
+    """Return a parameter that is a positive number, such as a rate or a time.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is none, or beyond `EXTREMES`.
     """
     value = read_parameter(node, name, float, default, description=description)
-    check(math.isfinite(value) and value > 0, name, "a positive number", value)
+    low, high = EXTREMES
+    check(low <= value <= high, name, f"a positive number from {low:g} to {high:g}", value)
     return value
 
 
-def read_parameter_tree(node: "Node", prefix: str, *, read_only: bool = True) -> dict[str, Any]:
+def read_parameter_tree(
+    node: "Node", prefix: str, *, read_only: bool = True, description: str = ""
+) -> dict[str, Any]:
     """Return all parameters below a prefix as nested dictionaries, declared on the node.
 
     `filters.filter1.params.radius: 1` under the prefix `filters` becomes
@@ -75,6 +80,7 @@ def read_parameter_tree(node: "Node", prefix: str, *, read_only: bool = True) ->
         prefix: name of the tree.
         read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
             integer that may become 1.5.
+        description: what `ros2 param describe` shows of each of them.
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.
@@ -82,7 +88,7 @@ def read_parameter_tree(node: "Node", prefix: str, *, read_only: bool = True) ->
     tree: dict[str, Any] = {}
     names = [name for name in _known_names(node) if _is_below(name, prefix)]
     for name, value in _given(node, names).items():
-        _declare(node, name, value, read_only=read_only)
+        _declare(node, name, value, description, read_only=read_only)
         _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
     return tree
 

@@ -1,0 +1,168 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_to_image_demo`: saves a layer of the next map as an image file, and ends.
+
+Pixel (row, column) is cell (row, column), with +x up and +y to the left; maps that have moved look
+the same. The file is there complete, or not at all.
+"""
+
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.atomic import new_file
+from grid_map_core_py.config import check
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.image import COLOR_LAYER, Image, to_color_image, to_image
+from grid_map_core_py.storage import storage_errors
+from grid_map_ros_py import MessageError, ReceivedMap
+from grid_map_ros_py.errors import NodeFailedError
+from grid_map_ros_py.parameters import check_topic, read_parameter
+from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.throttle import LogThrottle
+
+from .share import user_path
+
+DTYPES = {8: np.uint8, 16: np.uint16}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """How a layer becomes an image.
+
+    Attributes:
+        layer: the layer.
+        bits: 8 or 16, per channel.
+        is_color: whether it holds packed colours; grey values otherwise.
+        is_transparent: whether there is an alpha channel, 0 where cells have no value.
+        lower, upper: values of black and white; None for the smallest and the largest.
+    """
+
+    layer: str
+    bits: int = 8
+    is_color: bool = False
+    is_transparent: bool = False
+    lower: float | None = None
+    upper: float | None = None
+
+    def draw(self, grid_map: GridMap) -> Image:
+        """Return the image; its colours are BGR, as OpenCV writes them."""
+        dtype = DTYPES[self.bits]
+        if self.is_color:
+            return to_color_image(grid_map, self.layer, dtype, 4 if self.is_transparent else 3)
+        channels = 4 if self.is_transparent else 1
+        return to_image(grid_map, self.layer, dtype, channels, self.lower, self.upper)
+
+    def fits(self, file: Path) -> bool:
+        """Tell whether the format that the ending of a file stands for keeps such images whole."""
+        pixel = self.draw(GridMap((1.0, 1.0), 1.0, layers={self.layer: 0.0}))
+        if not cv2.haveImageWriter(str(file)):
+            return False
+        again = cv2.imdecode(np.frombuffer(encode(pixel, file), np.uint8), cv2.IMREAD_UNCHANGED)
+        if again is None:
+            return False
+        return (again.dtype, again.shape) == (pixel.dtype, pixel.shape)
+
+
+def encode(image: Image, file: Path) -> bytes:
+    """Return the bytes of an image file in the format that the ending of its name stands for."""
+    _, data = cv2.imencode(file.suffix, image)
+    return data.tobytes()
+
+
+class GridMapToImageDemoNode(Node):
+    """Saves the first map that it receives."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_to_image_demo")
+        self._throttle = LogThrottle()
+        topic = read_parameter(
+            self, "grid_map_topic", str, "/grid_map", description="the map comes from here"
+        )
+        check_topic(self, "grid_map_topic", topic)
+        file = read_parameter(
+            self,
+            "file",
+            str,
+            "~/.ros/grid_map.png",
+            description="the image file, in a folder that exists; its ending says the format",
+        )
+        self._file = user_path(file)
+        self._picture = self._read_picture()
+        self._check_file()
+        self._subscription = MapSubscription(self, topic, self._receive)
+        self.get_logger().info(f"saves {self._picture.layer!r} of {topic} to {self._file}")
+
+    def _read_picture(self) -> Picture:
+        layer = read_parameter(
+            self, "layer", str, "elevation", description="the layer that is saved"
+        )
+        bits = read_parameter(self, "bits", int, 8, description="8 or 16, per channel")
+        check(bits in DTYPES, "bits", "8 or 16", bits)
+        return Picture(
+            layer=layer,
+            bits=bits,
+            is_color=read_parameter(
+                self,
+                "is_color",
+                bool,
+                layer == COLOR_LAYER,
+                description="whether the layer holds packed colours; by default only `color` does",
+            ),
+            is_transparent=read_parameter(
+                self,
+                "use_transparency",
+                bool,
+                False,
+                description="cells without a value are transparent, rather than black",
+            ),
+            lower=self._read_bound("lower", "value that is black; nan for the smallest"),
+            upper=self._read_bound("upper", "value that is white; nan for the largest"),
+        )
+
+    def _read_bound(self, name: str, description: str) -> float | None:
+        bound = read_parameter(self, name, float, math.nan, description=description)
+        return None if math.isnan(bound) else bound
+
+    def _check_file(self) -> None:
+        """Look for what would be wrong before anybody waits for a map in vain."""
+        file = str(self._file)
+        check(self._file.parent.is_dir(), "file", "a file in a folder that exists", file)
+        expected = f"a format such as .png, that can hold {self._picture.bits} bits"
+        if self._picture.is_transparent:
+            expected += " and transparency"
+        check(self._picture.fits(self._file), "file", expected, file)
+
+    def _receive(self, received: ReceivedMap) -> None:
+        try:
+            self._save(received.decode([self._picture.layer]))
+        except MessageError as error:
+            text = f"did not save a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().warning(text)
+        except GridMapError as error:
+            raise NodeFailedError(str(error)) from error
+
+    def _save(self, grid_map: GridMap) -> None:
+        image = self._picture.draw(grid_map)
+        with storage_errors(self._file, "written"), new_file(self._file) as temporary:
+            temporary.write_bytes(encode(image, self._file))
+        self.get_logger().info(f"saved {image.shape[0]} x {image.shape[1]} pixels to {self._file}")
+        try_shutdown()
+
+
+def main() -> int:
+    """Run the node until it is told to stop, or has saved a map; return the exit code."""
+    return run(GridMapToImageDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `image_publisher`: publishes an image file, again and again.
+
+The file is read anew each time, so that what a drawing program saves is seen at once. It may have 8
+or 16 bits or floats per channel, be grey or coloured, and have an alpha channel.
+"""
+
+import array
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import image as core
+from grid_map_core_py.errors import ConfigError
+from grid_map_ros_py.image import ENCODINGS
+from grid_map_ros_py.multi_array import set_array
+from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+from grid_map_ros_py.throttle import LogThrottle
+
+from .share import share, user_path
+
+# OpenCV has colours in the order BGR.
+NAMES = ("mono8", "bgr8", "bgra8", "mono16", "bgr16", "bgra16")
+FLOAT_NAMES = ("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4")
+ENCODING_OF = {
+    (ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in (*NAMES, *FLOAT_NAMES)
+}
+"""Encodings by type and number of channels."""
+
+
+def read_image(path: Path) -> core.Image:
+    """Return the pixels (rows, cols, channels) of a file, as they are in it; colours are BGR.
+
+    Raises:
+        ConfigError: the file cannot be read, or is no image that a message can hold.
+    """
+    try:
+        data = np.frombuffer(path.read_bytes(), np.uint8)
+    except OSError as error:
+        raise ConfigError(f"image {str(path)!r}: {error.strerror}") from error
+    try:
+        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+    except cv2.error:
+        # More pixels than OpenCV is ready to hold.
+        pixels = None
+    if pixels is None:
+        raise ConfigError(f"image {str(path)!r}: expected a format that OpenCV knows")
+    pixels = np.atleast_3d(pixels)
+    if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:
+        raise ConfigError(
+            f"image {str(path)!r}: expected 1, 3 or 4 channels of 8 or 16 bits or floats, "
+            f"found {pixels.shape[2]} of {pixels.dtype}"
+        )
+    return pixels
+
+
+def to_message(pixels: core.Image) -> Image:
+    """Return a message with the pixels (rows, cols, channels) of an image."""
+    rows, columns, channels = pixels.shape
+    message = Image(
+        height=rows,
+        width=columns,
+        encoding=ENCODING_OF[pixels.dtype, channels],
+        is_bigendian=sys.byteorder == "big",
+        step=pixels.nbytes // rows,
+    )
+    set_array(message, array.array("B", pixels.tobytes()))
+    return message
+
+
+class ImagePublisherNode(Node):
+    """Publishes what the file holds at the moment."""
+
+    def __init__(self) -> None:
+        super().__init__("image_publisher")
+        self._throttle = LogThrottle()
+        path = read_parameter(
+            self,
+            "image_path",
+            str,
+            "",
+            description="the image file; empty for a terrain that is installed with this package",
+        )
+        topic = read_parameter(self, "topic", str, "image", description="the image goes there")
+        self._frame_id = read_parameter(
+            self, "frame_id", str, "map", description="coordinate frame of the image"
+        )
+        rate = read_positive(self, "publish_rate", 0.5, description="images per second [Hz]")
+        self._path = user_path(path) if path else share("data", "terrain.png")
+        self._publisher = self.create_publisher(Image, check_topic(self, "topic", topic), map_qos())
+        self._publish(read_image(self._path))
+        self.create_timer(1.0 / rate, self._publish_again)
+        self.get_logger().info(f"publishes {self._path} on {self._publisher.topic_name}")
+
+    def _publish_again(self) -> None:
+        try:
+            self._publish(read_image(self._path))
+        except ConfigError as error:
+            # Perhaps it is just being written.
+            if self._throttle.allow(str(error)):
+                self.get_logger().warning(str(error))
+
+    def _publish(self, pixels: core.Image) -> None:
+        message = to_message(pixels)
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = self._frame_id
+        self._publisher.publish(message)
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(ImagePublisherNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `image_to_gridmap_demo`: bright pixels become high ground.
+
+Listens to images, and publishes `grid_map` with the layers `elevation`, from the grey values, and
+`color`. The first image decides how many cells the map has; later ones must have as many pixels.
+Transparent pixels become cells without a value.
+"""
+
+import math
+import sys
+
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.config import check
+from grid_map_core_py.errors import GridMapError
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import (
+    add_color_layer_from_image,
+    add_layer_from_image,
+    from_image,
+    to_serialized_message,
+)
+from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import LatchedSubscription
+from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.time import from_stamp
+
+
+class ImageToGridmapDemoNode(Node):
+    """Turns every image into a map."""
+
+    def __init__(self) -> None:
+        super().__init__("image_to_gridmap_demo")
+        self._throttle = LogThrottle()
+        self._map: GridMap | None = None
+        topic = read_parameter(
+            self, "image_topic", str, "/image", description="images come from here"
+        )
+        self._resolution = read_positive(
+            self, "resolution", 0.03, description="side of a pixel on the ground [m]"
+        )
+        self._heights = self._read_heights()
+        self._frame_id = read_parameter(
+            self,
+            "map_frame_id",
+            str,
+            "map",
+            description="coordinate frame of the map; empty for that of the image",
+        )
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        check_topic(self, "image_topic", topic)
+        self._subscription = LatchedSubscription(self, Image, topic, self._receive)
+        self.get_logger().info(f"makes maps of the images on {topic}")
+
+    def _read_heights(self) -> tuple[float, float]:
+        low = read_parameter(
+            self, "min_height", float, 0.0, description="height of black pixels [m]"
+        )
+        high = read_parameter(
+            self, "max_height", float, 1.0, description="height of white pixels [m]"
+        )
+        check(math.isfinite(low), "min_height", "a finite number", low)
+        other = math.isfinite(high) and high != low
+        check(other, "max_height", f"a finite number other than min_height, {low}", high)
+        return low, high
+
+    def _receive(self, message: Image) -> None:
+        try:
+            self._publisher.publish(to_serialized_message(self._to_map(message)))
+        except GridMapError as error:
+            text = f"cannot use the image: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().warning(text)
+
+    def _to_map(self, message: Image) -> GridMap:
+        if self._map is None:
+            self._map = from_image(message, "elevation", self._resolution, *self._heights)
+            self._map.basic_layers = ["elevation"]
+            self._map.frame_id = self._frame_id or message.header.frame_id
+            self.get_logger().info(f"made {self._map}")
+        else:
+            add_layer_from_image(self._map, message, "elevation", *self._heights)
+        add_color_layer_from_image(self._map, message, "color")
+        self._map.timestamp = from_stamp(message.header.stamp)
+        return self._map
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(ImageToGridmapDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,198 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_interpolation_demo`: how well four methods find a surface between its samples.
+
+A world is a formula for the height. It is sampled finely, as the truth, and coarsely, as the data
+that a method gets, which then fills a map with cells as fine as asked for. Published once, latched,
+each with the heights in the layer `demo`:
+
+    ground_truth: the fine samples.
+    data_sparse: the coarse ones.
+    interpolated: what the method makes of them; its layer `error` is how far off it is [m].
+
+Then a table of all worlds and methods is printed.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from rclpy.node import Node
+
+from grid_map_core_py import GridMap, Interpolation
+from grid_map_core_py.config import check
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.geometry import GridGeometry
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_serialized_message
+from grid_map_ros_py.parameters import read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+Numbers = npt.NDArray[np.float64]
+
+LAYER = "demo"
+
+BORDER = 2
+"""So many rows and columns on each side do not count: there a method lacks neighbours."""
+
+MOST_CELLS = 4_000_000
+
+HILLS = [  # x, y, variance along x, variance along y, height
+    (1.0, -1.0, 1.0, 0.3, -2.0),
+    (1.0, 1.7, 0.25, 0.25, -1.0),
+    (-1.0, 1.6, 0.1, 0.1, 2.0),
+    (-1.8, -1.8, 0.1, 0.1, 1.0),
+    (-1.0, 1.8, 0.1, 0.1, 3.0),
+    (0.0, 0.0, 0.1, 0.05, 4.0),
+    (-1.2, 0.0, 0.05, 0.05, 1.0),
+]
+
+
+def sine(x: Numbers, y: Numbers) -> Numbers:
+    """Return a sum of waves of four lengths."""
+    return np.cos(x) + np.sin(2 * y) + np.cos(3 * x) + np.sin(4 * y)
+
+
+def polynomial(x: Numbers, y: Numbers) -> Numbers:
+    """Return a polynomial of fourth order."""
+    return -((x - y) ** 2) + (x * y) ** 2
+
+
+def gaussians(x: Numbers, y: Numbers) -> Numbers:
+    """Return hills and hollows of several widths."""
+    heights = [
+        height * np.exp(-((x - x0) ** 2) / (2 * variance_x) - (y - y0) ** 2 / (2 * variance_y))
+        for x0, y0, variance_x, variance_y, height in HILLS
+    ]
+    return np.asarray(np.sum(heights, axis=0))
+
+
+def steps(x: Numbers, y: Numbers) -> Numbers:
+    """Return two steep steps that cross."""
+    return np.tanh(5 * x) + np.tanh(5 * y)
+
+
+World = Callable[[Numbers, Numbers], Numbers]
+WORLDS: dict[str, World] = {"Sine": sine, "Poly": polynomial, "Gauss": gaussians, "Tanh": steps}
+METHODS = {
+    "Nearest": Interpolation.NEAREST,
+    "Linear": Interpolation.LINEAR,
+    "Cubic_convolution": Interpolation.CUBIC_CONVOLUTION,
+    "Cubic": Interpolation.CUBIC,
+}
+
+
+def sampled(world: World, geometry: GridGeometry) -> GridMap:
+    """Return the heights of a world at the cell centres of a map."""
+    x, y = geometry.axes()
+    return GridMap.from_geometry(geometry, {LAYER: world(x[:, None], y)}, frame_id="map")
+
+
+def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -> GridMap:
+    """Return the heights at the cell centres of a map as a method makes them of data."""
+    result = GridMap.from_geometry(geometry, frame_id=data.frame_id)
+    heights = np.asarray(data.at_position(LAYER, result.get_positions(), method))
+    result[LAYER] = heights.reshape(result.size, order="F")
+    return result
+
+
+class Quality(NamedTuple):
+    """How good an interpolation was: absolute errors [m], and the time of a query [us]."""
+
+    mean_error: float
+    max_error: float
+    microseconds: float
+
+
+def measure(world: World, data: GridMap, geometry: GridGeometry, method: Interpolation) -> Quality:
+    """Interpolate data of a world, and compare the result with the world itself."""
+    start = time.perf_counter()
+    result = interpolated(data, geometry, method)
+    duration = time.perf_counter() - start
+    inner = slice(BORDER, -BORDER)
+    errors = np.abs(result[LAYER] - sampled(world, geometry)[LAYER])[inner, inner]
+    return Quality(float(errors.mean()), float(errors.max()), 1e6 * duration / result[LAYER].size)
+
+
+def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
+    """Yield the lines of a table with the quality of all methods in all worlds."""
+    yield (
+        f"{fine.length[0]:g} m x {fine.length[1]:g} m, "
+        f"interpolated from {data.resolution:g} m to {fine.resolution:g} m"
+    )
+    yield f"{'world':6} {'method':18} {'mean error':>11} {'max error':>11} {'us per query':>13}"
+    for name, world in WORLDS.items():
+        samples = sampled(world, data)
+        for method_name, method in METHODS.items():
+            mean, largest, microseconds = measure(world, samples, fine, method)
+            yield f"{name:6} {method_name:18} {mean:11.6f} {largest:11.6f} {microseconds:13.4f}"
+
+
+class InterpolationDemoNode(Node):
+    """Publishes a world as it is, as it was sampled and as it was interpolated."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_interpolation_demo")
+        world = WORLDS[_read_choice(self, "world", WORLDS, "Sine", "formula of the surface")]
+        method = METHODS[
+            _read_choice(self, "interpolation_type", METHODS, "Nearest", "method that is shown")
+        ]
+        length = (
+            read_positive(self, "world_size.length", 4.0, description="extent along x [m]"),
+            read_positive(self, "world_size.width", 4.0, description="extent along y [m]"),
+        )
+        truth = _read_geometry(self, "groundtruth_resolution", length, 0.02, "the truth")
+        data = _read_geometry(self, "interpolation.data_resolution", length, 0.1, "the data")
+        # What is interpolated has to lie on the data, which are whole cells.
+        fine = _read_geometry(
+            self, "interpolation.interpolated_resolution", data.length, 0.02, "the interpolated map"
+        )
+        samples = sampled(world, data)
+        result = interpolated(samples, fine, method)
+        result["error"] = np.abs(result[LAYER] - sampled(world, fine)[LAYER])
+        self._publish("ground_truth", sampled(world, truth))
+        self._publish("data_sparse", samples)
+        self._publish("interpolated", result)
+        print("\n".join(table(data, fine)), flush=True)
+
+    def _publish(self, topic: str, grid_map: GridMap) -> None:
+        grid_map.timestamp = self.get_clock().now().nanoseconds
+        publisher = self.create_publisher(GridMapMessage, topic, map_qos())
+        publisher.publish(to_serialized_message(grid_map))
+
+
+def _read_choice(
+    node: Node, name: str, choices: Iterable[str], default: str, description: str
+) -> str:
+    names = ", ".join(choices)
+    value = read_parameter(node, name, str, default, description=f"{description}: {names}")
+    check(value in choices, name, f"one of {names}", value)
+    return value
+
+
+def _read_geometry(
+    node: Node, name: str, length: Sequence[float] | Numbers, default: float, what: str
+) -> GridGeometry:
+    resolution = read_positive(node, name, default, description=f"side of a cell of {what} [m]")
+    geometry = GridGeometry(np.asarray(length), resolution)
+    rows, columns = geometry.size
+    few = 2 * BORDER + 1
+    if min(rows, columns) < few or rows * columns > MOST_CELLS:
+        raise ConfigError(
+            f"parameter {name!r}: expected at least {few} x {few} and at most {MOST_CELLS} cells, "
+            f"found {rows} x {columns}"
+        )
+    return geometry
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(InterpolationDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

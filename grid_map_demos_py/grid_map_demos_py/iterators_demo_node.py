@@ -1,0 +1,168 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_iterators_demo`: shows the regions of a map, cell after cell in their order.
+
+Publishes the map on `grid_map`, with 1 in the cells of the region so far in the layer `type`, and
+on `polygon` the polygon whose cells are shown, or the window that slides over the map. One region
+follows the other; at the end the last map stays, unless the demo is to be repeated.
+"""
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import PolygonStamped
+from rclpy.node import Node
+
+from grid_map_core_py import (
+    GridMap,
+    Polygon,
+    circle_cells,
+    ellipse_cells,
+    line_cells_between,
+    map_cells,
+    mean_of_finites,
+    polygon_cells,
+    sliding_windows,
+    spiral_cells,
+    submap_cells,
+)
+from grid_map_core_py.arrays import Cells, Positions
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_polygon, to_serialized_message
+from grid_map_ros_py.parameters import read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .star import VERTICES
+
+CENTRE = (0.0, -0.15)
+STAR = Polygon(VERTICES)
+
+REGIONS: dict[str, Callable[[GridMap], Cells]] = {
+    "the whole map": map_cells,
+    "a submap": lambda grid_map: submap_cells(grid_map, (3, 5), (12, 7)),
+    "a circle": lambda grid_map: circle_cells(grid_map, CENTRE, 0.4),
+    "an ellipse": lambda grid_map: ellipse_cells(grid_map, CENTRE, (0.45, 0.9), math.pi / 4),
+    "a spiral": lambda grid_map: spiral_cells(grid_map, CENTRE, 0.4),
+    "a line": lambda grid_map: line_cells_between(grid_map, (18, 2), (2, 13)),
+    "a polygon": lambda grid_map: polygon_cells(grid_map, STAR),
+}
+"""Regions in the order in which they are shown: (N, 2) cells of a map."""
+
+OUTLINES = {"a polygon": STAR}
+
+WINDOW = 3
+"""Side of the sliding window in cells."""
+
+START_PAUSE = 2.0
+CELL_PAUSE = 0.02
+REGION_PAUSE = 1.0
+"""Seconds before the first region, after every cell and after every region."""
+
+
+class Step(NamedTuple):
+    """What there is to see after the map has changed."""
+
+    pause: float
+    """Seconds until the next step."""
+    title: str = ""
+    """Name of the region that begins here."""
+    polygon: Polygon | None = None
+
+
+def make_map() -> GridMap:
+    """Return an empty map of 20 x 20 cells."""
+    return GridMap((1.0, 1.0), 0.05, layers=["type"], frame_id="map")
+
+
+def show_everything(grid_map: GridMap) -> Iterator[Step]:
+    """Change a map step by step: all regions, then the sliding window."""
+    yield Step(START_PAUSE)
+    for title, find_cells in REGIONS.items():
+        yield from show_region(grid_map, title, find_cells(grid_map))
+    yield from show_sliding_window(grid_map)
+
+
+def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
+    """Fill the cells of a region one after the other.
+
+    A program fills them at once: `grid_map["type"][tuple(cells.T)] = 1.0`.
+    """
+    grid_map.clear_all()
+    yield Step(0.0, title, OUTLINES.get(title))
+    for row, column in cells:
+        grid_map["type"][row, column] = 1.0
+        yield Step(CELL_PAUSE)
+    yield Step(REGION_PAUSE)
+
+
+def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
+    """Blur a polygon with the mean of the window around each cell."""
+    grid_map["type"] = 0.0
+    grid_map["type"][tuple(polygon_cells(grid_map, STAR).T)] = 1.0
+    yield Step(CELL_PAUSE, "a sliding window", STAR)
+    # The windows show the layer as it is now, although it changes on the way.
+    for cell, window in sliding_windows(grid_map, "type", "crop", WINDOW):
+        grid_map["type"][cell] = mean_of_finites(window)
+        yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))
+    yield Step(REGION_PAUSE)
+
+
+def square(grid_map: GridMap, centre: Positions) -> Polygon:
+    """Return the outline of the window around a position (2,)."""
+    corners = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
+    return Polygon(centre + 0.5 * WINDOW * grid_map.resolution * corners)
+
+
+class IteratorsDemoNode(Node):
+    """Publishes the map whenever the demo has made a step."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_iterators_demo")
+        about = "speed of the show; at 1.0 there are 50 cells per second"
+        self._speed = read_positive(self, "speed", 1.0, description=about)
+        about = "whether to begin again after the last region"
+        self._repeat = read_parameter(self, "repeat", bool, False, description=about)
+        self._map = make_map()
+        self._steps = show_everything(self._map)
+        self._map_publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        self._polygon_publisher = self.create_publisher(PolygonStamped, "polygon", map_qos())
+        self._timer = self.create_timer(0.0, self._on_timer)
+
+    def _on_timer(self) -> None:
+        step = next(self._steps, None)
+        if step is not None:
+            self._publish(step)
+            self._wait(step.pause)
+        elif self._repeat:
+            self._steps = show_everything(self._map)
+        else:
+            self._timer.cancel()
+
+    def _publish(self, step: Step) -> None:
+        if step.title:
+            self.get_logger().info(f"shows {step.title}")
+        now = self.get_clock().now().nanoseconds
+        self._map.timestamp = now
+        self._map_publisher.publish(to_serialized_message(self._map))
+        if step.polygon is not None:
+            frame_id = self._map.frame_id
+            polygon = to_polygon(step.polygon, frame_id=frame_id, timestamp=now)
+            self._polygon_publisher.publish(polygon)
+
+    def _wait(self, seconds: float) -> None:
+        self._timer.timer_period_ns = round(1e9 * seconds / self._speed)
+        # Or the new period would begin only after the present one.
+        self._timer.reset()
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(IteratorsDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

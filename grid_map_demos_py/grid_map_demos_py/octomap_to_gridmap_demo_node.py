@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `octomap_to_gridmap_demo`: the surface of an octomap as a map.
+
+Asks a service such as that of octomap_server for an octomap, every 10 s, or takes one from a file.
+Publishes `grid_map` with the layer `elevation`, the height of the highest voxel of every column.
+The octomap of the service also goes on to `octomap`, for the display that OctoMap has for RViz.
+
+For work rather than show there is `octomap_to_grid_map` in `grid_map_ros_py`, which also follows a
+topic.
+"""
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+
+from grid_map_core_py.config import check
+from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageError
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_octomap, to_serialized_message
+from grid_map_ros_py.parameters import check_topic, read_parameter
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .octomap_file import read_octomap
+from .share import user_path
+
+PERIOD = 10.0
+"""Seconds from one request to the next."""
+
+PATIENCE = 1.0
+"""Seconds from one look for the service to the next, as long as it is not there."""
+
+REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octomap_path'"
+
+
+class OctomapToGridmapDemoNode(Node):
+    """Converts the octomap of a service or of a file."""
+
+    def __init__(self) -> None:
+        super().__init__("octomap_to_gridmap_demo")
+        service = read_parameter(
+            self,
+            "octomap_service_topic",
+            str,
+            "/octomap_binary",
+            description="service that is asked for an octomap",
+        )
+        path = read_parameter(
+            self,
+            "octomap_path",
+            str,
+            "",
+            description="file of OctoMap (.bt, .ot) that is shown instead of asking the service",
+        )
+        self._bounds = [self._read_bounds(axis) for axis in "xyz"]
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        if path:
+            self._show(user_path(path))
+        else:
+            self._start_asking(check_topic(self, "octomap_service_topic", service))
+
+    def _read_bounds(self, axis: str) -> tuple[float, float]:
+        low, high = (
+            read_parameter(
+                self,
+                f"{end}_{axis}",
+                float,
+                math.nan,
+                description=f"voxels with {comparison} {axis} are left out [m]; nan for no bound",
+            )
+            for end, comparison in (("min", "less"), ("max", "more"))
+        )
+        check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
+        return low, high
+
+    def _show(self, path: Path) -> None:
+        octomap = read_octomap(path, frame_id="map")
+        octomap.header.stamp = self.get_clock().now().to_msg()
+        try:
+            self._convert(octomap)
+        except GridMapError as error:
+            raise ConfigError(f"octomap {str(path)!r}: {error}") from error
+
+    def _convert(self, octomap: Any) -> None:
+        low, high = zip(*self._bounds, strict=True)
+        grid_map = from_octomap(octomap, "elevation", min_bound=low, max_bound=high)
+        grid_map.basic_layers = ["elevation"]
+        self._publisher.publish(to_serialized_message(grid_map))
+        self.get_logger().info(f"published {grid_map}")
+
+    # --- the service ------------------------------------------------------------------------------
+
+    def _start_asking(self, service: str) -> None:
+        try:
+            from octomap_msgs.msg import Octomap
+            from octomap_msgs.srv import GetOctomap
+        except ImportError as error:
+            raise MissingPackageError("octomap_msgs", "octomap_to_gridmap_demo", REMEDY) from error
+        self._request = GetOctomap.Request()
+        self._octomap_publisher = self.create_publisher(Octomap, "octomap", map_qos())
+        self._client = self.create_client(GetOctomap, service)
+        self._timer = self.create_timer(PATIENCE, self._ask)
+
+    def _ask(self) -> None:
+        is_there = self._client.service_is_ready()
+        self._timer.timer_period_ns = int(1e9 * (PERIOD if is_there else PATIENCE))
+        self._timer.reset()
+        if is_there:
+            self._client.call_async(self._request).add_done_callback(self._receive)
+        else:
+            self.get_logger().info(f"waits for the service {self._client.srv_name}")
+
+    def _receive(self, answer: Any) -> None:
+        octomap = answer.result().map
+        try:
+            self._convert(octomap)
+        except GridMapError as error:
+            self.get_logger().warning(f"cannot use the octomap: {error}")
+        else:
+            self._octomap_publisher.publish(octomap)
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(OctomapToGridmapDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,83 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `opencv_demo`: a layer becomes an image, OpenCV blurs it, and it becomes a layer again.
+
+Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the same
+blurred by a Gaussian kernel that shrinks and grows.
+"""
+
+import math
+import sys
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.image import Image, add_layer_from_image, to_image
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_serialized_message
+from grid_map_ros_py.parameters import read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .star import HEIGHT, star_map
+
+LARGEST_WIDTH = 200
+"""From the middle of the first pixel of the kernel to that of the last."""
+
+ALPHA_THRESHOLD = 0.3
+"""Cells that are less opaque than this after the blur have no value."""
+
+
+def kernel_size(seconds: float) -> int:
+    """Return the side of the kernel [pixels] at a time: odd, from 1 to 201 and back in pi s."""
+    width = LARGEST_WIDTH - int(LARGEST_WIDTH * abs(math.sin(seconds)))
+    return 2 * (width // 2) + 1
+
+
+def blur(grid_map: GridMap, image: Image, size: int) -> None:
+    """Blur an image with a kernel of `size` x `size` pixels, into the layer `elevation`."""
+    blurred = cv2.GaussianBlur(image, (size, size), 0.0)
+    add_layer_from_image(
+        grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=ALPHA_THRESHOLD
+    )
+
+
+class OpencvDemoNode(Node):
+    """Blurs the star, more and less."""
+
+    def __init__(self) -> None:
+        super().__init__("opencv_demo")
+        transparent = read_parameter(
+            self,
+            "use_transparency",
+            bool,
+            False,
+            description="the star has no ground around it: cells without a value are transparent "
+            "pixels, and blurred with them",
+        )
+        rate = read_positive(self, "publish_rate", 25.0, description="maps per second [Hz]")
+        self._map = star_map("original", 0.01, has_ground=not transparent)
+        # 16 bits keep 65536 heights apart; the fourth channel is alpha.
+        channels = 4 if transparent else 1
+        self._image = to_image(self._map, "original", np.uint16, channels, 0.0, HEIGHT)
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        rows, columns = self._map.size
+        self.get_logger().info(f"blurs {rows} x {columns} cells on {self._publisher.topic_name}")
+        self.create_timer(1.0 / rate, self._publish)
+
+    def _publish(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        blur(self._map, self._image, kernel_size(1e-9 * now))
+        self._map.timestamp = now
+        self._publisher.publish(to_serialized_message(self._map))
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(OpencvDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,80 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `resolution_change_demo`: the same map with cells of 1 cm to 9 cm and back.
+
+The layers are scaled like images, by OpenCV. Publishes `grid_map` with the layer `elevation`, a
+star.
+"""
+
+import math
+import sys
+
+import cv2
+from rclpy.node import Node
+
+from grid_map_core_py.config import check
+from grid_map_core_py.image import change_resolution
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_serialized_message
+from grid_map_ros_py.parameters import read_parameter, read_positive
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+
+from .star import star_map
+
+INTERPOLATIONS = {
+    "nearest": cv2.INTER_NEAREST,
+    "linear": cv2.INTER_LINEAR,
+    "cubic": cv2.INTER_CUBIC,
+    "area": cv2.INTER_AREA,
+    "lanczos": cv2.INTER_LANCZOS4,
+}
+
+
+def resolution_at(seconds: float) -> float:
+    """Return the side of a cell [m] at a time: from 0.01 to 0.09 and back in 2 pi s."""
+    return 0.05 + 0.04 * math.sin(seconds)
+
+
+class ResolutionChangeDemoNode(Node):
+    """Publishes the star at a resolution of the moment."""
+
+    def __init__(self) -> None:
+        super().__init__("resolution_change_demo")
+        transparent = read_parameter(
+            self,
+            "use_transparency",
+            bool,
+            False,
+            description="the star has no ground around it, only cells without a value",
+        )
+        name = read_parameter(
+            self,
+            "interpolation",
+            str,
+            "cubic",
+            description="how values between cells are found: " + ", ".join(INTERPOLATIONS),
+        )
+        check(name in INTERPOLATIONS, "interpolation", f"one of {[*INTERPOLATIONS]}", name)
+        rate = read_positive(self, "publish_rate", 10.0, description="maps per second [Hz]")
+        self._interpolation = INTERPOLATIONS[name]
+        self._map = star_map("elevation", 0.03, has_ground=not transparent)
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        rows, columns = self._map.size
+        self.get_logger().info(f"scales {rows} x {columns} cells on {self._publisher.topic_name}")
+        self.create_timer(1.0 / rate, self._publish)
+
+    def _publish(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        scaled = change_resolution(self._map, resolution_at(1e-9 * now), self._interpolation)
+        scaled.timestamp = now
+        self._publisher.publish(to_serialized_message(scaled))
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(ResolutionChangeDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

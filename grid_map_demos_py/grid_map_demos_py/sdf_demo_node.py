@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_sdf_demo`: the signed distance field of a map, as point clouds.
+
+Listens to maps. From each it makes a field that reaches a little below the lowest and above the
+highest cell, and publishes its nodes with their distance to the surface as `intensity` [m]: all
+of them below the point cloud topic on `full_sdf`, those in the air on `free_space` and those in the
+ground on `occupied_space`. Cells without a height count as low as the lowest one.
+"""
+
+import array
+import sys
+
+import numpy as np
+import numpy.typing as npt
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2, PointField
+
+from grid_map_core_py import GridMap, SignedDistanceField
+from grid_map_core_py.errors import GridMapError
+from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py.multi_array import set_array
+from grid_map_ros_py.parameters import check_topic, read_parameter
+from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.spin import run
+from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.time import to_header
+
+FIELDS = ("x", "y", "z", "intensity")
+MARGIN = 0.1
+"""How far the field reaches beyond the heights [m]."""
+
+MOST_LEVELS = 10_000
+MOST_NODES = 20_000_000
+"""Larger fields take minutes, in which the node hears nothing, and gigabytes."""
+
+Points = npt.NDArray[np.float32]
+
+
+def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
+    """Return the field of a layer of heights.
+
+    Raises:
+        GridMapError: there is no such layer, not a single height in it, or a height so far from the
+            others that the field would be too large.
+    """
+    heights = grid_map[layer]
+    known = np.isfinite(heights)
+    if not known.any():
+        raise GridMapError(f"layer {layer!r}: expected heights, found no finite value")
+    lowest, highest = float(heights[known].min()), float(heights[known].max())
+    levels = (highest - lowest + 2.0 * MARGIN) / grid_map.resolution
+    if levels > MOST_LEVELS or levels * heights.size > MOST_NODES:
+        raise GridMapError(
+            f"layer {layer!r}: expected a field of at most {MOST_LEVELS} levels and {MOST_NODES} "
+            f"nodes, found {levels:.0f} levels of {heights.size} nodes"
+        )
+    filled = grid_map.with_layers({layer: np.where(known, heights, np.float32(lowest))})
+    return SignedDistanceField(filled, layer, lowest - MARGIN, highest + MARGIN)
+
+
+def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
+    """Return (N, 4) `FIELDS` as a message with the frame and the time of a map."""
+    fields = [
+        PointField(name=name, offset=4 * number, datatype=PointField.FLOAT32, count=1)
+        for number, name in enumerate(FIELDS)
+    ]
+    message = PointCloud2(
+        header=to_header(grid_map),
+        height=1,
+        width=len(points),
+        fields=fields,
+        point_step=4 * len(FIELDS),
+        row_step=points.nbytes,
+        is_dense=True,
+    )
+    set_array(message, array.array("B", points.astype("<f4", copy=False).tobytes()))
+    return message
+
+
+class SdfDemoNode(Node):
+    """Turns every map into three point clouds."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_sdf_demo")
+        self._throttle = LogThrottle()
+        self._layer = read_parameter(
+            self, "elevation_layer", str, "elevation", description="layer with the heights"
+        )
+        clouds = read_parameter(
+            self,
+            "pointcloud_topic",
+            str,
+            "/grid_map_sdf_demo/signed_distance_field",
+            description="the point clouds go below it, to full_sdf, free_space and occupied_space",
+        )
+        maps = read_parameter(
+            self, "grid_map_topic", str, "/grid_map", description="maps come from here"
+        )
+        self._full, self._free, self._occupied = (
+            self.create_publisher(
+                PointCloud2, check_topic(self, "pointcloud_topic", f"{clouds}/{name}"), map_qos()
+            )
+            for name in ("full_sdf", "free_space", "occupied_space")
+        )
+        self._subscription = MapSubscription(
+            self, check_topic(self, "grid_map_topic", maps), self._receive
+        )
+        self.get_logger().info(f"makes fields of {self._layer!r} of the maps on {maps}")
+
+    def _receive(self, received: ReceivedMap) -> None:
+        try:
+            grid_map = received.decode([self._layer])
+            points = distance_field(grid_map, self._layer).to_points()
+        except GridMapError as error:
+            text = f"dropped a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().error(text)
+            return
+        is_free = points[:, 3] > 0.0
+        self._full.publish(to_point_cloud(points, grid_map))
+        self._free.publish(to_point_cloud(points[is_free], grid_map))
+        self._occupied.publish(to_point_cloud(points[~is_free], grid_map))
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(SdfDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

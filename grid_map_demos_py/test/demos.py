@@ -1,0 +1,42 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of all demos do."""
+
+import os
+import time
+from pathlib import Path
+
+from grid_map_ros_py.testing import Process, start_node, wait_until
+
+
+def lives(process: Process, seconds: float = 3.0) -> None:
+    """Wait until a process is that old; fail if it ends before.
+
+    What has been waited for otherwise since its start counts.
+    """
+
+    def is_old_enough() -> bool:
+        assert process.is_running, process.text
+        return age(process) >= seconds
+
+    wait_until(is_old_enough, f"{seconds:g} s of life")
+
+
+def age(process: Process) -> float:
+    """Return the seconds since the start of a running process (proc_pid_stat(5), field 22)."""
+    fields_after_name = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    started = int(fields_after_name[22 - 3]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
+
+
+def parameters(*pairs: str) -> list[str]:
+    """Return the arguments of a node that is given parameters, each as `name:=value`."""
+    return ["--ros-args", *(word for pair in pairs for word in ("-p", pair))]
+
+
+def assert_refused(module: str, parameter: str, message: str) -> None:
+    """Check that a parameter ends a demo with exit code 1 and one line that holds the message."""
+    demo = start_node(f"grid_map_demos_py.{module}", *parameters(parameter))
+    assert demo.wait() == 1, demo.text
+    (line,) = demo.lines
+    assert message in line

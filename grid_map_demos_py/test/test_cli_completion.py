@@ -1,0 +1,75 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Completion in real shells, and what it completes."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from command_line import PROGRAM, a_map
+
+from grid_map_core_py.storage import save_npz
+from grid_map_ros_py import BagWriter
+
+pytest.importorskip("argcomplete")
+REGISTER = shutil.which("register-python-argcomplete")
+if REGISTER is None:
+    pytest.skip("there is no register-python-argcomplete", allow_module_level=True)
+
+ASK = """
+eval "$(register-python-argcomplete grid-map)"
+COMP_LINE=$1 COMP_POINT=${#1} COMP_TYPE=9
+read -ra COMP_WORDS <<<"$1"
+COMP_CWORD=$((${#COMP_WORDS[@]} - 1))
+_python_argcomplete grid-map
+printf '%s\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("completion")
+    save_npz(a_map(), path / "site.npz")
+    with BagWriter(path / "survey") as bag:
+        bag.write("/one", a_map())
+        bag.write("/other", a_map(1, "height"))
+    return path
+
+
+def shell(folder: Path, *command: str) -> str:
+    environ = {**os.environ, "PATH": f"{PROGRAM.parent}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        command, cwd=folder, env=environ, capture_output=True, text=True, timeout=60, check=False
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("grid-map in", {"info", "inspect"}),
+        ("grid-map info s", {"site.npz", "survey/"}),
+        ("grid-map inspect site.npz --layer ", {"elevation", "variance", "color"}),
+        ("grid-map plot survey map.png --topic /other --layer he", {"height"}),
+        ("grid-map inspect survey --topic ", {"/one", "/other"}),
+        ("grid-map convert site.npz --to ", {"bag", "npz", "images", "geotiff"}),
+        ("grid-map plot site.npz --color-map vir", {"viridis"}),
+        ("grid-map inspect broken.npz --layer ", set()),
+    ],
+)
+def test_bash_completes(line, expected, folder):
+    assert {
+        one.strip() for one in shell(folder, "bash", "-c", ASK, "bash", line).split()
+    } == expected
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="there is no zsh")
+def test_zsh_knows_how_to_complete(folder):
+    script = """
+    autoload -U compinit && compinit -u -D
+    eval "$(register-python-argcomplete grid-map)"
+    print $_comps[grid-map]
+    """
+    assert shell(folder, "zsh", "-f", "-c", script).strip() == "_python_argcomplete"

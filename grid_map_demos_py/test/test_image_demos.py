@@ -1,0 +1,210 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the demos of images do, without ROS running."""
+
+import math
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pngs import write_png
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.image import to_image
+from grid_map_demos_py.grid_map_to_image_demo_node import Picture, encode
+from grid_map_demos_py.image_publisher_node import read_image, to_message
+from grid_map_demos_py.opencv_demo_node import blur, kernel_size
+from grid_map_demos_py.resolution_change_demo_node import resolution_at
+from grid_map_demos_py.star import VERTICES, star_map
+from grid_map_ros_py.image import to_pixels
+from grid_map_ros_py.testing import Process
+
+PACKAGE = Path(__file__).parents[1]
+
+PIXELS = {
+    "mono8": [[[1], [2], [3]], [[253], [254], [255]]],
+    "mono16": [[[1], [2], [3]], [[65533], [65534], [65535]]],
+    "bgr8": [[[255, 0, 0], [0, 254, 0], [0, 0, 253]]],
+    "bgr16": [[[65535, 0, 0], [0, 65534, 0], [0, 0, 65533]]],
+    "bgra8": [[[255, 10, 20, 0], [30, 254, 40, 128], [50, 60, 253, 255]]],
+    "bgra16": [[[65535, 10, 20, 0], [30, 65534, 40, 300], [50, 60, 65533, 65535]]],
+}
+"""By the encoding that messages should have; colours as red, green, blue."""
+
+
+# --- from files to messages -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", PIXELS)
+def test_a_message_holds_the_pixels_of_the_file(encoding, tmp_path):
+    file = tmp_path / "image.png"
+    rgb = np.array(PIXELS[encoding], np.uint16 if encoding.endswith("16") else np.uint8)
+    write_png(file, rgb)
+    message = to_message(read_image(file))
+    assert (message.encoding, message.height, message.width) == (encoding, *rgb.shape[:2])
+    pixels, order = to_pixels(message)
+    assert order == "bgr"
+    swapped = rgb if rgb.shape[2] == 1 else rgb[..., [2, 1, 0, 3][: rgb.shape[2]]]
+    np.testing.assert_array_equal(pixels, swapped)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_floats_stay_floats(channels, tmp_path):
+    values = np.linspace(-1e3, 1e3, 6 * channels, dtype=np.float32).reshape(2, 3, channels)
+    # Without compression, as older versions of OpenCV compress colours with loss.
+    uncompressed = [cv2.IMWRITE_TIFF_COMPRESSION, 1]
+    assert cv2.imwrite(str(tmp_path / "image.tiff"), values, uncompressed)
+    message = to_message(read_image(tmp_path / "image.tiff"))
+    assert message.encoding == f"32FC{channels}"
+    np.testing.assert_array_equal(to_pixels(message)[0], values)
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [(None, "No such file"), (b"", "a format that OpenCV knows"), (b"text", "that OpenCV knows")],
+)
+def test_a_file_that_is_no_image_is_named(content, found, tmp_path):
+    file = tmp_path / "image.png"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(ConfigError, match=rf"image '{file}': .*{found}"):
+        read_image(file)
+
+
+# --- from maps to files ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bits", "transparent", "ending", "fits"),
+    [
+        (8, False, "png", True),
+        (8, False, "jpg", True),
+        (8, False, "PNG", True),
+        (16, False, "png", True),
+        (16, True, "png", True),
+        (16, False, "tiff", True),
+        (16, False, "jpg", False),
+        (8, True, "jpg", False),
+        (8, False, "nonsense", False),
+        (8, False, "", False),
+    ],
+)
+@pytest.mark.parametrize("is_color", [False, True])
+def test_formats_that_would_lose_something_do_not_fit(bits, transparent, ending, fits, is_color):
+    picture = Picture(layer="a", bits=bits, is_transparent=transparent, is_color=is_color)
+    assert picture.fits(Path("folder") / f"image.{ending}".strip(".")) == fits
+
+
+def test_bounds_that_make_no_sense_are_found_before_there_is_a_map():
+    with pytest.raises(GridMapError, match="lower, upper"):
+        Picture(layer="a", lower=1.0, upper=1.0).fits(Path("image.png"))
+
+
+@pytest.mark.parametrize("start", [(0, 0), (2, 1)])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_an_image_shows_every_cell_where_it_is(bits, start):
+    largest = 2**bits - 1
+    grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation"])
+    grid_map.start_index = start
+    # One cell after the other: brighter to the front, a little darker to the right.
+    for x in (-0.15, -0.05, 0.05, 0.15):
+        for y in (-0.1, 0.0, 0.1):
+            grid_map["elevation"][grid_map.get_index((x, y))] = x + y / 10
+    picture = Picture(layer="elevation", bits=bits, lower=-0.2, upper=0.2)
+    image = decode(encode(picture.draw(grid_map), Path("image.png")))
+    shares = [[(0.2 + 0.15 - k * 0.1 + 0.01 - j * 0.01) / 0.4 for j in range(3)] for k in range(4)]
+    assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
+    np.testing.assert_allclose(image, np.multiply(shares, largest), atol=1.01)
+
+
+def decode(data: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+# --- the star -------------------------------------------------------------------------------------
+
+
+def test_the_star_covers_its_polygon_and_nothing_else():
+    grid_map = star_map("elevation", 0.01)
+    x, y = np.transpose(VERTICES)
+    area = abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+    is_star = grid_map["elevation"] > 0.0
+    assert {*np.unique(grid_map["elevation"])} == {np.float32(0.0), np.float32(0.3)}
+    assert is_star.sum() * 0.01**2 == pytest.approx(area, rel=0.01)
+    for position, expected in [
+        ((0.45, 0), 1),
+        ((-0.45, 0), 0),
+        ((-0.45, 0.37), 1),
+        ((0.1, 0.3), 1),
+    ]:
+        assert is_star[grid_map.get_index(position)] == expected, position
+    without_ground = star_map("elevation", 0.01, has_ground=False)
+    np.testing.assert_array_equal(np.isfinite(without_ground["elevation"]), is_star)
+
+
+def test_the_kernel_is_odd_and_goes_from_1_to_201_and_back():
+    sizes = [kernel_size(seconds) for seconds in np.linspace(0.0, math.pi, 101)]
+    assert all(size % 2 == 1 for size in sizes)
+    assert (sizes[0], sizes[50]) == (201, 1)
+    assert sizes[-1] in (199, 201)
+    assert sizes[:51] == sorted(sizes[:51], reverse=True)
+    assert sizes[50:] == sorted(sizes[50:])
+
+
+def gaussian(image: np.ndarray, size: int) -> np.ndarray:
+    """Blur (rows, cols) along both axes, mirrored at the border, with OpenCV's rule for sigma."""
+    sigma = 0.3 * ((size - 1) * 0.5 - 1) + 0.8
+    offsets = np.arange(size) - size // 2
+    kernel = np.exp(-(offsets**2) / (2 * sigma**2))
+    kernel /= kernel.sum()
+    for _ in range(2):
+        padded = np.pad(image, ((size // 2, size // 2), (0, 0)), "reflect")
+        image = sum(w * padded[k : k + len(image)] for k, w in enumerate(kernel)).T
+    return image
+
+
+@pytest.mark.parametrize("size", [1, 21, 51, 201])
+def test_the_blur_is_a_gaussian_one(size):
+    grid_map = star_map("original", 0.01)
+    blur(grid_map, to_image(grid_map, "original", np.uint16, 1, 0.0, 0.3), size)
+    expected = gaussian(grid_map["original"].astype(np.float64), size)
+    np.testing.assert_allclose(grid_map["elevation"], expected, atol=2e-4)
+
+
+def test_transparent_pixels_are_blurred_with_the_others():
+    grid_map = star_map("original", 0.01, has_ground=False)
+    blur(grid_map, to_image(grid_map, "original", np.uint16, 4, 0.0, 0.3), 21)
+    opacity = gaussian(np.isfinite(grid_map["original"]).astype(np.float64), 21)
+    clear = np.abs(opacity - 0.3) > 1e-3
+    assert clear.mean() > 0.99
+    np.testing.assert_array_equal(np.isnan(grid_map["elevation"])[clear], (opacity < 0.3)[clear])
+    there = np.isfinite(grid_map["elevation"])
+    np.testing.assert_allclose(grid_map["elevation"][there], 0.3 * opacity[there], atol=2e-4)
+
+
+def test_cells_grow_and_shrink_between_1_cm_and_9_cm():
+    seconds = np.linspace(0.0, 2 * math.pi, 1001)
+    sides = [resolution_at(second) for second in seconds]
+    assert min(sides) == pytest.approx(0.01)
+    assert max(sides) == pytest.approx(0.09)
+
+
+# --- data -----------------------------------------------------------------------------------------
+
+
+def test_the_data_are_what_their_script_makes(tmp_path):
+    made = tmp_path / "data"
+    done = Process([sys.executable, str(PACKAGE / "scripts" / "make_data.py"), str(made)])
+    assert done.wait() == 0, done.text
+    assert {path.name for path in made.iterdir()} == {"terrain.png", "terrain_16bit.png", "room.bt"}
+    for path in made.iterdir():
+        stored = PACKAGE / "data" / path.name
+        if path.suffix == ".bt":
+            assert path.read_bytes() == stored.read_bytes()
+        else:
+            # Versions of OpenCV may round in different ways.
+            new, old = (read_image(file).astype(int) for file in (path, stored))
+            np.testing.assert_allclose(new, old, atol=np.iinfo(read_image(path).dtype).max // 128)

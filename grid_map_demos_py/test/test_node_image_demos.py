@@ -1,0 +1,330 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The demos of images as users start them: real processes over DDS."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+from pngs import write_png
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import GridMap, color_value_to_vector
+from grid_map_core_py.image import to_image
+from grid_map_demos_py.opencv_demo_node import blur, kernel_size
+from grid_map_demos_py.resolution_change_demo_node import resolution_at
+from grid_map_demos_py.star import star_map
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py.image import to_pixels
+from grid_map_ros_py.testing import peer, running_node, start_node
+from grid_map_ros_py.time import from_stamp
+
+PACKAGE = "grid_map_demos_py"
+DATA = Path(__file__).parents[1] / "data"
+
+
+def module(demo: str) -> str:
+    return f"{PACKAGE}.{demo}_node"
+
+
+# --- image_publisher ------------------------------------------------------------------------------
+
+
+def test_the_terrain_is_published_as_an_image_and_as_a_map_of_its_heights_and_colours():
+    terrain = cv2.imread(str(DATA / "terrain.png"), cv2.IMREAD_UNCHANGED)
+    with peer() as other:
+        other.listen("/image", Image)
+        other.listen("/grid_map", GridMapMessage)
+        with (
+            running_node(module("image_publisher"), *parameters("publish_rate:=2.0")) as publisher,
+            running_node(module("image_to_gridmap_demo")) as demo,
+        ):
+            message = other.expect("/image", 2)
+            grid_map = from_message(other.expect("/grid_map"))
+            lives(publisher)
+            lives(demo)
+        stamps = [from_stamp(image.header.stamp) for image in other.received["/image"]]
+    assert (message.encoding, message.header.frame_id) == ("bgra8", "map")
+    np.testing.assert_array_equal(to_pixels(message)[0], terrain)
+    assert np.diff(stamps).min() > 0.0
+    assert grid_map.size == (101, 86)
+    assert (grid_map.resolution, grid_map.frame_id) == (0.03, "map")
+    assert grid_map.layers == ("elevation", "color")
+    assert grid_map.basic_layers == ("elevation",)
+    assert grid_map.timestamp in stamps
+    is_opaque = terrain[..., 3] == 255
+    assert 0 < is_opaque.sum() < is_opaque.size
+    rgb = color_value_to_vector(grid_map["color"])
+    np.testing.assert_allclose(rgb[is_opaque], terrain[is_opaque][:, 2::-1] / 255, atol=1e-6)
+    luma = terrain[..., :3] @ [0.114, 0.587, 0.299] / 255
+    np.testing.assert_allclose(grid_map["elevation"][is_opaque], luma[is_opaque], atol=0.003)
+    assert np.isnan(grid_map["elevation"][~is_opaque]).all()
+    assert np.isnan(grid_map["color"][~is_opaque]).all()
+
+
+def test_an_image_is_published_as_it_is_in_the_file_at_the_moment(tmp_path):
+    file = tmp_path / "image.png"
+    write_png(file, np.array([[[1], [65535]]], np.uint16))
+    given = parameters(f"image_path:={file}", "topic:=/scan", "frame_id:=odom", "publish_rate:=20")
+    with peer() as other:
+        other.listen("/scan", Image)
+        with running_node(module("image_publisher"), *given) as publisher:
+            first = other.expect("/scan")
+            file.write_bytes(b"")
+            other.wait_until(lambda: "expected a format that OpenCV knows" in publisher.text, "log")
+            write_png(file, np.array([[[255, 0, 1]]], np.uint8))
+            other.wait_until(lambda: other.received["/scan"][-1].encoding == "bgr8", "a new image")
+            last = other.received["/scan"][-1]
+    assert (first.encoding, first.header.frame_id) == ("mono16", "odom")
+    assert to_pixels(first)[0].ravel().tolist() == [1, 65535]
+    assert (last.height, last.width, last.step) == (1, 1, 3)
+    assert list(last.data) == [1, 0, 255]
+
+
+# --- image_to_gridmap_demo ------------------------------------------------------------------------
+
+
+def image_message(encoding: str, pixels: np.ndarray, **fields: object) -> Image:
+    data = np.ascontiguousarray(pixels).tobytes()
+    rows, columns = pixels.shape[:2]
+    message = Image(encoding=encoding, height=rows, width=columns, step=len(data) // rows)
+    message.data = data
+    message.header.frame_id = "camera"
+    for name, value in fields.items():
+        setattr(message.header.stamp, name, value)
+    return message
+
+
+def test_the_first_image_sets_the_size_and_others_of_that_size_follow():
+    grey = np.array([[0, 65535, 13107], [52428, 26214, 39321]], "<u2")
+    green_and_glass = np.array([[[0, 255, 0, 255]] * 3, [[10, 20, 30, 100]] * 3], np.uint8)
+    given = parameters("min_height:=1", "max_height:=-1.0", "resolution:=0.5", "map_frame_id:=odom")
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(module("image_to_gridmap_demo"), *given) as demo:
+            other.publish("/image", image_message("mono16", grey, sec=7))
+            first = from_message(other.expect("/grid_map", 1))
+            for wrong in (grey[:1], grey[:, :2]):
+                other.publish("/image", image_message("mono16", wrong))
+                found = f"({wrong.shape[0]}, {wrong.shape[1]})"
+                other.wait_until(lambda text=found: text in demo.text, "a warning")
+            other.publish("/image", image_message("rgba8", green_and_glass, nanosec=9))
+            second = from_message(other.expect("/grid_map", 2))
+    assert "cannot use the image: height, width: expected (2, 3)" in demo.text
+    assert (first.frame_id, first.resolution, first.timestamp) == ("odom", 0.5, 7_000_000_000)
+    assert second.timestamp == 9
+    np.testing.assert_allclose(first["elevation"], [[1.0, -1.0, 0.6], [-0.6, 0.2, -0.2]], atol=1e-4)
+    np.testing.assert_allclose(
+        color_value_to_vector(first["color"])[0, 1:], [[1.0] * 3, [51 / 255] * 3], atol=1e-6
+    )
+    np.testing.assert_allclose(second["elevation"][0], 1.0 - 2.0 * 0.587, atol=0.005)
+    np.testing.assert_array_equal(color_value_to_vector(second["color"])[0], [[0.0, 1.0, 0.0]] * 3)
+    assert np.isnan(second["elevation"][1]).all()
+    assert np.isnan(second["color"][1]).all()
+
+
+def test_images_of_a_volatile_publisher_become_maps_in_the_frame_of_the_image():
+    given = parameters("image_topic:=/camera/image", "map_frame_id:=''")
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        publisher = other.node.create_publisher(Image, "/camera/image", 10)
+        message = image_message("mono8", np.array([[255]], np.uint8))
+        with running_node(module("image_to_gridmap_demo"), *given):
+
+            def publish_until_a_map_comes() -> bool:
+                publisher.publish(message)
+                return bool(other.received["/grid_map"])
+
+            other.wait_until(publish_until_a_map_comes, "a map")
+    grid_map = from_message(other.received["/grid_map"][0])
+    assert grid_map.frame_id == "camera"
+    assert grid_map["elevation"].tolist() == [[1.0]]
+
+
+# --- grid_map_to_image_demo -----------------------------------------------------------------------
+
+
+SAVED = {
+    "whole_range.png": [],
+    "height.tiff": ["layer:=height", "bits:=16", "use_transparency:=true", "lower:=-1", "upper:=1"],
+    "color.png": ["layer:=color", "use_transparency:=true"],
+}
+"""Parameters by the name of the file."""
+
+
+@pytest.fixture(scope="module")
+def moved_map() -> GridMap:
+    """A map whose buffer begins elsewhere, with a value for every cell but one."""
+    grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation", "height"], frame_id="map")
+    grid_map.move((0.2, -0.1))
+    assert grid_map.start_index != (0, 0)
+    x, y = grid_map.get_positions().T
+    for layer, values in {"elevation": x + y / 4, "height": y}.items():
+        grid_map[layer] = values.reshape(grid_map.size, order="F")
+        grid_map[layer][grid_map.get_index((0.05, -0.2))] = np.nan
+    grid_map["color"] = np.nan
+    grid_map["color"][grid_map.get_index((0.35, 0.0))] = np.uint32(0xFF8001).view(np.float32)
+    return grid_map
+
+
+@pytest.fixture(scope="module")
+def saved(moved_map, tmp_path_factory) -> dict[str, np.ndarray]:
+    """Return what OpenCV reads of the files that demos, one each, have made of the map."""
+    folder = tmp_path_factory.mktemp("saved")
+    (folder / "color.png").write_text("old")
+    name = module("grid_map_to_image_demo")
+    with peer() as other:
+        demos = [
+            start_node(name, *parameters(f"file:={folder / file}", *pairs))
+            for file, pairs in SAVED.items()
+        ]
+        other.publish("/grid_map", to_message(moved_map))
+        for demo in demos:
+            assert demo.wait() == 0, demo.text
+            assert "Traceback" not in demo.text
+    assert {path.name for path in folder.iterdir()} == {*SAVED}
+    return {file: cv2.imread(str(folder / file), cv2.IMREAD_UNCHANGED) for file in SAVED}
+
+
+def seen_from_above(grid_map: GridMap, layer: str) -> np.ndarray:
+    """Return the values at the positions of the pixels, rows from the largest x on."""
+    xs, ys = (0.35, 0.25, 0.15, 0.05), (0.0, -0.1, -0.2)
+    return np.array([[grid_map[layer][grid_map.get_index((x, y))] for y in ys] for x in xs])
+
+
+def test_a_layer_is_saved_with_its_whole_range(moved_map, saved):
+    image = saved["whole_range.png"]
+    values = seen_from_above(moved_map, "elevation")
+    low, high = np.nanmin(values), np.nanmax(values)
+    expected = np.nan_to_num((values - low) / (high - low) * 255)
+    assert (image.dtype, image.shape) == (np.uint8, (4, 3))
+    np.testing.assert_allclose(image, expected, atol=1.0)
+    assert (image[0, 0], image[3, 2]) == (255, 0)
+
+
+def test_a_layer_is_saved_with_16_bits_bounds_and_transparency(moved_map, saved):
+    image = saved["height.tiff"]
+    values = seen_from_above(moved_map, "height")
+    assert (image.dtype, image.shape) == (np.uint16, (4, 3, 4))
+    expected = np.nan_to_num((values + 1) / 2 * 65535)
+    for channel in range(3):
+        np.testing.assert_allclose(image[..., channel], expected, atol=1.0)
+    np.testing.assert_array_equal(image[..., 3], np.where(np.isnan(values), 0, 65535))
+
+
+def test_colours_are_saved_as_colours(saved):
+    blue, green, red, alpha = np.moveaxis(saved["color.png"], -1, 0)
+    assert (red[0, 0], green[0, 0], blue[0, 0], alpha[0, 0]) == (0xFF, 0x80, 0x01, 255)
+    assert np.count_nonzero(alpha) == 1
+
+
+def test_the_demo_waits_for_a_map_that_makes_sense_and_ends_at_one_without_the_layer(tmp_path):
+    file = tmp_path / "map.png"
+    broken = to_message(GridMap((1.0, 1.0), 0.5, layers={"elevation": 1.0}))
+    broken.info.resolution = 0.0
+    with peer() as other:
+        demo = start_node(module("grid_map_to_image_demo"), *parameters(f"file:={file}"))
+        try:
+            other.publish("/grid_map", broken)
+            other.wait_until(lambda: "did not save a map" in demo.text, "a warning")
+            lives(demo)
+            other.publish("/grid_map", to_message(GridMap((1.0, 1.0), 0.5, layers=["slope"])))
+            assert demo.wait() == 1
+        finally:
+            demo.kill()
+    assert "no layer 'elevation'; available: slope" in demo.lines[-1]
+    assert "Traceback" not in demo.text
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_demo_that_waits_for_a_map_can_be_interrupted(tmp_path):
+    given = parameters(f"file:={tmp_path}/map.png")
+    with peer() as other, running_node(module("grid_map_to_image_demo"), *given) as demo:
+        other.wait_until(lambda: f"to {tmp_path}/map.png" in demo.text, "its greeting")
+    assert not list(tmp_path.iterdir())
+
+
+# --- opencv_demo, resolution_change_demo ----------------------------------------------------------
+
+
+def test_the_star_is_blurred_by_the_kernel_of_the_moment():
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(module("opencv_demo")) as demo:
+            other.expect("/grid_map", 25)
+            lives(demo)
+        maps = [from_message(message) for message in other.received["/grid_map"]]
+    expected = star_map("original", 0.01)
+    image = to_image(expected, "original", np.uint16, 1, 0.0, 0.3)
+    for grid_map in maps:
+        blur(expected, image, kernel_size(1e-9 * grid_map.timestamp))
+        assert grid_map.layers == ("original", "elevation")
+        assert (grid_map.size, grid_map.frame_id) == ((120, 200), "map")
+        for layer in grid_map:
+            np.testing.assert_array_equal(grid_map[layer], expected[layer])
+    assert len({kernel_size(1e-9 * grid_map.timestamp) for grid_map in maps}) > 5
+    assert maps[-1].timestamp - maps[0].timestamp > 0.9 * (len(maps) - 1) / 25 * 1e9
+
+
+def test_the_star_has_no_ground_with_transparency():
+    given = parameters("use_transparency:=true", "publish_rate:=50")
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(module("opencv_demo"), *given):
+            grid_map = from_message(other.expect("/grid_map"))
+    is_star = np.isfinite(grid_map["original"])
+    assert np.unique(grid_map["original"][is_star]).tolist() == [np.float32(0.3)]
+    assert 0.1 < is_star.mean() < 0.3
+    heights = grid_map["elevation"][np.isfinite(grid_map["elevation"])]
+    assert heights.min() > 0.08
+    assert heights.max() <= np.float32(0.3)
+
+
+def test_cells_have_the_size_of_the_moment():
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(module("resolution_change_demo")) as demo:
+            other.expect("/grid_map", 5)
+            lives(demo)
+        maps = [from_message(message) for message in other.received["/grid_map"]]
+    for grid_map in maps:
+        side = resolution_at(1e-9 * grid_map.timestamp)
+        assert grid_map.resolution == pytest.approx(side)
+        assert grid_map.size == (round(40 * 0.03 / side), round(67 * 0.03 / side))
+        np.testing.assert_allclose(grid_map.position, 0.0)
+        assert grid_map.at_position("elevation", (0.0, 0.0)) == pytest.approx(0.3, abs=0.02)
+        assert grid_map.at_position("elevation", (-0.5, 0.9)) == pytest.approx(0.0, abs=0.02)
+    assert len({grid_map.resolution for grid_map in maps}) > 2
+
+
+def test_nearest_cells_know_only_star_and_nothing():
+    given = parameters("use_transparency:=true", "interpolation:=nearest", "publish_rate:=50")
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(module("resolution_change_demo"), *given):
+            grid_map = from_message(other.expect("/grid_map"))
+    is_star = np.isfinite(grid_map["elevation"])
+    assert 0.05 < is_star.mean() < 0.4
+    assert np.unique(grid_map["elevation"][is_star]).tolist() == [np.float32(0.3)]
+
+
+# --- parameters -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("demo", "parameter", "message"),
+    [
+        ("image_publisher", "image_path:=/nope.png", "image '/nope.png': No such file"),
+        ("image_to_gridmap_demo", "max_height:=0.0", "parameter 'max_height': expected a finite"),
+        ("grid_map_to_image_demo", "bits:=12", "parameter 'bits': expected 8 or 16"),
+        ("grid_map_to_image_demo", "file:=/no/such/map.png", "a file in a folder that exists"),
+        ("grid_map_to_image_demo", "file:=/tmp/map.doc", "parameter 'file': expected a format"),
+        ("opencv_demo", "publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
+        ("resolution_change_demo", "interpolation:=best", "parameter 'interpolation': expected"),
+    ],
+)
+def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message(demo, parameter, message):
+    assert_refused(f"{demo}_node", parameter, message)

@@ -1,0 +1,190 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The iterators demo: every region in turn, cell after cell."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+from geometry_msgs.msg import PolygonStamped
+
+from grid_map_core_py import Polygon
+from grid_map_demos_py.iterators_demo_node import (
+    CENTRE,
+    REGIONS,
+    STAR,
+    Step,
+    make_map,
+    show_everything,
+)
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, from_polygon
+from grid_map_ros_py.testing import peer, running_node
+
+MODULE = "iterators_demo_node"
+TITLES = [*REGIONS, "a sliding window"]
+each_region = pytest.mark.parametrize("title", REGIONS)
+
+
+@cache
+def scenes() -> dict[str, list[tuple[Step, np.ndarray]]]:
+    """Return the steps by title, each with the layer as it is then."""
+    grid_map = make_map()
+    found: dict[str, list[tuple[Step, np.ndarray]]] = {}
+    for step in show_everything(grid_map):
+        if step.title:
+            scene = found[step.title] = []
+        if found:
+            scene.append((step, grid_map["type"].copy()))
+    return found
+
+
+def shown(title: str) -> np.ndarray:
+    """Return (rows, cols) where there is a region in the end."""
+    return scenes()[title][-1][1] == 1.0
+
+
+def distances() -> np.ndarray:
+    """Return (rows, cols) the distances of all cells from the centre [m]."""
+    x, y = make_map().geometry.axes()
+    return np.hypot(x[:, None] - CENTRE[0], y - CENTRE[1])
+
+
+def test_the_regions_come_in_the_order_of_cpp():
+    names = "the whole map, a submap, a circle, an ellipse, a spiral, a line, a polygon"
+    assert [*scenes()] == [*names.split(", "), "a sliding window"]
+
+
+@each_region
+def test_a_region_grows_from_an_empty_map_by_one_cell_after_the_other(title):
+    layers = [layer for _, layer in scenes()[title]]
+    assert np.isnan(layers[0]).all()
+    counts = [np.count_nonzero(layer == 1.0) for layer in layers]
+    # After the last cell there is a pause.
+    assert counts == [*range(len(counts) - 1), counts[-2]]
+    for layer in layers:
+        assert np.isnan(layer[layer != 1.0]).all()
+
+
+def test_the_regions_are_those_of_cpp():
+    assert shown("the whole map").all()
+    submap = np.zeros((20, 20), bool)
+    submap[3:15, 5:12] = True
+    np.testing.assert_array_equal(shown("a submap"), submap)
+    np.testing.assert_array_equal(shown("a circle"), distances() <= 0.4 + 1e-9)
+    np.testing.assert_array_equal(shown("a spiral"), shown("a circle"))
+    line = np.argwhere(shown("a line"))
+    assert len(line) == 17
+    # From (18, 2) to (2, 13).
+    np.testing.assert_allclose(line[:, 1], 2 + 11 * (18 - line[:, 0]) / 16, atol=0.51)
+
+
+def test_the_ellipse_is_narrow_along_its_first_axis_that_is_turned():
+    x, y = make_map().geometry.axes()
+    x, y = x[:, None] - CENTRE[0], y - CENTRE[1]
+    first, second = (x + y) / 2**0.5, (y - x) / 2**0.5
+    inside = np.hypot(first / 0.225, second / 0.45) <= 1.0
+    np.testing.assert_array_equal(shown("an ellipse"), inside)
+
+
+def test_the_star_is_the_same_on_both_sides():
+    star = shown("a polygon")
+    assert 100 < star.sum() < 200
+    np.testing.assert_array_equal(star, star[:, ::-1])
+    assert star[9, 9]
+    assert not star[0].any()
+
+
+def test_the_spiral_ends_far_from_the_centre():
+    before = np.isnan(scenes()["a spiral"][0][1])
+    order = []
+    for _, layer in scenes()["a spiral"][1:-1]:
+        order.append(distances()[before & (layer == 1.0)][0])
+        before = np.isnan(layer)
+    assert order[0] == pytest.approx(distances().min())
+    assert order[-1] > 0.35
+
+
+def test_the_sliding_window_blurs_the_star():
+    steps = scenes()["a sliding window"]
+    np.testing.assert_array_equal(steps[0][1], shown("a polygon").astype(float))
+    assert len(steps) == 1 + 400 + 1
+    star = steps[0][1]
+    expected = [
+        [star[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2].mean() for j in range(20)]
+        for i in range(20)
+    ]
+    np.testing.assert_allclose(steps[-1][1], expected, rtol=1e-6)
+
+
+def test_polygons_are_the_star_and_the_window_around_every_cell():
+    assert [step.polygon for step, _ in scenes()["a polygon"]][:2] == [STAR, None]
+    star, *windows, _ = [step.polygon for step, _ in scenes()["a sliding window"]]
+    assert star == STAR
+    centres = make_map().get_positions()
+    np.testing.assert_allclose([window.centroid for window in windows], centres, atol=1e-9)
+    np.testing.assert_allclose([window.area for window in windows], 0.15**2)
+
+
+def test_the_iterators_demo_takes_its_time():
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(f"grid_map_demos_py.{MODULE}") as demo:
+            other.wait_until(lambda: f"shows {TITLES[0]}" in demo.text, "the first region")
+            before = len(other.received["/grid_map"])
+            first = from_message(other.expect("/grid_map", before + 1))
+            last = from_message(other.expect("/grid_map", before + 30))
+            lives(demo)
+    assert (last.layers, last.size, last.frame_id) == (("type",), (20, 20), "map")
+    # Cells come column after column.
+    filled = last["type"].ravel("F") == 1.0
+    assert 20 < filled.sum() < 400
+    assert filled[: filled.sum()].all()
+    # 50 cells per second at most.
+    new_cells = filled.sum() - np.count_nonzero(first["type"] == 1.0)
+    assert 1e-9 * (last.timestamp - first.timestamp) > 0.99 * 0.02 * (new_cells - 1)
+
+
+def test_a_fast_iterators_demo_shows_all_regions_and_leaves_the_last_map():
+    last_layer = scenes()["a sliding window"][-1][1]
+    last_window = scenes()["a sliding window"][-2][0].polygon
+    with peer() as other:
+        maps = other.received.setdefault("/grid_map", [])
+        polygons = other.received.setdefault("/polygon", [])
+        other.listen("/grid_map", GridMapMessage)
+        other.listen("/polygon", PolygonStamped)
+        with running_node(f"grid_map_demos_py.{MODULE}", *parameters("speed:=20.0")) as demo:
+            other.wait_until(lambda: TITLES[-1] in demo.text, "the last region")
+            other.wait_until(
+                lambda: maps and np.array_equal(from_message(maps[-1])["type"], last_layer),
+                "the last map",
+            )
+            other.wait_until(
+                lambda: polygons and is_same(from_polygon(polygons[-1]), last_window),
+                "the window around the last cell",
+            )
+            shown = [line.partition("shows ")[2].strip() for line in demo.lines if "shows " in line]
+    assert shown == TITLES
+    assert polygons[-1].header.frame_id == "map"
+
+
+def is_same(polygon: Polygon, expected: Polygon) -> bool:
+    return len(polygon) == len(expected) and np.allclose(polygon.vertices, expected.vertices)
+
+
+def test_an_iterators_demo_that_is_repeated_begins_again():
+    given = parameters("speed:=1e4", "repeat:=true")
+    with running_node(f"grid_map_demos_py.{MODULE}", *given) as demo, peer() as other:
+        other.wait_until(lambda: demo.text.count(TITLES[0]) == 2, "a second round")
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ("speed:=0.0", "parameter 'speed': expected a positive number"),
+        ("repeat:=often", "parameter 'repeat': expected true or false"),
+    ],
+)
+def test_a_parameter_of_the_iterators_demo_that_makes_no_sense_ends_it(parameter, message):
+    assert_refused(MODULE, parameter, message)

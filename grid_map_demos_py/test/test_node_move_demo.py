@@ -1,0 +1,86 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The move demo: data that stays in the world, and data that comes along."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+
+from grid_map_core_py import GridMap
+from grid_map_demos_py.move_demo_node import make_map, place
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.testing import peer, running_node
+
+MODULE = "move_demo_node"
+
+
+def test_the_way_is_a_spiral_that_begins_in_the_middle():
+    np.testing.assert_allclose(place(0.0), (0.0, 0.0))
+    np.testing.assert_allclose(place(np.pi), (-0.03 * np.pi, 0.0), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(place(10.0)), 0.3)
+
+
+def test_the_map_has_random_values_from_minus_one_to_one():
+    grid_map = make_map()
+    assert (grid_map.size, grid_map.layers) == ((70, 70), ("layer",))
+    assert np.percentile(grid_map["layer"], [0, 50, 100]) == pytest.approx([-1, 0, 1], abs=0.1)
+    assert not np.array_equal(make_map()["layer"], grid_map["layer"])
+
+
+def test_the_data_stays_in_the_world_and_then_comes_along():
+    given = parameters("duration:=2.0", "publish_rate:=20.0")
+    with peer() as other:
+        messages = other.received.setdefault("/grid_map", [])
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(f"grid_map_demos_py.{MODULE}", *given) as demo:
+            other.wait_until(lambda: sum(map(has_lost, messages)) > 5, "a map that has moved")
+            other.wait_until(lambda: sum(map(is_carried, messages)) > 5, "a map that was carried")
+            lives(demo)
+    carried = from_message(next(filter(is_carried, messages)))
+    assert (carried.size, carried.resolution, carried.frame_id) == ((70, 70), 0.01, "map")
+    for message in filter(is_carried, messages):
+        np.testing.assert_array_equal(from_message(message)["layer"], carried["layer"])
+    original = carried.copy()
+    original.position = (0.0, 0.0)
+    for message in filter(has_lost, messages):
+        assert message.outer_start_index or message.inner_start_index
+        assert_stayed(from_message(message), original)
+
+
+def has_lost(message: Any) -> bool:
+    """Return whether values have left the map."""
+    return bool(np.isnan(message.data[0].data).any())
+
+
+def is_carried(message: Any) -> bool:
+    """Return whether all values are there, although the map is not where it has been made."""
+    position = message.info.pose.position
+    return np.hypot(position.x, position.y) > 0.01 and not has_lost(message)
+
+
+def assert_stayed(grid_map: GridMap, original: GridMap) -> None:
+    """Check that the values are those that were there before; what has left once stays lost."""
+    values = grid_map["layer"].ravel("F")
+    known = np.isfinite(values)
+    positions = grid_map.get_positions()
+    assert not known[~original.is_inside(positions)].any()
+    assert 0.7 < known.mean() < 1.0
+    expected = original.at_position("layer", positions[known])
+    np.testing.assert_array_equal(values[known], expected)
+
+
+def test_the_two_ways_take_turns():
+    given = parameters("duration:=0.2")
+    with peer() as other, running_node(f"grid_map_demos_py.{MODULE}", *given) as demo:
+        other.wait_until(lambda: demo.text.count("place of the map") >= 4, "two turns of each")
+    ways = [line.split("`")[1] for line in demo.lines if "place of the map" in line]
+    assert ways[:4] == ["move", "position", "move", "position"]
+
+
+@pytest.mark.parametrize("name", ["duration", "publish_rate"])
+def test_a_parameter_of_the_move_demo_that_makes_no_sense_ends_it(name):
+    message = f"parameter '{name}': expected a positive number"
+    assert_refused(MODULE, f"{name}:=0.0", message)

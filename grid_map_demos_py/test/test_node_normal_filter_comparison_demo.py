@@ -1,0 +1,177 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Normals of two algorithms against the true ones."""
+
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+
+from grid_map_core_py import GridMap
+from grid_map_demos_py.normal_filter_comparison_node import (
+    FILTERS,
+    SHAPES,
+    add_errors,
+    disturb,
+    surface_map,
+    table,
+    weighted_means,
+)
+from grid_map_filters_py import FilterChain
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.testing import peer, running_node
+
+MODULE = "normal_filter_comparison_node"
+ERRORS = ("directionalErrorArea", "directionalErrorRaster")
+
+# --- surfaces, noise and errors -------------------------------------------------------------------
+
+
+def normals(grid_map: GridMap, prefix: str) -> np.ndarray:
+    return np.stack([grid_map[prefix + axis] for axis in "xyz"], axis=-1)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seconds", [0.0, 1.7e9])
+def test_the_true_normals_are_those_of_the_heights(shape, seconds):
+    grid_map = surface_map(shape, seconds)
+    assert grid_map.size == (125, 200)
+    # Rows and columns run towards -x and -y.
+    slopes = np.gradient(grid_map["elevation"].astype(float), -grid_map.resolution)
+    expected = np.dstack([-slopes[0], -slopes[1], np.ones(grid_map.size)])
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    x, y = (axis.reshape(grid_map.size, order="F") for axis in grid_map.get_positions().T)
+    regular = np.hypot(x, y) > 0.3  # The cone has a tip.
+    regular[[0, -1], :] = regular[:, [0, -1]] = False
+    difference = np.abs(normals(grid_map, "normal_analytic_") - expected)[regular]
+    assert difference.max() < 5e-3
+
+
+def test_only_the_wave_moves():
+    moving = [
+        shape
+        for shape in SHAPES
+        if (surface_map(shape, 0.0)["elevation"] != surface_map(shape, 1.0)["elevation"]).any()
+    ]
+    assert moving == ["wave"]
+
+
+def test_a_mean_weighs_the_finite_neighbours_by_their_distance():
+    random = np.random.default_rng(5)
+    layer = random.uniform(size=(9, 11))
+    layer[random.uniform(size=layer.shape) < 0.3] = np.inf
+    layer[:4, :4] = np.inf
+    means = weighted_means(layer, 0.05, 0.02)
+    for row, column in np.ndindex(layer.shape):
+        total, weights = 0.0, 0.0
+        for other_row, other_column in np.ndindex(layer.shape):
+            distance = 0.02 * np.hypot(row - other_row, column - other_column)
+            if distance < 0.05 and np.isfinite(layer[other_row, other_column]):
+                total += (0.05 - distance) ** 2 * layer[other_row, other_column]
+                weights += (0.05 - distance) ** 2
+        expected = total / weights if weights else np.nan
+        np.testing.assert_allclose(means[row, column], expected, rtol=1e-9)
+    assert np.isnan(means).any()
+
+
+def test_noise_and_outliers_are_as_large_as_they_should_be():
+    grid_map = surface_map("hill", 0.0)
+    disturb(grid_map, 0.02, 0.1, np.random.default_rng(3))
+    noise = grid_map["elevation_noisy"] - grid_map["elevation"]
+    assert np.isinf(noise).sum() == 2500
+    noise = noise[np.isfinite(noise)]
+    assert 0.0199 < noise.max() <= 0.0201
+    assert -0.0199 > noise.min() >= -0.0201
+    assert np.abs(grid_map["elevation_filtered"] - grid_map["elevation"]).max() < 0.02
+
+
+def test_nothing_is_smoothed_where_nothing_is_disturbed():
+    grid_map = surface_map("cone", 0.0)
+    disturb(grid_map, 0.0, 0.0, np.random.default_rng(3))
+    np.testing.assert_array_equal(grid_map["elevation_filtered"], grid_map["elevation"])
+
+
+def test_an_error_is_one_less_the_cosine_of_the_angle_whatever_the_side():
+    grid_map = GridMap((0.3, 0.3), 0.1)
+    vectors = {"analytic": (0, 0, 1), "area": (0.6, 0, 0.8), "raster": (0, 0, -1)}
+    for name, vector in vectors.items():
+        for axis, value in zip("xyz", vector, strict=True):
+            grid_map[f"normal_{name}_{axis}"] = value
+    add_errors(grid_map)
+    assert grid_map["directionalErrorArea"][1, 1] == pytest.approx(0.2)
+    assert grid_map["directionalErrorRaster"][1, 1] == 0.0
+    assert np.isnan(grid_map["directionalErrorArea"]).sum() == 8
+
+
+def angles(noise: float) -> dict[tuple[str, ...], float]:
+    """Return the mean angle [deg] by shape and algorithm, out of the table."""
+    title, _, *rows = table(FilterChain.from_config(FILTERS), noise, 0.0)
+    assert title == f"angle between normals and the truth, noise {noise:g} m, outliers 0.0%"
+    return {tuple(row.split()[:2]): float(row.split()[2]) for row in rows}
+
+
+def test_the_table_shows_that_both_are_right_without_noise_and_area_is_better_with_it():
+    without, with_noise = angles(0.0), angles(0.015)
+    assert [*without] == [(shape, name) for shape in SHAPES for name in ("area", "raster")]
+    assert max(without.values()) < 0.5
+    for shape in SHAPES:
+        area, raster = with_noise[shape, "area"], with_noise[shape, "raster"]
+        assert 1.0 < area < 0.9 * raster < 3.0
+
+
+# --- the node -------------------------------------------------------------------------------------
+
+
+def published(*arguments: str) -> tuple[GridMap, str]:
+    """Return the second map of the demo and what it has written."""
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(f"grid_map_demos_py.{MODULE}", *arguments) as demo:
+            first = from_message(other.expect("/grid_map"))
+            second = from_message(other.expect("/grid_map", 2))
+            other.wait_until(lambda: ERRORS[0] in demo.text, "the errors")
+            lives(demo)
+    assert 0 < first.timestamp < second.timestamp
+    return second, demo.text
+
+
+def test_the_demo_publishes_a_wave_with_its_normals_and_how_far_they_are_off():
+    grid_map, text = published()
+    assert {*grid_map.layers} == {
+        *(f"elevation{what}" for what in ("", "_noisy", "_filtered")),
+        *(f"normal_{name}_{axis}" for name in ("analytic", "area", "raster") for axis in "xyz"),
+        *ERRORS,
+    }
+    assert np.abs(grid_map["elevation_noisy"] - grid_map["elevation"]).max() < 0.0151
+    area, raster = (np.nanmean(grid_map[layer]) for layer in ERRORS)
+    assert 1e-5 < area < raster < 0.01
+    truth = normals(grid_map, "normal_analytic_")
+    cosines = (truth * normals(grid_map, "normal_area_")).sum(axis=-1)
+    np.testing.assert_allclose(
+        grid_map["directionalErrorArea"][1:-1, 1:-1], 1.0 - cosines[1:-1, 1:-1], atol=1e-6
+    )
+    assert "noise 0.015 m, outliers 0.0%" in text
+    assert text.count("raster ") == 4
+
+
+def test_shape_noise_and_outliers_are_parameters():
+    given = parameters("shape:=plane", "noise_on_map:=0.0", "outliers_percentage:=0.02")
+    grid_map, text = published(*given)
+    assert np.isinf(grid_map["elevation_noisy"]).sum() == 500
+    x, y = grid_map.get_positions().T
+    plane = (0.3 * x + 0.2 * y).reshape(grid_map.size, order="F")
+    np.testing.assert_allclose(grid_map["elevation"], plane, atol=1e-6)
+    assert "noise 0 m, outliers 2.0%" in text
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ("shape:=torus", "parameter 'shape': expected one of wave, plane, hill, cone, found 'tor"),
+        ("noise_on_map:=-0.1", "parameter 'noise_on_map': expected 0 or a positive number, fo"),
+        ("outliers_percentage:=5.0", "parameter 'outliers_percentage': expected 0.0 to 1.0, fo"),
+        ("filters.filter1.name:=some", "filter 1"),
+    ],
+)
+def test_a_parameter_that_makes_no_sense_is_refused(parameter, message):
+    assert_refused(MODULE, parameter, message)

@@ -1,0 +1,132 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The demo of octomaps: files, and how the node shows them.
+
+Services need `octomap_msgs`; they are tested with the other optional messages of the workspace.
+"""
+
+import os
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError
+from grid_map_demos_py.octomap_file import read_octomap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, from_octomap
+from grid_map_ros_py.testing import Process, peer, running_node, start_node
+
+DEMO = "grid_map_demos_py.octomap_to_gridmap_demo_node"
+ROOM = Path(__file__).parents[1] / "data" / "room.bt"
+
+FREE_AND_OCCUPIED = struct.pack("<H", 0b10_01)
+"""A tree of two leaves below the root."""
+
+
+def shown(*pairs: str) -> GridMap:
+    """Return the map that the demo publishes, after some life of it."""
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(DEMO, *parameters(*pairs)) as demo:
+            grid_map = from_message(other.expect("/grid_map"))
+            lives(demo)
+    return grid_map
+
+
+def test_the_room_is_shown_below_its_ceiling():
+    grid_map = shown(f"octomap_path:={ROOM}", "max_z:=2", "min_x:=-1.0")
+    assert (grid_map.frame_id, grid_map.layers) == ("map", ("elevation",))
+    assert grid_map.basic_layers == ("elevation",)
+    assert grid_map.timestamp > 0
+    np.testing.assert_allclose(grid_map.length, (3.0, 3.0))
+    np.testing.assert_allclose(grid_map.position, (0.5, 0.0), atol=1e-9)
+    # Centres of the highest voxels, of 5 cm.
+    places = {"floor": (0.0, 0.0), "table": (0.8, 0.6), "box": (1.0, -0.8), "wall": (0.0, 1.475)}
+    heights = {name: grid_map.at_position("elevation", xy) for name, xy in places.items()}
+    expected = {"floor": -0.025, "table": 0.675, "box": 0.375, "wall": 1.975}
+    assert heights == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_ceiling_is_all_there_is_to_see_from_above():
+    heights = from_octomap(read_octomap(ROOM, "map"))["elevation"]
+    assert heights.shape == (80, 60)
+    np.testing.assert_allclose(heights, 2.425, atol=1e-6)
+
+
+@pytest.mark.parametrize("comment", [b"", b"# a comment\n", b"# size 1\n"])
+def test_the_head_of_a_file_may_hold_comments(comment, tmp_path):
+    head = b"# Octomap OcTree binary file\n" + comment + b"id OcTree\nsize 3\nres 0.25\ndata\n"
+    (tmp_path / "tree.bt").write_bytes(head + FREE_AND_OCCUPIED)
+    octomap = read_octomap(tmp_path / "tree.bt", "odom")
+    assert (octomap.header.frame_id, octomap.binary, octomap.id) == ("odom", True, "OcTree")
+    assert (octomap.resolution, octomap.data) == (0.25, FREE_AND_OCCUPIED)
+
+
+def test_a_full_tree_is_read_too(tmp_path):
+    # A root with one child, number 7, which has none.
+    tree = struct.pack("<fBfB", 0.5, 0b1000_0000, 0.5, 0)
+    head = b"# Octomap OcTree file\nid OcTree\nsize 2\nres 1e-4\ndata\n"
+    (tmp_path / "tree.ot").write_bytes(head + tree)
+    octomap = read_octomap(tmp_path / "tree.ot", "map")
+    assert (octomap.binary, octomap.data) == (False, tree)
+    bounds = {"min_bound": (0.0, 0.0, 0.0), "max_bound": (2e-4, 1e-4, 1e-3)}
+    np.testing.assert_allclose(from_octomap(octomap, **bounds)["elevation"], [[9.5e-4]] * 2)
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (None, "No such file"),
+        (b"", "expected a .bt or .ot file"),
+        (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\n", "expected a .bt or .ot file"),
+        (b"# Octomap OcTree binary file\nid OcTree\ndata\n", "lacks 'id' or 'res'"),
+        (b"# Octomap OcTree binary file\nid OcTree\nres many\ndata\n", "lacks 'id' or 'res'"),
+        (b"# another file\nid OcTree\nres 0.1\ndata\n", "expected a .bt or .ot file"),
+    ],
+)
+def test_a_file_that_is_no_octomap_is_named(content, found, tmp_path):
+    file = tmp_path / "tree.bt"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(ConfigError, match=rf"octomap '{file}': .*{found}"):
+        read_octomap(file, "map")
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ("octomap_path:=/nope.bt", "octomap '/nope.bt': No such file"),
+        ("octomap_service_topic:='no topic'", "parameter 'octomap_service_topic': expected the"),
+    ],
+)
+def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message(parameter, message):
+    assert_refused("octomap_to_gridmap_demo_node", parameter, message)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "message"),
+    [
+        (["min_y:=1.0", "max_y:=0.0"], "parameter 'max_y': expected no less than min_y, 1.0"),
+        ([f"octomap_path:={ROOM}", "min_x:=90.0"], f"octomap '{ROOM}': "),
+    ],
+)
+def test_bounds_without_voxels_end_the_demo_with_one_message(pairs, message):
+    demo = start_node(DEMO, *parameters(*pairs))
+    assert demo.wait() == 1
+    (line,) = demo.lines
+    assert message in line
+
+
+def test_without_the_messages_of_the_service_the_demo_says_what_to_install(tmp_path):
+    (tmp_path / "octomap_msgs.py").write_text("raise ImportError")
+    path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
+    demo = Process([sys.executable, "-m", DEMO], {"PYTHONPATH": path})
+    assert demo.wait() == 1
+    (line,) = demo.lines
+    assert "octomap_to_gridmap_demo needs the package 'octomap_msgs', which is not" in line
+    assert "name a file by 'octomap_path'" in line

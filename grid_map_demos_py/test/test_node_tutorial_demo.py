@@ -1,0 +1,163 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The tutorial demo: its layers are those that C++ has recorded, noise aside."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from demos import assert_refused, lives, parameters
+
+from grid_map_core_py import GridMap, circle_cells
+from grid_map_demos_py.tutorial_demo_node import (
+    add_noise,
+    add_outliers,
+    add_wave,
+    cells_to_filter,
+    make_map,
+    root_mean_square,
+    weighted_means,
+)
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, load_from_bag
+from grid_map_ros_py.testing import peer, running_node
+
+MODULE = "tutorial_demo_node"
+RECORDING = (
+    Path(__file__).parents[2] / "grid_map_ros_py" / "test" / "data" / "cpp_tutorial_outputs.mcap"
+)
+
+
+@pytest.fixture(scope="module")
+def recorded() -> GridMap:
+    """Return a map that the C++ tutorial demo has published."""
+    return load_from_bag(RECORDING, "/grid_map")
+
+
+def test_the_wave_is_that_of_cpp(recorded):
+    grid_map = make_map()
+    assert grid_map.geometry == recorded.geometry
+    add_wave(grid_map, 1e-9 * recorded.timestamp)
+    for layer in grid_map:
+        np.testing.assert_allclose(grid_map[layer], recorded[layer], atol=1e-6, err_msg=layer)
+
+
+def test_the_filter_makes_of_the_noise_of_cpp_what_cpp_makes_of_it(recorded):
+    cells = tuple(cells_to_filter(recorded).T)
+    filtered = recorded["elevation_noisy"].copy()
+    assert np.isinf(filtered[cells]).sum() > 50
+    filtered[cells] = weighted_means(recorded, "elevation_noisy", cells_to_filter(recorded), 0.1)
+    np.testing.assert_allclose(filtered, recorded["elevation_filtered"], rtol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.05, 0.1, 0.25])
+def test_the_filter_is_a_mean_weighted_by_the_distance_to_the_rim(radius):
+    random = np.random.default_rng(3)
+    grid_map = GridMap((0.5, 0.4), 0.03, layers=["layer"])
+    grid_map["layer"] = random.normal(5.0, 1.0, grid_map.size)
+    grid_map["layer"][random.random(grid_map.size) < 0.5] = np.nan
+    grid_map["layer"][5, 5] = -np.inf
+    cells = np.array([(0, 0), (5, 5), (16, 12), (8, 3), (0, 12)])
+    expected = []
+    for cell in cells:
+        near = circle_cells(grid_map, grid_map.get_position(cell), radius)
+        distances = [
+            np.linalg.norm(grid_map.get_position(one) - grid_map.get_position(cell)) for one in near
+        ]
+        values = [grid_map["layer"][tuple(one)] for one in near]
+        pairs = [((radius - d) ** 2, v) for d, v in zip(distances, values, strict=True)]
+        known = [(weight, value) for weight, value in pairs if np.isfinite(value)]
+        weights = sum(weight for weight, _ in known)
+        expected.append(sum(w * v for w, v in known) / weights if weights else np.nan)
+    means = weighted_means(grid_map, "layer", cells, radius)
+    assert means.dtype == np.float32
+    np.testing.assert_allclose(means, expected, rtol=1e-6)
+
+
+def test_the_normals_are_those_of_the_wave():
+    grid_map = make_map()
+    add_wave(grid_map, 0.7)
+    normals = np.stack([grid_map[f"normal_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=0), 1.0, rtol=1e-6)
+    # Rows and columns run against x and y.
+    slopes = np.gradient(grid_map["elevation"].astype(float), -grid_map.resolution)
+    for normal, slope in zip(normals, slopes, strict=False):
+        inner = np.s_[1:-1, 1:-1]
+        np.testing.assert_allclose((-normal / normals[2])[inner], slope[inner], atol=0.005)
+
+
+def test_noise_is_even_and_outliers_are_infinite():
+    random = np.random.default_rng(0)
+    grid_map = make_map()
+    grid_map["elevation"] = 1.0
+    add_noise(grid_map, 0.5, random)
+    noise = grid_map["elevation_noisy"] - 1.0
+    np.testing.assert_allclose(noise, grid_map["noise"], atol=1e-6)
+    assert np.percentile(noise, [0, 25, 75, 100]) == pytest.approx(
+        [-0.5, -0.25, 0.25, 0.5], abs=0.03
+    )
+    add_outliers(grid_map, 500, random)
+    outliers = np.argwhere(~np.isfinite(grid_map["elevation_noisy"]))
+    # All that hit the 1.2 x 1.905 m of the map on a square of 2 x 2 m, less those that hit twice.
+    assert 220 < len(outliers) < 310
+    assert np.ptp(outliers, axis=0).min() > 30
+    assert np.isfinite(grid_map["elevation"]).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([3.0, -4.0, np.inf, np.nan], 12.5**0.5), ([np.nan], np.nan), ([], np.nan)],
+)
+def test_the_root_mean_square_is_that_of_the_finite_values(values, expected):
+    assert root_mean_square(np.array(values)) == pytest.approx(expected, nan_ok=True)
+
+
+def test_the_tutorial_demo_publishes_all_layers_and_reports_the_error(recorded):
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(f"grid_map_demos_py.{MODULE}") as demo:
+            other.expect("/grid_map", 10)
+            other.wait_until(lambda: demo.text.count("root mean squared error") >= 2, "the error")
+            lives(demo)
+        first, *_, last = (from_message(message) for message in other.received["/grid_map"])
+    assert last.layers == recorded.layers
+    assert (last.frame_id, last.geometry) == ("map", recorded.geometry)
+    assert last.timestamp > first.timestamp
+    add_wave(first, 1e-9 * last.timestamp)
+    np.testing.assert_allclose(last["elevation"], first["elevation"], atol=1e-5)
+    assert 0.0149 < np.abs(last["noise"]).max() <= 0.015
+    assert not np.array_equal(last["noise"], first["noise"])
+    cells = tuple(cells_to_filter(last).T)
+    assert np.isfinite(last["elevation_filtered"][cells]).all()
+    assert root_mean_square(last["error"][cells]) < 0.5 * root_mean_square(last["noise"])
+    assert np.isinf(last["elevation_filtered"]).sum() > 50
+    difference = np.abs(last["elevation_filtered"] - last["elevation"])
+    np.testing.assert_array_equal(last["error"], difference)
+
+
+def test_the_parameters_of_the_tutorial_demo_take_effect():
+    given = parameters("noise:=0", "outliers:=0", "radius:=0.02", "publish_rate:=4.0")
+    with peer() as other:
+        other.listen("/grid_map", GridMapMessage)
+        with running_node(f"grid_map_demos_py.{MODULE}", *given):
+            other.expect("/grid_map", 4)
+        maps = [from_message(message) for message in other.received["/grid_map"]]
+    for grid_map in maps:
+        assert not grid_map["noise"].any()
+        # Discs of one cell.
+        np.testing.assert_allclose(grid_map["error"], 0.0, atol=1e-8)
+    # On a busy machine a late message is followed soon by the next one.
+    assert np.diff([grid_map.timestamp for grid_map in maps]).mean() > 0.15e9
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ("noise:=-0.1", "parameter 'noise': expected 0 or a positive number"),
+        ("outliers:=-1", "parameter 'outliers': expected 0 or more"),
+        ("radius:=2.0", "parameter 'radius': expected at most 1.0"),
+        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive number"),
+    ],
+)
+def test_a_parameter_of_the_tutorial_demo_that_makes_no_sense_ends_it(parameter, message):
+    assert_refused(MODULE, parameter, message)
