@@ -8,7 +8,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-oldest explore fuzz check format bench clean distclean
+.PHONY: help setup build demo test test-oldest explore fuzz check format tables docs bench clean distclean
 
 help:  ## Show the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -50,6 +50,13 @@ check: setup  ## Check style, types, imports and licence headers
 
 format:  ## Format the code and repair what can be repaired
 	@$(ENTER) ruff check --fix . ; ruff format .
+
+tables: build  ## Write the tables of parameters in docs/, from the code
+	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 tools/parameter_tables.py
+
+docs: build  ## Build the documentation site in build/docs/
+	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
+	    echo "The site is build/docs/index.html"
 
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only

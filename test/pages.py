@@ -10,10 +10,10 @@ from pathlib import Path
 from scratch import ROOT
 
 PATTERNS = (
-    "README.md",
+    "*.md",
     "docs/**/*.md",
     "benchmarks/*.md",
-    "grid_map_*/README.md",
+    "grid_map_*/*.md",
     "grid_map_*/data/*.md",
 )
 
@@ -40,8 +40,15 @@ class Block:
 
     @property
     def until(self) -> str:
-        """What a program prints once it works."""
+        """What a program or an endless command prints once it works."""
         found = re.search(r'until="([^"]*)"', self.info)
+        found = found or re.search(r"   # prints (.*)$", self.text, re.MULTILINE)
+        return found[1] if found else ""
+
+    @property
+    def file(self) -> str:
+        """Name of the file that the block is, or nothing."""
+        found = re.search(r'file="([^"]*)"', self.info)
         return found[1] if found else ""
 
     def __str__(self) -> str:
@@ -104,7 +111,7 @@ def table(section: str) -> Iterator[list[str]]:
         if line.startswith("|---"):
             continue
         if line.startswith("|") and not line.startswith(
-            ("| parameter ", "| type ", "| functions ", "| filter ")
+            ("| parameter ", "| type ", "| functions ", "| filter ", "| node ", "| demo ")
         ):
             yield [cell.strip() for cell in line.strip("|").split("|")]
 

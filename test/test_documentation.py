@@ -3,19 +3,23 @@
 """The documentation is true: what it says to run works, links lead somewhere, tables are right.
 
 How blocks are run:
-    python  all of a page in one namespace; a `text output` block holds what the one before prints.
-            With a `__main__` it is a program of its own, run until its node is there or, with
-            `until="..."` behind the language, until it has printed that.
-    bash    from the root of the workspace. A line with the comment `publishes /topic` runs until
-            that topic has brought a message, and is then interrupted. Lines that begin with `ros2`
-            are run where there is a `ros2`; their names are checked everywhere.
-    yaml    a filter chain or the parameters of grid_map_visualization, which is built.
-    text    is not run.
+    python  all of a page in one namespace and one scratch folder; a `text output` block holds what
+            the one before prints. With a `__main__` it is a program of its own, run until its node
+            is there or, with `until="..."` behind the language, until it has printed that.
+    bash    with a `text output` block behind it, or with `finite` behind the language, in the same
+            folder and order as the Python of the page; it must end well. So is one with the comment
+            `prints TEXT`, which is interrupted when it has printed that.
+            Other lines from the root of the workspace: one with the comment `publishes /topic` runs
+            until that topic has brought a message, and is then interrupted. Those that begin with
+            `ros2` are run where there is a `ros2`; their names are checked everywhere.
+    yaml    a filter chain or the parameters of a node of ours, which are built or looked up.
+    text, xml, cpp are not run.
+
+The blocks of the tutorial are followed by test_tutorial.py.
 """
 
 import array
 import ast
-import dataclasses
 import importlib
 import importlib.util
 import inspect
@@ -45,26 +49,18 @@ from grid_map_visualization_py.pictures import plot, plot_3d
 from grid_map_visualization_py.registry import BUILT_IN, create
 from scratch import ROOT, run
 
-LANGUAGES = {"bash", "python", "text", "yaml"}
+LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
+INDEX = page("docs/index.md")
+TUTORIAL = page("docs/tutorial.md")
 EXECUTED_TARGETS = {"demo"}
 """Targets of make that are run here; the others would not end, or take minutes."""
-
-RUN_BLOCKS = """
-import contextlib, io, json, pathlib, sys
-name, file = sys.argv[1:]
-outputs, namespace = [], {"__name__": "page"}
-for line, code in json.loads(pathlib.Path(file).read_text()):
-    with contextlib.redirect_stdout(io.StringIO()) as output:
-        exec(compile("\\n" * line + code, name, "exec"), namespace)
-    outputs.append(output.getvalue())
-print(json.dumps(outputs))
-"""
 
 each_page = pytest.mark.parametrize("any_page", PAGES, ids=str)
 
 
 def blocks(language: str, *, programs: bool = False) -> list[Block]:
-    return [b for b in BLOCKS if b.language == language and b.is_program == programs]
+    ours = (block for block in BLOCKS if block.page != TUTORIAL)
+    return [b for b in ours if b.language == language and b.is_program == programs]
 
 
 # --- blocks ---------------------------------------------------------------------------------------
@@ -73,32 +69,45 @@ def blocks(language: str, *, programs: bool = False) -> list[Block]:
 @each_page
 def test_every_block_is_closed_and_of_a_known_language(any_page):
     assert any_page.text.count("```") == 2 * len(any_page.blocks)
-    assert {block.language for block in any_page.blocks} <= LANGUAGES
+    known = LANGUAGES | {"{toctree}"} if any_page == INDEX else LANGUAGES
+    assert {block.language for block in any_page.blocks} <= known
 
 
 def test_there_are_blocks_of_every_kind():
-    assert {block.language for block in BLOCKS} == LANGUAGES
+    assert {block.language for block in BLOCKS} >= {"bash", "python", "text", "yaml"}
     assert blocks("python", programs=True)
     assert [block for block in BLOCKS if block.info == "output"]
 
 
-PAGES_WITH_CODE = [p for p in PAGES if any(block.page == p for block in blocks("python"))]
-
-
-@pytest.mark.parametrize("any_page", PAGES_WITH_CODE, ids=str)
-def test_the_python_of_a_page_runs_and_prints_what_the_page_says(any_page, tmp_path):
-    snippets = [b for b in any_page.blocks if b.language == "python" and not b.is_program]
-    (tmp_path / "blocks.json").write_text(json.dumps([(b.line, b.text) for b in snippets]))
-    command = (sys.executable, "-c", RUN_BLOCKS, str(any_page), "blocks.json")
-    done = run(*command, environ=environment(), cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    printed = dict(zip(map(str, snippets), json.loads(done.stdout), strict=True))
-    assert printed == dict.fromkeys(printed, "") | announced_outputs(any_page)
-
-
 def announced_outputs(any_page: Page) -> dict[str, str]:
+    """Return the outputs of a page by the blocks before them."""
     pairs = pairwise(any_page.blocks)
     return {str(code): output.text for code, output in pairs if output.info == "output"}
+
+
+OUTPUTS = {name: text for each in PAGES for name, text in announced_outputs(each).items()}
+
+
+def is_finite(block: Block) -> bool:
+    return block.info == "finite" or bool(block.until) or str(block) in OUTPUTS
+
+
+FINITE_COMMANDS = [block for block in blocks("bash") if is_finite(block)]
+PAGES_THAT_RUN = dict.fromkeys(block.page for block in blocks("python") + FINITE_COMMANDS)
+
+
+@pytest.mark.parametrize("any_page", PAGES_THAT_RUN, ids=str)
+def test_a_page_runs_and_prints_what_it_says(any_page, tmp_path):
+    that_run = blocks("python") + FINITE_COMMANDS
+    steps = [block for block in any_page.blocks if block in that_run]
+    content = [(block.language, block.line, block.text, block.until) for block in steps]
+    (tmp_path / "blocks.json").write_text(json.dumps(content))
+    runner = Path(__file__).with_name("run_page.py")
+    command = (sys.executable, runner, str(any_page), "blocks.json")
+    done = run(*command, environ=environment(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    printed = dict(zip(map(str, steps), json.loads(done.stdout), strict=True))
+    assert printed == dict.fromkeys(printed, "") | announced_outputs(any_page)
 
 
 @pytest.mark.parametrize("block", blocks("python", programs=True), ids=str)
@@ -130,9 +139,9 @@ def test_parameters_in_yaml_are_accepted(block, tmp_path):
         parameters = content["grid_map_visualization"]["ros__parameters"]
         for name in parameters["grid_map_visualizations"]:
             assert create(name, parameters[name]).message_type
-    elif content.keys() <= NODES.keys():
+    elif content.keys() <= NODES:
         for name, parameters in content.items():
-            assert parameters["ros__parameters"].keys() <= set(declared_parameters(name))
+            assert parameters["ros__parameters"].keys() <= documented_parameters(name).keys()
     else:
         assert len(FilterChain.from_yaml(tmp_path / "parameters.yaml")) > 0
 
@@ -149,6 +158,8 @@ def commands(block: Block) -> list[tuple[str, str]]:
 def scripts() -> Iterator[tuple[str, str]]:
     """Yield every command of the documentation with the topic that ends it, or an empty one."""
     for block in blocks("bash"):
+        if is_finite(block):
+            continue
         before = ""
         for command, comment in commands(block):
             topic = re.search(r"publishes (/\S+)", comment)
@@ -203,8 +214,9 @@ def message_type(listener: Peer, topic: str) -> type:
     return found
 
 
-def test_commands_that_end_are_targets_of_make():
-    assert {script.partition(" ")[0] for script in FINITE} == {"make"}
+def test_commands_that_end_are_targets_of_make_or_launch_files():
+    assert {script.partition(" ")[0] for script in FINITE if not is_ros2(script)} == {"make"}
+    assert all("ros2 launch " in script for script in FINITE if is_ros2(script))
     assert {f"make {target}" for target in EXECUTED_TARGETS} <= FINITE
 
 
@@ -228,6 +240,8 @@ def test_every_target_of_make_exists(any_page):
 def test_every_executable_exists(any_page):
     for package, name in re.findall(r"(?:ros2 run|tools/run) (grid_map_\w+) (\w+)", code(any_page)):
         assert f'"{name} = ' in (ROOT / package / "setup.py").read_text()
+    for package, name in re.findall(r"ros2 launch (grid_map_\w+) (\S+)", code(any_page)):
+        assert (ROOT / package / "launch" / name).exists()
     for module in re.findall(r"python3? -m (grid_map_\S+)", code(any_page)):
         assert importlib.util.find_spec(module)
 
@@ -260,9 +274,11 @@ def test_files_that_are_named_exist(any_page):
     names = re.findall(
         r"[\w/]*/\w+\.(?:py|yaml|txt|lark|toml|sh|png)\b", " ".join(any_page.inline_code)
     )
+    files = FILES + [f"/{block.file}" for block in any_page.blocks if block.file]
     for name in names:
-        written = name.startswith("demo_output/")
-        assert written or any(file.endswith(f"/{name.lstrip('/')}") for file in FILES), name
+        # Those of `~/.ros` are defaults of parameters.
+        written = name.startswith(("demo_output/", "ros/"))
+        assert written or any(file.endswith(f"/{name.lstrip('/')}") for file in files), name
 
 
 def test_the_names_beside_those_of_cpp_exist():
@@ -270,7 +286,9 @@ def test_the_names_beside_those_of_cpp_exist():
     known = {name for one in (*classes, grid_map_core_py.SignedDistanceField) for name in dir(one)}
     for module in (grid_map_core_py, grid_map_filters_py, grid_map_ros_py):
         known |= {*module.__all__}
-    cells = [row[1] for row in table(page("README.md").section("Names")) if row[0] != "C++"]
+    pages = (page("README.md"), page("docs/migration_cpp.md"))
+    sections = [each.section("Names") for each in pages if "# Names\n" in each.text]
+    cells = [row[1] for section in sections for row in table(section) if row[0] != "C++"]
     assert len(cells) > 10
     for cell in cells:
         names = {one or other for one, other in re.findall(r"grid_map\.(\w+)|`(\w+)`", cell)}
@@ -302,7 +320,32 @@ def test_every_error_is_in_the_tree():
     assert [error.__name__ for error in errors if error.__name__ not in tree] == []
 
 
-# --- pictures -------------------------------------------------------------------------------------
+# --- pages ----------------------------------------------------------------------------------------
+
+
+def executables(package: str) -> dict[str, str]:
+    """Return the executables of a package with their modules."""
+    setup = (ROOT / package / "setup.py").read_text()
+    return dict(re.findall(r'"(\w+) = ([\w.]+):main"', setup))
+
+
+NODES = {
+    name
+    for package in ("grid_map_filters_py", "grid_map_ros_py", "grid_map_visualization_py")
+    for name, module in executables(package).items()
+    if module.endswith("_node")
+} - {"snapshot"}
+"""Executables that are nodes with parameters; `snapshot` has options."""
+
+
+def names_of_pages(folder: str) -> set[str]:
+    return {path.stem for path in (ROOT / "docs" / folder).glob("*.md")} - {"README"}
+
+
+def links_of_table(section: str) -> dict[str, str]:
+    """Return the links in the first column of a table, by their texts."""
+    cells = (re.fullmatch(r"\[(.*)\]\((.*)\)", row[0]) for row in table(section))
+    return dict(found.groups() for found in cells if found)
 
 
 def page_of(type_name: str) -> Page:
@@ -310,121 +353,177 @@ def page_of(type_name: str) -> Page:
     return page(f"docs/filters/{FILTERS_BUILT_IN[type_name].__module__.rpartition('.')[2]}.md")
 
 
-def picture_of(type_name: str) -> str:
-    """Return the name of the one picture on the page of a filter."""
-    (name,) = re.findall(r"!\[[^\]]+\]\(\.\./images/filters/([\w.]+)\)", page_of(type_name).text)
-    return name
+PAGES_OF_PARAMETERS = {
+    **{name: page_of(name) for name in FILTERS_BUILT_IN},
+    **{name: page(f"docs/visualizations/{name}.md") for name in BUILT_IN},
+    **{name: page(f"docs/nodes/{name}.md") for name in sorted(NODES)},
+}
+
+
+def entries_of_navigation() -> Iterator[str]:
+    """Yield the pages that the site's navigation names, as patterns without suffix."""
+    for block in INDEX.blocks:
+        yield from (f"docs/{line}" for line in block.text.splitlines() if line and line[0] != ":")
+    configuration = (ROOT / "docs" / "conf.py").read_text()
+    (overviews,) = re.findall(r"^OVERVIEWS = (\{.*?^\})", configuration, re.MULTILINE | re.DOTALL)
+    for overview, pattern in ast.literal_eval(overviews).items():
+        yield f"{Path(overview).parent}/{pattern}"
+
+
+def test_every_page_is_in_the_navigation():
+    patterns = [f"{entry}.md" for entry in entries_of_navigation()]
+    listed = {path.resolve() for pattern in patterns for path in ROOT.glob(pattern)}
+    missing = [str(each) for each in PAGES if each.path not in listed and each != INDEX]
+    assert missing == []
 
 
 def test_every_filter_has_a_page_and_every_page_a_filter():
-    rows = table(page("docs/filters.md").section("The filters"))
-    listed = dict(re.fullmatch(r"\[(.*)\]\((.*)\)", row[0]).groups() for row in rows)
     expected = {name: f"filters/{page_of(name).path.name}" for name in FILTERS_BUILT_IN}
-    assert listed == expected
-    pages = {f"filters/{path.name}" for path in (ROOT / "docs" / "filters").iterdir()}
-    assert pages == {*expected.values()}
-    for type_name in FILTERS_BUILT_IN:
-        assert page_of(type_name).text.startswith(f"# {type_name}\n")
+    assert links_of_table(page("docs/filters.md").section("The filters")) == expected
+    assert names_of_pages("filters") == {page_of(name).path.stem for name in FILTERS_BUILT_IN}
 
 
-@pytest.mark.parametrize("type_name", FILTERS_BUILT_IN)
-def test_the_page_of_filters_shows_what_every_filter_does(type_name):
-    picture = ROOT / "docs" / "images" / "filters" / picture_of(type_name)
-    assert picture.read_bytes().startswith(b"\x89PNG")
+def test_every_visualization_has_a_page_and_every_page_a_visualization():
+    section = page("docs/ros.md").section("Visualizations")
+    expected = {name: f"visualizations/{name}.md" for name in BUILT_IN}
+    assert links_of_table(section) == expected
+    assert names_of_pages("visualizations") == BUILT_IN.keys()
+    for type_name, message, _ in table(section):
+        (name,) = re.findall(r"\[(\w+)\]", type_name)
+        message_type = BUILT_IN[name].message_type
+        package = message_type.__module__.partition(".")[0]
+        assert message == f"`{package}/{message_type.__name__}`"
 
 
-def test_the_pictures_of_filters_are_small_and_drawn_by_their_script(tmp_path):
-    script = ROOT / "docs" / "images" / "make_filter_pictures.py"
+def test_every_node_has_a_page_and_every_page_a_node():
+    links = links_of_table(page("docs/ros.md").section("Nodes"))
+    assert links == {name: f"nodes/{name}.md" for name in NODES}
+    assert names_of_pages("nodes") == NODES
+
+
+def test_every_conversion_is_on_a_page_and_every_page_in_the_overview():
+    overview = page("docs/converters.md")
+    pages = {f"conversions/{name}.md": name for name in names_of_pages("conversions")}
+    assert {link for link in overview.links if link.startswith("conversions/")} == pages.keys()
+    described = {name for link in pages for name in words(page(f"docs/{link}"))}
+    listed = words(overview) | {"to_serialized_line_marker", "to_serialized_triangle_list_marker"}
+    conversions = [
+        name
+        for name in grid_map_ros_py.__all__
+        if re.match(r"(to|from|add)_|read_points|octomap_to_points", name)
+    ]
+    assert len(conversions) > 20
+    assert [name for name in conversions if name not in described] == []
+    polygons = words(page("docs/conversions/polygon.md"))
+    assert [name for name in conversions if name not in listed | polygons] == []
+
+
+def words(any_page: Page) -> set[str]:
+    return set(re.findall(r"\w+", " ".join(any_page.inline_code)))
+
+
+def test_every_demo_has_a_page_that_the_overview_links():
+    names = executables("grid_map_demos_py").keys()
+    overview = page("docs/demos/README.md")
+    assert [name for name in names - {"grid_map"} if f"`{name}`" not in overview.text] == []
+    demos = {name for name in names if name.endswith("_demo")} | {"iterator_benchmark"}
+    assert sorted(demos - names_of_pages("demos")) == []
+    for name in names_of_pages("demos"):
+        assert f"{name}.md" in overview.links
+
+
+# --- pictures -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "types", "limit"),
+    [("filter", FILTERS_BUILT_IN, 2_000_000), ("visualization", BUILT_IN, 600_000)],
+)
+def test_pictures_are_small_and_drawn_by_their_script(kind, types, limit, tmp_path):
+    images = ROOT / "docs" / "images"
+    script = images / f"make_{kind}_pictures.py"
     done = run(sys.executable, script, tmp_path / "new", environ=environment(), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    drawn = {path.name for path in (tmp_path / "new").iterdir()}
-    stored = [*(ROOT / "docs" / "images" / "filters").iterdir()]
-    assert drawn == {path.name for path in stored} == {*map(picture_of, FILTERS_BUILT_IN)}
-    assert sum(path.stat().st_size for path in stored) < 2_000_000
+    stored = [*(images / f"{kind}s").iterdir()]
+    shown = [picture_of(type_name) for type_name in types]
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(shown)
+    assert sorted(path.name for path in stored) == sorted(shown)
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in stored)
+    assert sum(path.stat().st_size for path in stored) < limit
+
+
+def picture_of(type_name: str) -> str:
+    """Return the name of the one picture on the page of a filter or visualization."""
+    pattern = r"!\[[^\]]+\]\(\.\./images/\w+/([\w.]+)\)"
+    (name,) = re.findall(pattern, PAGES_OF_PARAMETERS[type_name].text)
+    return name
 
 
 # --- tables of parameters -------------------------------------------------------------------------
 
 
-def fields(cls: type) -> dict[str, object]:
-    """Return the parameters of a filter or visualization with their defaults; None without one."""
-    return {
-        field.name: None if field.default is dataclasses.MISSING else as_written(field.default)
-        for field in dataclasses.fields(cls)
-        if field.init
-    }
+def test_tables_of_parameters_are_those_of_the_code():
+    script = ROOT / "tools" / "parameter_tables.py"
+    done = run(sys.executable, script, "--check", environ=environment())
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
-def as_written(default: object) -> object:
-    """Return a default as YAML has it, which knows no tuples."""
-    return list(default) if isinstance(default, tuple) else default
+def test_a_table_that_is_outdated_is_named_and_rewritten_alone(tmp_path):
+    (right,) = re.findall(
+        r"<!-- parameters: .*<!-- end -->", page("docs/visualizations/vectors.md").text, re.DOTALL
+    )
+    (tmp_path / "page.md").write_text(f"before\n\n{right.replace('0.003', '0.004')}\n\nafter\n")
+    command = (sys.executable, ROOT / "tools" / "parameter_tables.py", tmp_path / "page.md")
+    checked = run(*command, "--check", environ=environment())
+    assert (checked.returncode, "page.md is outdated" in checked.stdout) == (1, True)
+    assert "0.004" in (tmp_path / "page.md").read_text()
+    assert run(*command, environ=environment()).returncode == 0
+    assert (tmp_path / "page.md").read_text() == f"before\n\n{right}\n\nafter\n"
 
 
-def read_yaml(text: str) -> object:
-    """Return a value as a page writes it; `inf` stands for YAML's `.inf`."""
-    return yaml.safe_load(re.sub(r"^(-?)inf$", r"\1.inf", text.strip("` ")))
+@pytest.mark.parametrize("name", PAGES_OF_PARAMETERS)
+def test_a_page_has_the_title_and_the_table_of_what_it_is_about(name):
+    text = PAGES_OF_PARAMETERS[name].text
+    assert text.startswith(f"# {name}\n")
+    assert re.findall(r"<!-- parameters: (\S+) -->\n.*?<!-- end -->", text, re.DOTALL) == [name]
 
 
-@pytest.mark.parametrize("type_name", FILTERS_BUILT_IN)
-def test_the_page_of_filters_has_all_parameters_and_defaults(type_name):
-    documented = {}
-    for names, defaults, _ in table(page_of(type_name).text):
-        values = [read_yaml(text) for text in defaults.split(",")]
-        names = re.findall(r"`(\w+)`", names)
-        documented |= dict(zip(names, values * (len(names) // len(values)), strict=True))
-    assert documented == fields(FILTERS_BUILT_IN[type_name])
+@each_page
+def test_every_table_of_parameters_has_an_end(any_page):
+    assert any_page.text.count("<!-- parameters: ") == any_page.text.count("<!-- end -->")
 
 
-def test_the_page_of_ros_has_all_visualizations_parameters_and_defaults():
-    documented = {}
-    for type_name, _, parameters in table(page("docs/ros.md").section("Visualizations")):
-        pairs = re.findall(r"`(\w+)`(?: \(([^)]*)\))?", parameters)
-        documented[type_name.strip("`")] = {name: read_yaml(text) for name, text in pairs}
-    assert documented == {name: fields(cls) for name, cls in BUILT_IN.items()}
+def documented_parameters(executable: str) -> dict[str, list[str]]:
+    """Return type, default and meaning of the parameters on the page of a node."""
+    _, _, rest = PAGES_OF_PARAMETERS[executable].text.partition("<!-- parameters: ")
+    rows = table(rest.partition("<!-- end -->")[0])
+    return {name.strip("`"): cells for name, *cells in rows}
 
 
-NODES = {
-    "filter_chain": "grid_map_filters_py/filter_chain_node.py",
-    "grid_map_loader": "grid_map_ros_py/grid_map_loader_node.py",
-    "grid_map_saver": "grid_map_ros_py/grid_map_saver_node.py",
-    "grid_map_visualization": "grid_map_visualization_py/visualization_node.py",
-    "octomap_to_grid_map": "grid_map_ros_py/octomap_to_grid_map_node.py",
-    "point_cloud_to_grid_map": "grid_map_ros_py/point_cloud_to_grid_map_node.py",
-    "web_viewer": "grid_map_visualization_py/web_viewer_node.py",
-}
-"""Modules of executables; each has a section with a table of its parameters in `docs/`."""
-
-
-def declared_parameters(executable: str) -> list[str]:
-    """Return the names of parameters that the docstring of a node lists."""
-    module = Path(NODES[executable])
-    source = (ROOT / module.parent / module).read_text()
-    _, _, described = (ast.get_docstring(ast.parse(source)) or "").partition("Parameters:")
-    return re.findall(r"^    (\w+): ", described, re.MULTILINE)
-
-
-@pytest.mark.parametrize("executable", NODES)
-def test_the_pages_have_all_parameters_of_a_node(executable):
-    pages = [p for p in PAGES if str(p).startswith("docs/") and f"# {executable}\n" in p.text]
-    (section,) = [each.section(executable) for each in pages]
-    documented = [name for names, *_ in table(section) for name in re.findall(r"`(\w+)`", names)]
-    assert sorted(documented) == sorted(declared_parameters(executable))
-
-
-@pytest.mark.parametrize("executable", ["point_cloud_to_grid_map"])
-def test_a_node_has_the_defaults_of_its_page(executable):
-    (section,) = [each.section(executable) for each in PAGES if f"# {executable}\n" in each.text]
-    documented = {name.strip("`"): read_yaml(default) for name, default, _ in table(section)}
-    module = NODES[executable].removesuffix(".py").replace("/", ".")
-    with running_node(module), peer() as listener:
-        client = AsyncParameterClient(listener.node, executable)
+def test_a_node_that_runs_has_the_parameters_of_its_page():
+    documented = documented_parameters("point_cloud_to_grid_map")
+    assert len(documented) > 20
+    with running_node("grid_map_ros_py.point_cloud_to_grid_map_node"), peer() as listener:
+        client = AsyncParameterClient(listener.node, "point_cloud_to_grid_map")
         listener.wait_until(client.services_are_ready, "the services of its parameters")
-        answer = client.get_parameters([*documented])
-        listener.wait_until(answer.done, "its parameters")
-    values = map(parameter_value_to_python, answer.result().values)
-    found = [[*value] if isinstance(value, array.array) else value for value in values]
-    # An empty text or list is written as nothing.
-    assert [value or None for value in found] == [value or None for value in documented.values()]
+        values = client.get_parameters([*documented])
+        descriptions = client.describe_parameters([*documented])
+        listener.wait_until(lambda: values.done() and descriptions.done(), "its parameters")
+    found = [
+        (plain(parameter_value_to_python(value)), descriptor.description)
+        for value, descriptor in zip(
+            values.result().values, descriptions.result().descriptors, strict=True
+        )
+    ]
+    expected = [(yaml.safe_load(text.strip("`")), about) for _, text, about in documented.values()]
+    assert found == expected
+
+
+def plain(value: object) -> object:
+    """Return a value as YAML has it; a list that is empty arrives without type."""
+    if isinstance(value, array.array):
+        return [*value]
+    return [] if value is None else value
 
 
 def test_the_page_of_pictures_has_all_options_and_defaults():

@@ -23,6 +23,7 @@ from grid_map_ros_py.testing import Process, peer, running, wait_until
 from scratch import ROOT, run
 
 NODE = "grid_map_ros_py.octomap_to_grid_map_node"
+DEMO = "grid_map_demos_py.octomap_to_gridmap_demo_node"
 OCTOMAPS = ROOT / "grid_map_ros_py" / "test" / "data" / "octomaps.json.gz"
 OCTOMAP = json.loads(gzip.decompress(OCTOMAPS.read_bytes()))["cases"][0]
 
@@ -125,6 +126,21 @@ print("ready")
 rclpy.spin(node)
 """
 
+OCTOMAP_LISTENER = """
+import rclpy
+from octomap_msgs.msg import Octomap
+from grid_map_ros_py.qos import map_qos
+
+def show(octomap):
+    print(octomap.header.frame_id, octomap.data.tobytes().hex())
+    rclpy.shutdown()
+
+rclpy.init()
+node = rclpy.create_node("octomap_listener")
+node.create_subscription(Octomap, "octomap", show, map_qos())
+rclpy.spin(node)
+"""
+
 
 def write_package(folder: Path, name: str, files: dict[str, str]) -> None:
     for path, text in files.items():
@@ -175,9 +191,9 @@ def octomap_server(environ: dict[str, str], durability: str) -> Iterator[Process
         server.kill()
 
 
-def node(environ: dict[str, str], **parameters: object) -> Process:
+def node(environ: dict[str, str], module: str = NODE, **parameters: object) -> Process:
     given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    return Process([sys.executable, "-m", NODE, "--ros-args", *given], environ)
+    return Process([sys.executable, "-m", module, "--ros-args", *given], environ)
 
 
 def test_costmaps_of_nav2_are_written_and_read(with_messages):
@@ -207,6 +223,24 @@ def test_the_node_asks_a_service_for_octomaps(with_messages, expected):
         listener.wait_until(lambda: "is not there" in process.text, "a warning")
         with octomap_server(with_messages, "latched"):
             assert_maps_equal(from_message(listener.expect("/map", 2)), expected)
+
+
+def test_the_demo_asks_a_service_for_an_octomap_and_passes_it_on(with_messages, expected):
+    process = node(with_messages, DEMO, octomap_service_topic="/get_octomap", max_z=0.4)
+    listener_of_octomaps = Process([sys.executable, "-c", OCTOMAP_LISTENER], with_messages)
+    try:
+        with running(process), peer() as listener:
+            listener.listen("/grid_map", GridMapMessage)
+            listener.wait_until(lambda: "waits for the service" in process.text, "its patience")
+            with octomap_server(with_messages, "latched"):
+                grid_map = from_message(listener.expect("/grid_map"))
+                assert listener_of_octomaps.wait() == 0, listener_of_octomaps.text
+    finally:
+        listener_of_octomaps.kill()
+    assert (grid_map.geometry, grid_map.frame_id) == (expected.geometry, expected.frame_id)
+    assert (grid_map.layers, grid_map.basic_layers) == (("elevation",), ("elevation",))
+    np.testing.assert_array_equal(grid_map["elevation"], expected["height"])
+    assert listener_of_octomaps.text == f"world {OCTOMAP['binary']}\n"
 
 
 def test_without_the_messages_the_node_says_what_to_install(tmp_path):

@@ -79,10 +79,10 @@ def test_a_package_declares_nothing_that_it_does_not_use(package):
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
 def test_every_declared_executable_is_installed(package):
-    entries = re.findall(r'"(\w+) = (\w+)\.(\w+):main"', (package / "setup.py").read_text())
+    entries = re.findall(r'"(\w+) = (\w+)\.([\w.]+):main"', (package / "setup.py").read_text())
     for executable, owner, module in entries:
         assert owner == package.name
-        assert (package / owner / f"{module}.py").exists()
+        assert (package / owner / f"{module.replace('.', '/')}.py").exists()
         installed = ROOT / "install" / package.name / "lib" / package.name / executable
         assert installed.stat().st_mode & 0o111
 

@@ -26,6 +26,7 @@ from .errors import (
     GeometryError,
     GridMapError,
     LayerNotFoundError,
+    MissingPackageError,
     OutOfMapError,
 )
 from .geometry import GridGeometry
@@ -51,6 +52,7 @@ __all__ = [
     "GridMapError",
     "Interpolation",
     "LayerNotFoundError",
+    "MissingPackageError",
     "OutOfMapError",
     "Polygon",
     "SignedDistanceField",

@@ -6,7 +6,8 @@ GridMapError
 ├── LayerNotFoundError (KeyError)
 ├── OutOfMapError (IndexError)
 ├── GeometryError (ValueError)
-└── ConfigError (ValueError)
+├── ConfigError (ValueError)
+└── MissingPackageError (ImportError)
 """
 
 from collections.abc import Iterable
@@ -39,3 +40,15 @@ class GeometryError(GridMapError, ValueError):
 
 class ConfigError(GridMapError, ValueError):
     """A parameter is unknown, missing, of the wrong type or of a value that makes no sense."""
+
+
+class MissingPackageError(GridMapError, ImportError):
+    """A feature needs a package that is not installed."""
+
+    def __init__(self, package: str, feature: str, remedy: str) -> None:
+        self.package = package
+        super().__init__(package, feature, remedy)
+
+    def __str__(self) -> str:
+        package, feature, remedy = self.args
+        return f"{feature} needs the package {package!r}, which is not installed: {remedy}"

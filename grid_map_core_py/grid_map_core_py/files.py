@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .color import color_vector_to_value
-from .errors import GridMapError
+from .errors import GridMapError, MissingPackageError
 from .point_cloud import COLOR_FIELDS, as_colors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
@@ -130,9 +130,8 @@ def _reader(package: str, file: Path) -> Any:
     try:
         return importlib.import_module(package)
     except ImportError as error:
-        raise GridMapError(
-            f"{file}: reading it takes the package {package!r}: pip install {package}"
-        ) from error
+        remedy = f"pip install {package}"
+        raise MissingPackageError(package, f"{file}: reading it", remedy) from error
 
 
 def _first_line(error: Exception) -> str:

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from grid_map_core_py import GridMapError
+from grid_map_core_py import MissingPackageError
 from grid_map_core_py.files import load_mesh, load_points
 
 
@@ -18,7 +18,7 @@ def test_a_package_that_is_not_installed_is_named(tmp_path, monkeypatch, package
     path = tmp_path / name
     path.write_text("hello")
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(GridMapError, match=rf"{name}: .* pip install {package}"):
+    with pytest.raises(MissingPackageError, match=rf"{name}: .* pip install {package}"):
         load(path)
 
 

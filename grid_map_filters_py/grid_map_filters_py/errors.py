@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Every error of this package.
 
-GridMapError (grid_map_core_py)
-└── FilterError
-    ├── FilterConfigError (ConfigError)    a chain that cannot be built
-    └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
+An error is also one of those above it::
+
+    GridMapError (grid_map_core_py)
+    └── FilterError
+        ├── FilterConfigError (ConfigError)    a chain that cannot be built
+        └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
 """
 
 from grid_map_core_py.errors import ConfigError, GridMapError

@@ -63,7 +63,9 @@ class DiscFilter:
     """What the filters have in common that make a layer from the disc around each cell.
 
     Attributes:
-        radius: of the disc [m].
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
+        radius: of the disc [m], 0 or more; the rim is inside.
     """
 
     input_layer: str

@@ -2,12 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_filters`: runs a filter chain on every map of a topic.
 
-Parameters:
-    input_topic: maps come from here (`/grid_map`).
-    output_topic: filtered maps go there (`/filtered_map`).
-    filter_chain_parameter_name: which parameter holds the chain (`filters`).
-    diagnostics_period: time between two reports [s] (1.0).
-
 The parameters of the chain can be set while the node runs; those above cannot. A new chain is built
 first. If that fails, the reason is the answer, and everything stays as it was.
 
@@ -108,28 +102,31 @@ class FilterChainNode(Node):
     def __init__(self) -> None:
         # A filter that is added while the node runs brings parameters that are not declared.
         super().__init__(NODE_NAME, allow_undeclared_parameters=True)
-        self._chain_name = read_parameter(self, "filter_chain_parameter_name", str, "filters")
-        self._chain = FilterChain.from_config(
-            read_parameter_tree(self, self._chain_name, read_only=False)
-        )
+        topic = _read_topic(self, "input_topic", "/grid_map", "maps come from here")
+        output = _read_topic(self, "output_topic", "/filtered_map", "filtered maps go there")
+        self._chain = FilterChain.from_config(self._read_chain())
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()
         self._throttle = LogThrottle()
-        self._publisher = self.create_publisher(
-            GridMapMessage, read_parameter(self, "output_topic", str, "/filtered_map"), map_qos()
-        )
-        topic = check_topic(
-            self, "input_topic", read_parameter(self, "input_topic", str, "/grid_map")
-        )
+        self._publisher = self.create_publisher(GridMapMessage, output, map_qos())
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
-        self._report_diagnostics(read_positive(self, "diagnostics_period", 1.0))
+        about = "time between two reports on `/diagnostics` [s]"
+        period = read_positive(self, "diagnostics_period", 1.0, description=about)
+        self._report_diagnostics(period)
         self.add_on_set_parameters_callback(self._prepare_chain)
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {topic}")
 
     # --- parameters -------------------------------------------------------------------------------
+
+    def _read_chain(self) -> dict[str, Any]:
+        name = "filter_chain_parameter_name"
+        about = "which parameter holds the chain"
+        self._chain_name = read_parameter(self, name, str, "filters", description=about)
+        about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
+        return read_parameter_tree(self, self._chain_name, read_only=False, description=about)
 
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
@@ -210,6 +207,11 @@ class FilterChainNode(Node):
         message = DiagnosticArray(status=[self._statistics.to_status(self.get_name())])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
+
+
+def _read_topic(node: Node, name: str, default: str, description: str) -> str:
+    topic = read_parameter(node, name, str, default, description=description)
+    return check_topic(node, name, topic)
 
 
 def _plain(value: Any) -> Any:

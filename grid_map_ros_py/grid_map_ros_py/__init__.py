@@ -8,9 +8,20 @@ without rclpy. What nodes need beside them is imported by name: `qos` (profiles 
 `spin` (the life of an executable), `testing` (processes and peers for tests of nodes).
 """
 
-from .bag import BagReader, BagRecord, BagWriter, bag_maps, load_from_bag, save_to_bag
+from grid_map_core_py.errors import MissingPackageError
+
+from .bag import (
+    BagReader,
+    BagRecord,
+    BagTopic,
+    BagWriter,
+    bag_maps,
+    bag_topics,
+    load_from_bag,
+    save_to_bag,
+)
 from .costmap import from_costmap, to_costmap
-from .errors import BagError, MessageError, MissingPackageError
+from .errors import BagError, MessageError
 from .grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
 from .grid_map import from_message, to_message
 from .image import (
@@ -39,6 +50,7 @@ __all__ = [
     "BagError",
     "BagReader",
     "BagRecord",
+    "BagTopic",
     "BagWriter",
     "MessageError",
     "MissingPackageError",
@@ -46,6 +58,7 @@ __all__ = [
     "add_color_layer_from_image",
     "add_layer_from_image",
     "bag_maps",
+    "bag_topics",
     "from_costmap",
     "from_grid_cells",
     "from_image",

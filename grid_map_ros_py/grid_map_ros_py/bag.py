@@ -13,7 +13,8 @@ import bisect
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -227,6 +228,62 @@ def bag_maps(
     with BagReader(path, topic) as bag:
         for record in bag:
             yield record.grid_map(names)
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """What a bag has on a topic, of whatever type.
+
+    Attributes:
+        name: of the topic.
+        type: of its messages, such as `grid_map_msgs/msg/GridMap`.
+        count: how many there are.
+        first, last: earliest and latest time [ns]; None where there are no messages.
+    """
+
+    name: str
+    type: str
+    count: int = 0
+    first: int | None = None
+    last: int | None = None
+
+    @property
+    def holds_maps(self) -> bool:
+        """Whether there are maps on it."""
+        return self.type == GRID_MAP_TYPE and self.count > 0
+
+
+def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
+    """Return what is in a bag, by topic in the order of their names; no message is read.
+
+    Args:
+        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+
+    Raises:
+        BagError: the bag is damaged or missing.
+        MissingPackageError: the package `mcap` is needed and not installed.
+    """
+    with bag_errors(Path(path)):
+        files = _files(find_folder(path))
+    topics: dict[str, BagTopic] = {}
+    for file in files:
+        with bag_errors(file), closing(_open(file)) as storage:
+            for name, kind in storage.topics.items():
+                before = topics.get(name, BagTopic(name, kind.type))
+                topics[name] = _counted(before, storage.entries(name))
+    return [topics[name] for name in sorted(topics)]
+
+
+def _counted(topic: BagTopic, entries: list[Entry]) -> BagTopic:
+    """Return a topic with the messages of one more file."""
+    times = [time for time in (topic.first, topic.last) if time is not None]
+    times += [entry.time for entry in entries]
+    return replace(
+        topic,
+        count=topic.count + len(entries),
+        first=min(times, default=None),
+        last=max(times, default=None),
+    )
 
 
 class BagRecord(NamedTuple):

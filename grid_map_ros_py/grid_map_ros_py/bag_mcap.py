@@ -15,9 +15,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+from grid_map_core_py.errors import MissingPackageError
+
 from .bag_metadata import DEFINITION, GRID_MAP_TYPE, QOS_PROFILES, TYPE_HASH, dump
 from .bag_storage import Entry, Topic
-from .errors import BagError, MissingPackageError
+from .errors import BagError
 
 MAGIC = b"\x89MCAP0\r\n"
 

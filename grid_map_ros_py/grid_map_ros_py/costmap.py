@@ -16,9 +16,9 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from grid_map_core_py import GridMap
 from grid_map_core_py import costmap as costs
 from grid_map_core_py.costmap import FREE, LETHAL, CostCodec, CostRange, CostTable
+from grid_map_core_py.errors import MissingPackageError
 
 from .checks import as_float32, as_written, check_grid, check_positive
-from .errors import MissingPackageError
 from .time import from_stamp, to_header
 
 if TYPE_CHECKING:

@@ -5,7 +5,6 @@
 GridMapError (grid_map_core_py)
 ├── BagError
 ├── MessageError (ValueError)
-├── MissingPackageError (ImportError)
 ├── NodeFailedError
 └── RequestError
 """
@@ -51,18 +50,6 @@ class BagError(GridMapError):
 
 class NodeFailedError(GridMapError):
     """A node that spins gives up: raised in a callback, it ends the executable with one message."""
-
-
-class MissingPackageError(GridMapError, ImportError):
-    """A feature needs a package that is not installed."""
-
-    def __init__(self, package: str, feature: str, remedy: str) -> None:
-        self.package = package
-        super().__init__(package, feature, remedy)
-
-    def __str__(self) -> str:
-        package, feature, remedy = self.args
-        return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
 
 
 class RequestError(GridMapError):

@@ -1,13 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_loader`: publishes the last map of a bag, latched.
-
-Parameters:
-    file_path: the bag, a folder or a single file; required.
-    bag_topic: topic in the bag; empty where it has a single topic of maps (`/grid_map`).
-    publish_topic: the map goes there (`/grid_map`).
-    duration: how long those who come late get the map [s]; 0 for as long as the node runs (0.0).
-"""
+"""Node `grid_map_loader`: publishes the last map of a bag, latched."""
 
 import math
 import sys
@@ -34,11 +27,15 @@ class GridMapLoaderNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_loader")
-        path = read_parameter(self, "file_path", str)
-        bag_topic = read_parameter(self, "bag_topic", str, "/grid_map")
-        topic = read_parameter(self, "publish_topic", str, "/grid_map")
+        about = "the bag, a folder or a single file"
+        path = read_parameter(self, "file_path", str, description=about)
+        about = "topic in the bag; empty where it has a single topic of maps"
+        bag_topic = read_parameter(self, "bag_topic", str, "/grid_map", description=about)
+        about = "the map goes there"
+        topic = read_parameter(self, "publish_topic", str, "/grid_map", description=about)
         check_topic(self, "publish_topic", topic)
-        qos = _qos(read_parameter(self, "duration", float, 0.0))
+        about = "how long those who come late get the map [s]; 0 for as long as the node runs"
+        qos = _qos(read_parameter(self, "duration", float, 0.0, description=about))
         grid_map = load_from_bag(path, bag_topic or None, unwrap=False)
         self._publisher = self.create_publisher(GridMapMessage, topic, qos)
         self._publisher.publish(to_serialized_message(grid_map))

@@ -1,15 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_saver`: saves the map of a topic to a bag.
-
-Parameters:
-    file_path: folder of the bag, which is replaced if there is one; required.
-    grid_map_topic: maps come from here (`/grid_map`).
-    bag_topic: topic in the bag; empty for the one the maps come from (``).
-    continuous: save every map in place of the one before, and go on, instead of ending with the
-        first (`false`).
-    compression: of the bag: none, lz4 or zstd (`none`).
-"""
+"""Node `grid_map_saver`: saves the map of a topic to a bag."""
 
 import sys
 
@@ -34,12 +25,20 @@ class GridMapSaverNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
         self._throttle = LogThrottle()
-        self._path = read_parameter(self, "file_path", str)
-        self._continuous = read_parameter(self, "continuous", bool, False)
-        self._compression = read_parameter(self, "compression", str, "none")
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
+        about = "folder of the bag, which is replaced if there is one"
+        self._path = read_parameter(self, "file_path", str, description=about)
+        about = "maps come from here"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
-        self._topic = read_parameter(self, "bag_topic", str, "") or self.resolve_topic_name(topic)
+        about = "topic in the bag; empty for the one the maps come from"
+        bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
+        self._topic = bag_topic or self.resolve_topic_name(topic)
+        about = (
+            "save every map in place of the one before, and go on, instead of ending with the first"
+        )
+        self._continuous = read_parameter(self, "continuous", bool, False, description=about)
+        about = "of the bag: `none`, `lz4` or `zstd`"
+        self._compression = read_parameter(self, "compression", str, "none", description=about)
         # Before anybody waits for a map in vain.
         self._bag().check(self._topic)
         self._subscription = MapSubscription(self, topic, self._on_map)

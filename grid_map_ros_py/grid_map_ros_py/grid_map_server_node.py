@@ -2,13 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_server`: holds a map, publishes it latched and offers it by services.
 
-Parameters:
-    file_path: bag whose last map it begins with; empty for none.
-    bag_topic: topic in that bag; empty where it has a single topic of maps.
-    input_topic: maps come from here, too; empty for none.
-    output_topic: every map that it takes goes there (`/grid_map`).
-    directory: bags are loaded and saved below it by request; empty refuses both.
-
 Services:
     ~/get_grid_map: `grid_map_msgs/GetGridMap`, the map or a part of it.
     ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, its size, resolution and place.
@@ -51,7 +44,8 @@ class GridMapServerNode(Node):
         super().__init__("grid_map_server")
         self._server = MapServer(_read_directory(self))
         self._throttle = LogThrottle()
-        topic = _read_topic(self, "output_topic", "/grid_map")
+        about = "every map that it takes goes there"
+        topic = _read_topic(self, "output_topic", "/grid_map", about)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         self._begin()
         self._subscribe()
@@ -59,13 +53,15 @@ class GridMapServerNode(Node):
         self.get_logger().info(f"serves {self._publisher.topic_name}")
 
     def _begin(self) -> None:
-        path = read_parameter(self, "file_path", str, "")
-        topic = read_parameter(self, "bag_topic", str, "")
+        about = "bag whose last map it begins with; empty for none"
+        path = read_parameter(self, "file_path", str, "", description=about)
+        about = "topic in that bag; empty where it has a single topic of maps"
+        topic = read_parameter(self, "bag_topic", str, "", description=about)
         if path:
             self._take(load_from_bag(path, topic or None, unwrap=False))
 
     def _subscribe(self) -> None:
-        topic = _read_topic(self, "input_topic", "")
+        topic = _read_topic(self, "input_topic", "", "maps come from here, too; empty for none")
         if not topic:
             return
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
@@ -141,13 +137,14 @@ class GridMapServerNode(Node):
 
 
 def _read_directory(node: Node) -> Path | None:
-    path = read_parameter(node, "directory", str, "")
+    about = "bags are loaded and saved below it by request; empty refuses both"
+    path = read_parameter(node, "directory", str, "", description=about)
     check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
     return Path(path) if path else None
 
 
-def _read_topic(node: Node, name: str, default: str) -> str:
-    topic = read_parameter(node, name, str, default)
+def _read_topic(node: Node, name: str, default: str, description: str) -> str:
+    topic = read_parameter(node, name, str, default, description=description)
     return check_topic(node, name, topic) if topic or default else ""
 
 

@@ -1,21 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `octomap_to_grid_map`: publishes the surface of an OctoMap as a map.
-
-Parameters:
-    octomap_topic: octomaps come from here, binary or full (`/octomap_binary`).
-    octomap_service_topic: service that is asked for octomaps, in place of the topic (``).
-    octomap_service_period: how often it is asked [s] (10.0).
-    grid_map_topic: the map goes there (`/grid_map`).
-    layer: name of the layer of heights (`elevation`).
-    resolution: side of a cell [m]; 0 for that of the voxels (0.0).
-    min_x: voxels with less x [m] are left out; nan for no bound, as for all bounds (nan).
-    min_y: voxels with less y are left out [m] (nan).
-    min_z: voxels below are left out [m] (nan).
-    max_x: voxels with more x are left out [m] (nan).
-    max_y: voxels with more y are left out [m] (nan).
-    max_z: voxels above are left out [m] (nan).
-"""
+"""Node `octomap_to_grid_map`: publishes the surface of an OctoMap as a map."""
 
 import math
 import sys
@@ -25,10 +10,9 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from .errors import MissingPackageError
 from .octomap import from_octomap
 from .parameters import check_topic, read_parameter, read_positive
 from .qos import map_qos
@@ -46,20 +30,25 @@ class OctomapToGridMapNode(Node):
     def __init__(self) -> None:
         super().__init__("octomap_to_grid_map")
         self._throttle = LogThrottle()
-        self._layer = read_parameter(self, "layer", str, "elevation")
-        self._resolution = read_parameter(self, "resolution", float, 0.0) or None
-        self._min_bound = [read_parameter(self, f"min_{axis}", float, math.nan) for axis in "xyz"]
-        self._max_bound = [read_parameter(self, f"max_{axis}", float, math.nan) for axis in "xyz"]
-        topic = _read_topic(self, "grid_map_topic", "/grid_map")
+        topic = _read_topic(self, "grid_map_topic", "/grid_map", "the map goes there")
+        about = "name of the layer of heights"
+        self._layer = read_parameter(self, "layer", str, "elevation", description=about)
+        about = "side of a cell [m]; 0 for that of the voxels"
+        self._resolution = read_parameter(self, "resolution", float, 0.0, description=about) or None
+        self._min_bound = _read_bound(self, "min", "less")
+        self._max_bound = _read_bound(self, "max", "more")
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         source = self._listen()
         self.get_logger().info(f"publishes the octomaps of {source} on {topic}")
 
     def _listen(self) -> str:
         """Subscribe, or ask the service from time to time; return where octomaps come from."""
-        topic = _read_topic(self, "octomap_topic", "/octomap_binary")
-        service = read_parameter(self, "octomap_service_topic", str, "")
-        period = read_positive(self, "octomap_service_period", 10.0)
+        about = "octomaps come from here, binary or full"
+        topic = _read_topic(self, "octomap_topic", "/octomap_binary", about)
+        about = "`octomap_msgs/GetOctomap` service to ask for octomaps instead; empty for the topic"
+        service = read_parameter(self, "octomap_service_topic", str, "", description=about)
+        about = "how often it is asked [s]"
+        period = read_positive(self, "octomap_service_period", 10.0, description=about)
         if not service:
             self._subscription = LatchedSubscription(self, _octomap_type(), topic, self._receive)
             return topic
@@ -109,8 +98,20 @@ class OctomapToGridMapNode(Node):
             self.get_logger().warning(text)
 
 
-def _read_topic(node: Node, name: str, default: str) -> str:
-    return check_topic(node, name, read_parameter(node, name, str, default))
+def _read_topic(node: Node, name: str, default: str, description: str) -> str:
+    topic = read_parameter(node, name, str, default, description=description)
+    return check_topic(node, name, topic)
+
+
+def _read_bound(node: Node, end: str, beyond: str) -> list[float]:
+    """Return the bounds at one end of the three axes; NaN for none."""
+    about = "voxels whose centre has {} {} are left out [m]; `.nan` for no bound"
+    return [
+        read_parameter(
+            node, f"{end}_{axis}", float, math.nan, description=about.format(beyond, axis)
+        )
+        for axis in "xyz"
+    ]
 
 
 def _octomap_type() -> type:

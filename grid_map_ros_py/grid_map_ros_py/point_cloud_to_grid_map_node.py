@@ -1,41 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot.
-
-Parameters:
-    input_topic: clouds come from here (`/points`).
-    output_topic: the map goes there (`/grid_map`).
-    input_reliability: `best_effort`, which hears every publisher, or `reliable` (`best_effort`).
-    queue_size: clouds that are kept while they wait for the node or for a pose (10).
-    publish_rate: how often the map is published if it has changed [Hz]; 0 for after every cloud
-        (0.0).
-    map_frame: frame of the map (`odom`).
-    resolution: side of a cell [m] (0.1).
-    length: side lengths of the map along x and y [m] ([10.0, 10.0]).
-    position: centre of the map at first [m] ([0.0, 0.0]).
-    robot_centric: the map moves with the robot, else it stays (true).
-    pose_source: `tf`, `odometry`, `pose`, `pose_with_covariance`, `none` for clouds that are in the
-        map frame already, or `auto` for tf where it is installed and else odometry (`auto`).
-    pose_topic: poses of the robot in the map frame come from here, unless from tf (`/odom`).
-    pose_timeout: clouds wait for their poses so long [s] (1.0).
-    robot_frame: whose place the map follows with tf; empty for the frame of the cloud (``).
-    sensor_xyz: place of the sensor in the frame of the robot [m], without tf ([0.0, 0.0, 0.0]).
-    sensor_rpy: its roll, pitch and yaw there [rad], without tf ([0.0, 0.0, 0.0]).
-    layer: name of the layer of heights (`elevation`).
-    fusion: `max`, `min`, `mean` or `last` of the clouds (`max`).
-    reduction: height of one cloud in a cell, `max`, `min`, `mean`, `median`, `first` or `last`;
-        plays no part in the fusion `mean` (`max`).
-    max_count: for the fusion `mean`: points that the past counts for at most, 0 for all (0).
-    fields: further fields of the clouds that become layers ([]).
-    min_height: points below are left out [m], map frame (-inf).
-    max_height: points above are left out [m], map frame (inf).
-    min_range: points nearer to the origin of their own frame, the sensor, are left out [m] (0.0).
-    max_range: points farther from there are left out [m] (inf).
-    statistics_period: time between two lines of statistics in the log [s], 0 for none (0.0).
-"""
+"""Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
 
 import math
 import sys
+from typing import TypeVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
@@ -61,6 +30,8 @@ from .spin import run
 from .tf_poses import TfPoses, has_tf
 from .throttle import LogThrottle
 
+T = TypeVar("T")
+
 POSE_TYPES = {
     "odometry": Odometry,
     "pose": PoseStamped,
@@ -71,6 +42,47 @@ RELIABILITIES = {
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
     "reliable": ReliabilityPolicy.RELIABLE,
 }
+DESCRIPTIONS = {
+    "input_topic": "clouds come from here",
+    "output_topic": "the map goes there",
+    "input_reliability": (
+        "`best_effort` hears every publisher; `reliable` asks for clouds that got lost "
+        "again, and hears reliable publishers only"
+    ),
+    "queue_size": "clouds that are kept while they wait for the node or for a pose",
+    "publish_rate": (
+        "how often the map is published if it has changed [Hz]; 0 for after every cloud"
+    ),
+    "map_frame": "frame of the map",
+    "resolution": "side of a cell [m]",
+    "length": "side lengths of the map along x and y [m]",
+    "position": "centre of the map at first [m]",
+    "robot_centric": "the map moves with the robot, else it stays",
+    "pose_source": (
+        "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` is `tf` where"
+        " tf2 is installed, else `odometry`"
+    ),
+    "pose_topic": "poses of the robot in the map frame come from here, unless from tf",
+    "pose_timeout": "clouds wait for their poses so long [s]",
+    "robot_frame": "whose place the map follows, with tf; empty for the frame of the cloud",
+    "sensor_xyz": "place of the sensor in the frame of the robot [m], without tf",
+    "sensor_rpy": "its roll, pitch and yaw there [rad], without tf",
+    "layer": "name of the layer of heights",
+    "fusion": "`max`, `min`, `mean` or `last` of the clouds",
+    "reduction": (
+        "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or "
+        "`last`; plays no part in the fusion `mean`"
+    ),
+    "max_count": "for the fusion `mean`: points that the past counts for at most; 0 for all",
+    "fields": "further fields of the clouds that become layers",
+    "min_height": "points below are left out [m], map frame",
+    "max_height": "points above are left out [m], map frame",
+    "min_range": "points nearer to the origin of their own frame, the sensor, are left out [m]",
+    "max_range": "points farther from there are left out [m]",
+    "statistics_period": "time between two lines of statistics in the log [s]; 0 for none",
+}
+"""What `ros2 param describe` shows of the parameters."""
+
 POSE_QUEUE = 100
 """Poses come faster than clouds are fused."""
 
@@ -86,17 +98,16 @@ class PointCloudToGridMapNode(Node):
         self._throttle = LogThrottle()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._has_news = False
+        topic = _read(self, "input_topic", str, "/points")
+        output_topic = _read(self, "output_topic", str, "/grid_map")
         self._source = self._read_pose_source()
         self._mapper = self._read_mapper()
-        self._publisher = self.create_publisher(
-            GridMapMessage, read_parameter(self, "output_topic", str, "/grid_map"), map_qos()
-        )
+        self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
         self._publish_rate = _read_not_negative(self, "publish_rate", 0.0)
         if self._publish_rate > 0:
             self.create_timer(1 / self._publish_rate, self._publish, clock=self._steady)
         self._report_statistics(_read_not_negative(self, "statistics_period", 0.0))
         self.create_timer(WAIT_PERIOD, self._work, clock=self._steady)
-        topic = read_parameter(self, "input_topic", str, "/points")
         # Serialized clouds are read where they are, without a copy.
         self.create_subscription(
             PointCloud2, topic, self._on_cloud, self._read_input_qos(), raw=True
@@ -106,41 +117,41 @@ class PointCloudToGridMapNode(Node):
     # --- parameters -------------------------------------------------------------------------------
 
     def _read_mapper(self) -> CloudMapper:
-        map_frame = read_parameter(self, "map_frame", str, "odom")
-        follow = read_parameter(self, "robot_centric", bool, True)
+        map_frame = _read(self, "map_frame", str, "odom")
+        follow = _read(self, "robot_centric", bool, True)
         has_poses = self._source != "none"
         check(has_poses or not follow, "robot_centric", "false without poses", follow)
         return CloudMapper(
             self._read_map(map_frame),
             self._read_poses(map_frame),
             self._report,
-            fields=read_parameter(self, "fields", list[str], []),
+            fields=_read(self, "fields", list[str], []),
             follow=follow,
-            min_range=read_parameter(self, "min_range", float, 0.0),
-            max_range=read_parameter(self, "max_range", float, math.inf),
-            timeout=read_parameter(self, "pose_timeout", float, 1.0),
-            queue_size=read_parameter(self, "queue_size", int, 10),
+            min_range=_read(self, "min_range", float, 0.0),
+            max_range=_read(self, "max_range", float, math.inf),
+            timeout=_read(self, "pose_timeout", float, 1.0),
+            queue_size=_read(self, "queue_size", int, 10),
         )
 
     def _read_map(self, map_frame: str) -> RollingMap:
         geometry = GridGeometry(
             np.array(_read_numbers(self, "length", [10.0, 10.0])),
-            read_parameter(self, "resolution", float, 0.1),
+            _read(self, "resolution", float, 0.1),
             np.array(_read_numbers(self, "position", [0.0, 0.0])),
         )
         return RollingMap(
             geometry,
             map_frame,
-            layer=read_parameter(self, "layer", str, "elevation"),
-            fusion=read_parameter(self, "fusion", str, "max"),
-            reduction=read_parameter(self, "reduction", str, "max"),
-            max_count=read_parameter(self, "max_count", int, 0),
-            min_height=read_parameter(self, "min_height", float, -math.inf),
-            max_height=read_parameter(self, "max_height", float, math.inf),
+            layer=_read(self, "layer", str, "elevation"),
+            fusion=_read(self, "fusion", str, "max"),
+            reduction=_read(self, "reduction", str, "max"),
+            max_count=_read(self, "max_count", int, 0),
+            min_height=_read(self, "min_height", float, -math.inf),
+            max_height=_read(self, "max_height", float, math.inf),
         )
 
     def _read_pose_source(self) -> str:
-        source = read_parameter(self, "pose_source", str, "auto")
+        source = _read(self, "pose_source", str, "auto")
         check(source in POSE_SOURCES, "pose_source", f"one of {', '.join(POSE_SOURCES)}", source)
         if source == "auto":
             return "tf" if has_tf() else "odometry"
@@ -148,8 +159,8 @@ class PointCloudToGridMapNode(Node):
 
     def _read_poses(self, map_frame: str) -> Poses:
         """Return what tells where clouds belong; all parameters of it are declared."""
-        topic = read_parameter(self, "pose_topic", str, "/odom")
-        robot_frame = read_parameter(self, "robot_frame", str, "")
+        topic = _read(self, "pose_topic", str, "/odom")
+        robot_frame = _read(self, "robot_frame", str, "")
         xyz = _read_numbers(self, "sensor_xyz", [0.0, 0.0, 0.0])
         rpy = _read_numbers(self, "sensor_rpy", [0.0, 0.0, 0.0])
         if self._source == "none":
@@ -165,7 +176,7 @@ class PointCloudToGridMapNode(Node):
 
     def _read_input_qos(self) -> QoSProfile:
         name = "input_reliability"
-        reliability = read_parameter(self, name, str, "best_effort")
+        reliability = _read(self, name, str, "best_effort")
         check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
         return QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
 
@@ -207,15 +218,19 @@ class PointCloudToGridMapNode(Node):
         self.get_logger().info(str(self._mapper.statistics))
 
 
+def _read(node: Node, name: str, kind: type[T], default: T) -> T:
+    return read_parameter(node, name, kind, default, description=DESCRIPTIONS[name])
+
+
 def _read_not_negative(node: Node, name: str, default: float) -> float:
-    value = read_parameter(node, name, float, default)
+    value = _read(node, name, float, default)
     check(math.isfinite(value) and value >= 0, name, "a finite number, 0 or more", value)
     return value
 
 
 def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
     """Return a parameter that is a list of as many finite numbers as the default."""
-    value = read_parameter(node, name, list[float], default)
+    value = _read(node, name, list[float], default)
     fits = len(value) == len(default) and all(map(math.isfinite, value))
     check(fits, name, f"{len(default)} finite numbers", value)
     return value

@@ -9,7 +9,8 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.time import Time
 
-from .errors import MissingPackageError
+from grid_map_core_py.errors import MissingPackageError
+
 from .poses import Matrix, Placement, to_matrix
 
 PACKAGE = "tf2_ros"

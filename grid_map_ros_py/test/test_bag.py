@@ -31,21 +31,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     BagError,
     BagReader,
+    BagTopic,
     BagWriter,
     MessageError,
     bag_maps,
+    bag_topics,
     from_message,
     load_from_bag,
     save_to_bag,
 )
 from grid_map_ros_py.bag_metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
 from grid_map_ros_py.cdr import deserialize
-from grid_map_ros_py.errors import MissingPackageError
 from grid_map_ros_py.serialized import to_serialized_message
 
 typesys = pytest.importorskip("rosbags.typesys")
@@ -127,6 +129,19 @@ def test_a_reader_is_a_sequence_of_records_that_are_not_decoded(bag):
         assert reader[0].data == to_serialized_message(numbered_map(1))
         assert number_of(reader[-1].grid_map()) == 3
         assert reader.topic == TOPIC
+
+
+def test_the_topics_of_a_bag_are_told_with_their_counts_and_times(bag):
+    assert bag_topics(bag) == [BagTopic(TOPIC, GRID_MAP_TYPE, 3, SECOND, 3 * SECOND)]
+    recording = DATA / "cpp_move_sqlite"
+    grids, maps = sorted(bag_topics(recording), key=lambda topic: topic.count)
+    assert (grids.name, grids.type) == ("/occupancy_grid", "nav_msgs/msg/OccupancyGrid")
+    assert (maps.name, maps.holds_maps, grids.holds_maps) == (TOPIC, True, False)
+    with BagReader(recording) as reader:
+        times = [record.time for record in reader]
+    assert (maps.count, maps.first, maps.last) == (len(times), times[0], times[-1])
+    with pytest.raises(BagError, match="no such file or folder"):
+        bag_topics(bag / "none")
 
 
 def test_maps_are_written_and_read_one_at_a_time(tmp_path):
@@ -461,6 +476,7 @@ def test_the_files_of_a_split_bag_are_read_in_time_order(tmp_path, old):
     (folder / "metadata.yaml").write_text(text)
     assert [number_of(grid_map) for grid_map in bag_maps(folder)] == [1, 2, 3, 4, 5]
     assert number_of(load_from_bag(folder, index=2)) == 3
+    assert bag_topics(folder) == [BagTopic(TOPIC, GRID_MAP_TYPE, 5, SECOND, 5 * SECOND)]
     (folder / names[1]).unlink()
     with pytest.raises(BagError, match=r"its file bag_1\.mcap is missing"):
         load_from_bag(folder)

@@ -109,6 +109,14 @@ def test_a_file_is_read_as_it_is_written_whichever_way_it_names_the_node(
     }
 
 
+def test_parameters_carry_their_description_each_of_a_tree_too(
+    start: Start, tmp_path: Path
+) -> None:
+    found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n")))
+    described = {"rate": "how often", "color": "", "filters.filter1.name": "what runs"}
+    assert found["descriptions"] == described
+
+
 def test_numbers_are_read_as_the_kind_that_is_asked_for(start: Start, tmp_path: Path) -> None:
     text = "    rate: 3\n    color: 255.0\n    names: []\n    frame_id: ''\n"
     found = read(start("configured.py", *arguments(tmp_path, text)))

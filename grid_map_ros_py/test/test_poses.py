@@ -19,8 +19,8 @@ from geometry_msgs.msg import (
 from nav_msgs.msg import Odometry
 
 from grid_map_core_py import GridMapError
+from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.errors import MissingPackageError
 from grid_map_ros_py.poses import (
     NoPoses,
     Placement,

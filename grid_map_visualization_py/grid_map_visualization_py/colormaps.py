@@ -18,9 +18,8 @@ import numpy.typing as npt
 
 from grid_map_core_py.color import color_value_to_bytes
 from grid_map_core_py.config import check
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_core_py.statistics import max_of_finites, min_of_finites
-from grid_map_ros_py import MissingPackageError
 
 Colors: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) red, green, blue."""

@@ -20,7 +20,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.atomic import new_file
 from grid_map_core_py.config import check
-from grid_map_ros_py import MissingPackageError
+from grid_map_core_py.errors import MissingPackageError
 
 from .colormaps import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
 from .surface import Surface

@@ -1,20 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_visualization`: publishes a map as whatever its listeners ask for.
-
-Parameters:
-    grid_map_topic: maps come from here (`/grid_map`).
-    transient_local: ask for the last map that was published before somebody listened (false); maps
-        of a volatile publisher are received with false only.
-    activity_check_rate: how often to look whether somebody listens [Hz], where the middleware does
-        not tell (2.0).
-    grid_map_visualizations: names of the visualizations; each is published on the topic of its
-        name.
-    skip_invalid: log a visualization that is misconfigured and show the others (false); otherwise
-        the node ends.
-    <name>.type: type of a visualization, as in the registry.
-    <name>.params.*: parameters of that type.
-"""
+"""Node `grid_map_visualization`: publishes a map as whatever its listeners ask for."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -24,6 +10,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
@@ -54,17 +41,18 @@ class GridMapVisualizationNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
         self._topic = _read_topic(self)
-        self._qos = map_qos(transient_local=read_parameter(self, "transient_local", bool, False))
+        self._qos = _read_qos(self)
         self._throttle = LogThrottle()
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
+        about = "how often to look for listeners [Hz], where the middleware does not tell"
+        rate = read_positive(self, "activity_check_rate", 2.0, description=about)
         self._outputs = [
             Output(self, name, visualization, self._follow_listeners)
             for name, visualization in _read_visualizations(self).items()
         ]
         # Listeners are noticed when they come and go; this is for those whose event went missing.
-        period = 1 / read_positive(self, "activity_check_rate", 2.0)
-        self.create_timer(period, self._follow_listeners, clock=_steady_clock())
+        self.create_timer(1 / rate, self._follow_listeners, clock=_steady_clock())
         names = ", ".join(output.name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {self._topic} as {names}, while somebody listens")
 
@@ -161,19 +149,33 @@ class Output:
 
 def _read_topic(node: Node) -> str:
     name = "grid_map_topic"
-    return check_topic(node, name, read_parameter(node, name, str, "/grid_map"))
+    about = "maps come from here"
+    return check_topic(node, name, read_parameter(node, name, str, "/grid_map", description=about))
+
+
+def _read_qos(node: Node) -> QoSProfile:
+    about = (
+        "ask for the last map that was published before somebody listened; maps of a volatile "
+        "publisher arrive with `false` only"
+    )
+    transient_local = read_parameter(node, "transient_local", bool, False, description=about)
+    return map_qos(transient_local=transient_local)
 
 
 def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
     parameter = "grid_map_visualizations"
-    names = read_parameter(node, parameter, list[str])
+    about = "names of the visualizations; each is published on the topic of its name"
+    names = read_parameter(node, parameter, list[str], description=about)
     check(len(set(names)) == len(names), parameter, "every name once", names)
-    skip_invalid = read_parameter(node, "skip_invalid", bool, False)
+    about = "log a visualization that is misconfigured and show the others, instead of ending"
+    skip_invalid = read_parameter(node, "skip_invalid", bool, False, description=about)
+    about = "of the visualization of that name: `type`, and `params` by their names"
     visualizations = {}
     for name in names:
         try:
             check_topic(node, parameter, name)
-            visualizations[name] = create(name, read_parameter_tree(node, name))
+            config = read_parameter_tree(node, name, description=about)
+            visualizations[name] = create(name, config)
         except GridMapError as error:
             if not skip_invalid:
                 raise

@@ -1,17 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `web_viewer`: serves a page that shows a map in the browser.
-
-Parameters:
-    grid_map_topic: maps come from here (`/grid_map`).
-    host: address at which the page is served (`127.0.0.1`: for this machine alone).
-    port: of that address (8080); 0 takes a free one.
-    height_layer: the layer that gives the heights at first (`elevation`).
-    color_layer: the layer that gives the colours at first; empty for that of the heights.
-    color_map: the colour map at first (`viridis`).
-    max_cells: larger maps are thinned out to so many cells (150000); 0 for never.
-    update_rate: how often the page is brought up to date at most [Hz] (20.0).
-"""
+"""Node `web_viewer`: serves a page that shows a map in the browser."""
 
 import sys
 
@@ -37,10 +26,12 @@ class WebViewerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map")
+        about = "maps come from here"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
         max_cells = _read_max_cells(self)
-        period = 1 / read_positive(self, "update_rate", 20.0)
+        about = "how often the page is brought up to date at most [Hz]"
+        period = 1 / read_positive(self, "update_rate", 20.0, description=about)
         self._page = _serve_page(self)
         self._viewer = Viewer(self._page, max_cells)
         self._throttle = LogThrottle()
@@ -61,24 +52,35 @@ class WebViewerNode(Node):
 
 
 def _read_max_cells(node: Node) -> int:
-    max_cells = read_parameter(node, "max_cells", int, 150_000)
+    about = "larger maps are thinned out to so many cells; 0 for never"
+    max_cells = read_parameter(node, "max_cells", int, 150_000, description=about)
     check_max_cells(max_cells)
     return max_cells
 
 
 def _serve_page(node: Node) -> Page:
-    host = read_parameter(node, "host", str, "127.0.0.1")
-    port = read_parameter(node, "port", int, 8080)
+    about = "address at which the page is served; `127.0.0.1` is for this machine alone"
+    host = read_parameter(node, "host", str, "127.0.0.1", description=about)
+    about = "of that address; 0 takes a free one"
+    port = read_parameter(node, "port", int, 8080, description=about)
     check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
-    scale = ColorScale(color_map=read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP))
-    coloring = Coloring(layer=read_parameter(node, "color_layer", str, ""), scale=scale)
-    height_layer = read_parameter(node, "height_layer", str, "elevation")
-    page = Page(host, port, Settings(height_layer=height_layer, coloring=coloring))
+    page = Page(host, port, _read_settings(node))
     if not is_loopback(host):
         node.get_logger().warning(
             f"everybody who reaches {page.url} sees the map and may change what is shown"
         )
     return page
+
+
+def _read_settings(node: Node) -> Settings:
+    about = "the layer that gives the heights at first"
+    height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
+    about = "the layer that gives the colours at first; empty for that of the heights"
+    color_layer = read_parameter(node, "color_layer", str, "", description=about)
+    about = "the colour map at first, by its name in Matplotlib"
+    color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
+    coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
+    return Settings(height_layer=height_layer, coloring=coloring)
 
 
 def main() -> int:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import color_vector_to_value
-from grid_map_core_py.errors import ConfigError
-from grid_map_ros_py import MissingPackageError
+from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_visualization_py import colormaps
 from grid_map_visualization_py.colormaps import (
     MISSING,

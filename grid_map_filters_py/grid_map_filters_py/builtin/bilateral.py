@@ -36,9 +36,12 @@ class Bilateral:
     "Bilateral filtering for gray and color images", ICCV 1998). Other cells are NaN.
 
     Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
         sigma_space: standard deviation of the Gaussian of distances [m].
-        sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer.
-        radius: of the disc [m]; None means 3 `sigma_space`.
+        sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer:
+            steps much higher than this stay sharp.
+        radius: of the disc [m]; without it 3 `sigma_space`.
     """
 
     input_layer: str

@@ -23,9 +23,12 @@ class ColorBlending:
     Where one of both has no colour, the other one is taken.
 
     Attributes:
+        background_layer: colours below.
+        foreground_layer: colours above.
         blend_mode: "normal" mixes both; "hard_light" multiplies with dark colours of the foreground
             and screens with bright ones; "soft_light" is Pegtop's formula.
-        opacity: of what the mode gives over the background, in [0, 1].
+        opacity: of what the mode gives over the background, from 0 to 1.
+        output_layer: the result goes there.
     """
 
     background_layer: str

@@ -19,9 +19,10 @@ class ColorFill:
     """Fill a layer with one colour.
 
     Attributes:
-        red, green, blue: in [0, 1]; values beyond are clamped.
-        mask_layer: only cells where this layer is finite get the colour, the others none; empty
-            for all cells.
+        red, green, blue: from 0 to 1; values beyond are clamped.
+        mask_layer: only cells where this layer is finite get the colour, the others NaN; empty for
+            all cells.
+        output_layer: the result goes there.
     """
 
     red: float

@@ -23,8 +23,11 @@ class ColorMap:
     Cells that are not finite have no colour.
 
     Attributes:
-        min_value, max_value: ends of the ramp. In YAML also `min: {value, color}` and `min/value`.
-        min_color, max_color: red, green, blue in [0, 1] at its ends.
+        input_layer: the layer to colour.
+        output_layer: the result goes there.
+        min_value: where the ramp begins. In YAML also `min: {value, color}` and `min/value`.
+        max_value: where it ends, above `min_value`.
+        min_color, max_color: red, green and blue there, from 0 to 1; values beyond are clamped.
     """
 
     input_layer: str

@@ -25,6 +25,10 @@ class Curvature:
 
     At the border of the map the cell itself stands for the missing neighbour. A difference that
     meets a cell that is not finite counts as 0; cells that are not finite themselves become NaN.
+
+    Attributes:
+        input_layer: heights [m].
+        output_layer: the result goes there.
     """
 
     input_layer: str

@@ -11,7 +11,11 @@ from ..filter import warn
 
 @dataclass(frozen=True, kw_only=True)
 class Deletion:
-    """Remove `layers`; warn of those that the map does not have."""
+    """Remove `layers`; warn of those that the map does not have.
+
+    Attributes:
+        layers: their names.
+    """
 
     layers: tuple[str, ...]
 

@@ -9,7 +9,12 @@ from grid_map_core_py import GridMap
 
 @dataclass(frozen=True, kw_only=True)
 class Duplication:
-    """Copy `input_layer` to `output_layer`."""
+    """Copy `input_layer` to `output_layer`.
+
+    Attributes:
+        input_layer: the layer to copy.
+        output_layer: the copy.
+    """
 
     input_layer: str
     output_layer: str

@@ -26,9 +26,12 @@ class GaussianBlur:
     anywhere.
 
     Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
         sigma: standard deviation of the Gaussian [m].
-        radius: how far its kernel reaches along x and along y [m]; None means 3 sigma.
-        compute_empty_cells: whether cells that are not finite in the input get a value too.
+        radius: how far the weights reach along x and along y [m]; without it 3 `sigma`.
+        compute_empty_cells: give cells a value too that are not finite in the input, NaN where none
+            is within reach.
     """
 
     input_layer: str

@@ -27,9 +27,11 @@ class Inpaint:
     Missing cells that touch, also at a corner, are one hole.
 
     Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
         radius: of the neighbourhood that a filled cell is computed from [m], at least one cell.
-        enclosed_holes_only: whether holes that reach the border of the map stay as they are.
-        max_hole_area: of the holes that are filled [m^2]; None fills them whatever their size.
+        enclosed_holes_only: leave holes alone that reach the border of the map.
+        max_hole_area: largest hole that is filled [m^2]; without it holes of any size are.
     """
 
     input_layer: str

@@ -21,8 +21,10 @@ class LightIntensity:
     Cells without a normal have no colour.
 
     Attributes:
-        input_layers_prefix: the normals are in the layers prefix + x, y, z.
-        light_direction: x, y, z of the direction that the light travels in; of any length but 0.
+        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
+        output_layer: the result goes there.
+        light_direction: x, y, z: where the light travels to, not where it comes from; of any length
+            but 0.
     """
 
     input_layers_prefix: str

@@ -17,6 +17,10 @@ class MathExpression:
     """Compute `output_layer` by a matrix expression over the layers of the map.
 
     A scalar fills the layer; a matrix of another shape than the map's is an error.
+
+    Attributes:
+        expression: for example `0.5 * slope + roughness`.
+        output_layer: the result goes there.
     """
 
     expression: str

@@ -31,15 +31,18 @@ class MedianFill:
     basic layers.
 
     Attributes:
-        fill_hole_radius: half the width of the square [m], rounded down to whole cells.
-        filter_existing_values: whether finite cells get the median around them too.
-        existing_value_radius: half the width of the square of these [m].
-        fill_mask_layer: only cells where this layer is not 0 change. If the map does not have it,
-            it is computed: where the layer is finite, without what is thinner than 3 cells, grown
-            and shrunk again; and added to the map as 0 and 1.
-        num_erode_dilation_iterations: how many cells the computed mask grows and shrinks by.
-        debug: whether a computed mask is also stored as it was before it grew.
-        debug_infill_mask_layer: where that goes.
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
+        fill_hole_radius: half the width of the square [m], cut off to whole cells.
+        filter_existing_values: give finite cells that the mask allows their median too.
+        existing_value_radius: half the width of the square of these [m]; required with
+            `filter_existing_values`.
+        fill_mask_layer: where to fill: only cells where this layer is not 0 change. If the map does
+            not have it, it is computed: where the layer is finite, without what is thinner than 3
+            cells, grown and shrunk again; and added to the map as 0 and 1.
+        num_erode_dilation_iterations: by how many cells a computed mask grows and shrinks.
+        debug: also store a computed mask as it was before it grew.
+        debug_infill_mask_layer: where that goes; required with `debug`.
     """
 
     input_layer: str

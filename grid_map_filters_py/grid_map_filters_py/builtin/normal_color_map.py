@@ -19,6 +19,10 @@ class NormalColorMap:
     """Colour a map by its normals: red, green, blue are x, y, z taken from [-1, 1] to [0, 1].
 
     The colours of cells without a normal are NaN.
+
+    Attributes:
+        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
+        output_layer: the result goes there.
     """
 
     input_layers_prefix: str

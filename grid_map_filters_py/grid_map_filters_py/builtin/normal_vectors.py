@@ -18,13 +18,14 @@ class NormalVectors:
 
     Attributes:
         input_layer: heights [m].
-        output_layers_prefix: the normals go to the layers prefix + x, y, z.
-        normal_vector_positive_axis: the normals point to the positive side of this axis.
+        output_layers_prefix: the normals go to the layers prefix + `x`, `y`, `z`.
+        normal_vector_positive_axis: normals point to the positive side of this axis. In a parameter
+            file of ROS write `'y'`: without quotes it means *true* there.
         algorithm: "area" fits a plane to the disc around each cell, "raster" takes the slopes to
             the four neighbours.
         radius: of the disc [m]; not positive means "raster".
-        parallelization_enabled, thread_number: accepted for files written for the C++ filter, where
-            they change the speed alone; all cells are computed at once here.
+        parallelization_enabled, thread_number: accepted for files of the C++ filter, without
+            effect: all cells are computed at once.
     """
 
     input_layer: str

@@ -15,8 +15,8 @@ class SetBasicLayers:
     """Make `layers` the basic layers; warn of those that the map does not have.
 
     Attributes:
-        layers: names; may be empty.
-        layer: another spelling of `layers`.
+        layers: their names; may be none.
+        layer: the same by the name that C++ reads; exactly one of both is given.
     """
 
     layers: tuple[str, ...] | None = None

@@ -18,14 +18,14 @@ class SlidingWindowMathExpression:
 
     Attributes:
         input_layer: its name stands for the window in the expression.
-        expression: see the page on expressions.
-        compute_empty_cells: whether cells that are NaN in the input get a value too.
+        output_layer: the result goes there.
+        expression: for example `meanOfFinites(elevation)`.
+        compute_empty_cells: give cells a value too that are NaN in the input.
         edge_handling: what becomes of a window that does not fit: "inside" leaves the cell NaN,
             "crop" takes the part on the map, "empty" pads with NaN, "mean" with the mean of the
             window's finite values.
         window_size: side of the window in cells, odd.
-        window_length: side of the window [m], instead of `window_size`; rounded to an odd number
-            of cells.
+        window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
     """
 
     input_layer: str

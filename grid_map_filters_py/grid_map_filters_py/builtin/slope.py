@@ -23,9 +23,10 @@ class Slope:
     without the digits that this loses on gentle slopes.
 
     Attributes:
-        input_layer: heights [m] that the normals are computed from, instead of
-            `input_layers_prefix`.
-        input_layers_prefix: the normals are in the layers prefix + x, y, z.
+        input_layer: heights [m] that the normals are computed from.
+        input_layers_prefix: instead of `input_layer`: the normals are in the layers prefix + `x`,
+            `y`, `z`.
+        output_layer: the result goes there.
         radius: of the disc around each cell that a plane is fitted to [m]; 0 takes the slopes to
             the four neighbours.
     """

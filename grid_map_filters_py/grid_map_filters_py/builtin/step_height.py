@@ -32,11 +32,12 @@ class StepHeight:
 
     Attributes:
         input_layer: heights [m].
-        output_layer: every cell with a finite one in its second disc gets a value there.
-        radius: of the disc [m].
-        second_window_radius: of the second disc [m]; together with `critical_value`.
+        output_layer: the result goes there.
+        radius: of the disc [m], 0 or more; the rim is inside.
+        second_window_radius: of the second disc [m]; together with `critical_value`. Every cell
+            with a finite one in it gets a value.
         critical_value: height above which a difference counts as a step [m].
-        critical_cell_number: of cells that make a step.
+        critical_cell_number: how many cells make a step.
     """
 
     input_layer: str

@@ -16,13 +16,13 @@ class Threshold:
     """Set cells of a layer to a value where a layer is below or above a threshold.
 
     Attributes:
-        layer: short for `condition_layer` and `output_layer` of this name.
-        condition_layer: compared with the threshold, in double precision; cells that are not finite
-            never pass.
-        output_layer: written to.
-        lower_threshold: cells of the condition layer below it pass.
-        upper_threshold: cells of the condition layer above it pass; exactly one of both is given.
-        set_to: value for the cells that pass; may be NaN or infinite.
+        layer: short for a condition and an output layer of this name.
+        condition_layer: instead of `layer`: compared with the threshold, in double precision; cells
+            that are not finite never pass.
+        output_layer: instead of `layer`: written to; both must exist.
+        lower_threshold: cells below it are set.
+        upper_threshold: cells above it are set; exactly one of both thresholds is given.
+        set_to: value for these cells; may be `.nan` or `.inf`.
     """
 
     layer: str | None = None

@@ -24,8 +24,9 @@ class Traversability:
 
     Attributes:
         input_layers: what makes a cell hard to pass.
+        output_layer: the result goes there.
         critical_values: per layer, the value from which on a cell cannot be passed.
-        weights: per layer; only their ratios matter. None, or none, weighs all alike.
+        weights: per layer; only their ratios matter. Without them all layers weigh alike.
     """
 
     input_layers: tuple[str, ...]

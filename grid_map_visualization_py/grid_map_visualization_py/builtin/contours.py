@@ -13,9 +13,8 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_core_py.statistics import max_of_finites, min_of_finites
-from grid_map_ros_py import MissingPackageError
 
 from ..markers import check_line, line_marker
 

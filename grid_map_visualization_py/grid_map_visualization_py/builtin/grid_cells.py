@@ -19,7 +19,8 @@ class GridCells:
 
     Attributes:
         layer: the layer to look at.
-        lower_threshold, upper_threshold: smallest and largest value that is shown.
+        lower_threshold: smallest value that is shown.
+        upper_threshold: largest value that is shown.
 
     Raises:
         ConfigError: the thresholds are not in order, so that nothing would ever be shown.

@@ -26,7 +26,8 @@ class Image:
         layer: the layer to show.
         color_mode: "intensity" colours by its values, "color" takes the packed colours in it.
         color_map: name of a colour map of Matplotlib.
-        lower, upper: values at the ends of the colour map; None means the smallest and the largest.
+        lower: value at the lower end of the colour map; without it the smallest.
+        upper: value at the upper end; without it the largest.
         invert: swap the ends of the colour map.
         encoding: order of the colours. With alpha, cells without a value are transparent; without,
             they are grey.

@@ -27,13 +27,14 @@ class Surface:
         flat: draw all at height zero.
         color_mode: "intensity" colours by the values of `color_layer`, "color" takes the packed
             colours in it, "flat" paints everything in `color`.
-        color_layer: a layer; empty means the heights.
+        color_layer: the layer that gives the colours; empty for the heights.
         color_map: name of a colour map of Matplotlib.
-        lower, upper: values at the ends of the colour map; None means the smallest and the largest.
+        lower: value at the lower end of the colour map; without it the smallest.
+        upper: value at the upper end; without it the largest.
         invert: swap the ends of the colour map.
         color: 0xRRGGBB.
         opacity: from 0, invisible, to 1.
-        max_cells: thin out larger maps to at most so many cells; 0 means never.
+        max_cells: thin out larger maps to at most so many cells; 0 for never.
 
     Raises:
         ConfigError: the colour map is unknown, or a number is out of range.

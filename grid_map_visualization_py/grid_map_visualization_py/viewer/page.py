@@ -18,8 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Positions
-from grid_map_core_py.errors import GridMapError
-from grid_map_ros_py import MissingPackageError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 
 from ..colormaps import Coloring, ColorScale, color_map_names
 from .scene import Scene, View

@@ -1,0 +1,162 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How `make docs` builds the site.
+
+Its source is the whole repository, of which Sphinx takes the Markdown: links between pages, and to
+files beside them, are the same on the site as where the code is hosted.
+"""
+
+import pkgutil
+import re
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import numpy.typing as npt
+from sphinx.application import Sphinx
+from sphinx.util.typing import stringify_annotation
+
+project = "grid_map for Python"
+author = "grid_map_py contributors"
+copyright = "2026, grid_map_py contributors"  # noqa: A001
+ROOT = Path(__file__).resolve().parents[1]
+DESCRIPTION = (ROOT / "grid_map_core_py" / "package.xml").read_text(encoding="utf-8")
+version = release = DESCRIPTION.partition("<version>")[2].partition("</version>")[0]
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+root_doc = "docs/index"
+include_patterns = [
+    "*.md",
+    "benchmarks/*.md",
+    "docs/**.md",
+    "grid_map_*/*.md",
+    "grid_map_*/CHANGELOG.rst",
+    "grid_map_*/data/*.md",
+]
+exclude_patterns = [".*", "build", "install", "log", "demo_output"]
+html_theme = "furo"
+html_title = project
+html_copy_source = False
+
+myst_heading_anchors = 4
+# Links to folders, which a code host shows and the site has not.
+nitpick_ignore_regex = [("myst", r".*/")]
+
+OVERVIEWS = {
+    "docs/converters": "conversions/*",
+    "docs/decisions/README": "*",
+    "docs/demos/README": "*",
+    "docs/filters": "filters/*",
+}
+"""Pages that have others below them in the navigation; the rest of it stands in index.md."""
+
+default_role = "literal"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+
+
+def add_navigation(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Put the pages below an overview into the navigation."""
+    if page in OVERVIEWS:
+        source[0] += f"\n\n```{{toctree}}\n:hidden:\n:glob:\n\n{OVERVIEWS[page]}\n```\n"
+
+
+def add_modules(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Append to a page of the API reference what the docstrings of its package say."""
+    if not page.startswith("docs/api/grid_map_"):
+        return
+    package = import_module(page.rpartition("/")[2])
+    below = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+    names = [package.__name__, *(module.name for module in below if "._" not in module.name)]
+    source[0] += "".join(map(reference, names))
+
+
+def reference(name: str) -> str:
+    """Return the section on a module. What packages offer is described where it is defined."""
+    module = import_module(name)
+    offered = ", ".join(f"`{each}`" for each in getattr(module, "__all__", ()))
+    is_package = hasattr(module, "__path__")
+    members = "\n   :no-members:" if is_package else ""
+    text = f"\n\n## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}{members}\n```\n"
+    return f"{text}\nOffers {offered}.\n" if is_package and offered else text
+
+
+ARRAY_LIKE = stringify_annotation(npt.ArrayLike, "smart")
+Docstring = Callable[[Sphinx, str, str, object, object, list[str]], None]
+
+
+def rewrites(change: Callable[[str], str]) -> Docstring:
+    """Return what changes every docstring."""
+
+    def rewrite(
+        _app: Sphinx, _what: str, _name: str, _of: object, _options: object, lines: list[str]
+    ) -> None:
+        lines[:] = change("\n".join(lines)).split("\n")
+
+    return rewrite
+
+
+def list_returns(text: str) -> str:
+    """Make a list of several values that are returned, for which Napoleon has no form."""
+    section = re.search(r"^Returns:\n((?: {4}.*\n)+)", text, re.MULTILINE)
+    if not section or len(re.findall(r"^ {4}\w+: ", section[1], re.MULTILINE)) < 2:
+        return text
+    entries = re.sub(r"^ {4}(?=\S)", "    * ", section[1], flags=re.MULTILINE)
+    entries = re.sub(r"^ {8,}", "      ", entries, flags=re.MULTILINE)
+    return text.replace(section[0], f":returns:\n{entries}")
+
+
+def escape(text: str) -> str:
+    """Let stars and bars, where they are signs of mathematics, mean themselves."""
+    sign = re.compile(r"(?<=[\w)\]])[*|]|[*|](?=[\w(])")
+    is_code = re.compile(r" *(>>>|\.\.\.)")
+    lines = text.split("\n")
+    return "\n".join(x if is_code.match(x) else sign.sub(r"\\\g<0>", x) for x in lines)
+
+
+Signature = tuple[str, str | None]
+
+
+def shorten(
+    _app: Sphinx,
+    _what: str,
+    _name: str,
+    _of: object,
+    _options: object,
+    takes: str | None,
+    gives: str | None,
+) -> Signature | None:
+    """Write the types of arrays in a signature as the code does."""
+    return None if takes is None else (short(takes), gives and short(gives))
+
+
+def short(text: str) -> str:
+    """Return types with the usual names of arrays."""
+    array = (
+        r"~numpy\.ndarray\[tuple\[~typing\.Any, \.\.\.\], ~numpy\.dtype\[~?(?:numpy\.)?([\w.]+)\]\]"
+    )
+    return re.sub(array, r"NDArray[\1]", text.replace(ARRAY_LIKE, "ArrayLike"))
+
+
+def add_index(app: Sphinx, error: Exception | None) -> None:
+    """Lead from the folder of the site to its first page."""
+    if error is None:
+        target = f"{app.config.root_doc}.html"
+        page = (
+            f'<meta http-equiv="refresh" content="0; url={target}"><a href="{target}">{project}</a>'
+        )
+        Path(app.outdir, "index.html").write_text(page, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> None:
+    """Hook the functions above in."""
+    app.connect("source-read", add_navigation)
+    app.connect("source-read", add_modules)
+    app.connect("autodoc-process-docstring", rewrites(escape), priority=400)
+    app.connect("autodoc-process-docstring", rewrites(list_returns), priority=410)
+    app.connect("autodoc-process-signature", shorten)
+    app.connect("build-finished", add_index)

@@ -1,0 +1,236 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Draw the pictures of the pages on demos, from the functions that the demos consist of.
+
+    python3 docs/images/make_demo_pictures.py [FOLDER]
+
+writes one PNG per demo in `PICTURES` into the folder, `docs/images/demos` by default.
+"""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.geometry import GridGeometry
+from grid_map_core_py.image import change_resolution, from_image, to_image
+from grid_map_demos_py import image_publisher_node as image_publisher
+from grid_map_demos_py import interpolation_demo_node as interpolation
+from grid_map_demos_py import iterators_demo_node as iterators
+from grid_map_demos_py import move_demo_node as move
+from grid_map_demos_py import normal_filter_comparison_node as comparison
+from grid_map_demos_py import opencv_demo_node as opencv
+from grid_map_demos_py import sdf_demo_node as sdf
+from grid_map_demos_py import tutorial_demo_node as tutorial
+from grid_map_demos_py.octomap_file import read_octomap
+from grid_map_demos_py.star import HEIGHT, star_map
+from grid_map_filters_py import FilterChain
+from grid_map_ros_py import from_octomap
+from grid_map_visualization_py.pictures import plot
+
+FOLDER = Path(__file__).parent / "demos"
+DATA = Path(__file__).parents[2] / "grid_map_demos_py" / "data"
+DPI = 80
+
+
+def tutorial_demo() -> Figure:
+    """Draw what noise makes of the wave, and what the filter makes of that."""
+    random = np.random.default_rng(1)
+    grid_map = tutorial.make_map()
+    tutorial.add_wave(grid_map, 0.35)
+    tutorial.add_noise(grid_map, 0.015, random)
+    tutorial.add_outliers(grid_map, 500, random)
+    tutorial.add_filtered(grid_map, tutorial.cells_to_filter(grid_map), 0.1)
+    figure, axes = new_figure(1, 3, (9.0, 4.0))
+    for ax, layer in zip(axes, ["elevation_noisy", "elevation_filtered", "error"], strict=True):
+        # Infinite heights are drawn as holes.
+        grid_map[layer][~np.isfinite(grid_map[layer])] = np.nan
+        limits = (0.0, 0.015) if layer == "error" else (-0.17, 0.09)
+        colors = "magma" if layer == "error" else "viridis"
+        draw(grid_map, layer, ax, layer, limits=limits, color_map=colors)
+    return figure
+
+
+def iterators_demo() -> Figure:
+    """Draw each region in the end, and its cells by their order."""
+    figure, axes = new_figure(2, 4, (9.0, 4.8))
+    grid_map = iterators.make_map()
+    for ax, (title, find_cells) in zip(axes, iterators.REGIONS.items(), strict=False):
+        cells = find_cells(grid_map)
+        grid_map.clear_all()
+        grid_map["type"][tuple(cells.T)] = np.linspace(0.0, 1.0, len(cells))
+        draw(grid_map, "type", ax, title, limits=(0.0, 1.0))
+    for _ in iterators.show_sliding_window(grid_map):
+        pass
+    draw(grid_map, "type", axes[-1], "a sliding window", limits=(0.0, 1.0))
+    return figure
+
+
+def move_demo() -> Figure:
+    """Draw a map before and after both ways to change its place."""
+    figure, axes = new_figure(1, 3, (9.0, 2.9))
+    grid_map = move.make_map()
+    x, y = grid_map.geometry.axes()
+    # In place of the noise, something whose way can be seen.
+    grid_map["layer"] = np.sin(12.0 * np.hypot(x[:, None] - 0.1, y))
+    moved, carried = grid_map.copy(), grid_map.copy()
+    moved.move((0.2, 0.1))
+    carried.position = (0.2, 0.1)
+    titles = ["before", "move((0.2, 0.1))", "position = (0.2, 0.1)"]
+    for ax, one, title in zip(axes, [grid_map, moved, carried], titles, strict=True):
+        draw(one, "layer", ax, title, limits=(-1.0, 1.0))
+        ax.set(xlim=(-0.4, 0.6), ylim=(-0.4, 0.5))
+        corner = one.position - 0.5 * one.length
+        ax.add_patch(Rectangle(corner, *one.length, fill=False, edgecolor="tab:red"))
+        ax.plot(0.0, 0.0, "+", color="tab:red", markersize=12)
+    return figure
+
+
+def image_to_gridmap_demo() -> Figure:
+    """Draw the image that is published without parameters, and the map that it becomes."""
+    pixels = image_publisher.read_image(DATA / "terrain.png")
+    grid_map = from_image(pixels, "elevation", 0.03, -0.1, 0.4)
+    figure, axes = new_figure(1, 2, (5.2, 2.7))
+    axes[0].imshow(pixels[..., [2, 1, 0, 3]], interpolation="nearest")
+    axes[0].set_title("the image", fontsize=9)
+    axes[0].set_axis_off()
+    draw(grid_map, "elevation", axes[1], "elevation", limits=(-0.1, 0.4), color_map="gray")
+    return figure
+
+
+def opencv_demo() -> Figure:
+    """Draw the star and what kernels make of it."""
+    figure, axes = new_figure(1, 4, (9.0, 3.9))
+    for with_ground, kernels in ((True, (1, 41, 121)), (False, (41,))):
+        grid_map = star_map("original", 0.01, has_ground=with_ground)
+        channels = 1 if with_ground else 4
+        image = to_image(grid_map, "original", np.uint16, channels, 0.0, HEIGHT)
+        for ax, size in zip(axes if with_ground else axes[3:], kernels, strict=False):
+            opencv.blur(grid_map, image, size)
+            title = f"{size} x {size} pixels" + ("" if with_ground else ", transparent")
+            draw(grid_map, "elevation", ax, title, limits=(0.0, HEIGHT))
+    return figure
+
+
+def resolution_change_demo() -> Figure:
+    """Draw the star, in cells as it is made and in smaller and larger ones."""
+    figure, axes = new_figure(1, 3, (7.0, 4.0))
+    star = star_map("elevation", 0.03)
+    for ax, side in zip(axes, (0.03, 0.01, 0.09), strict=True):
+        scaled = change_resolution(star, side)
+        draw(scaled, "elevation", ax, f"{100 * side:.0f} cm", limits=(0.0, HEIGHT))
+    return figure
+
+
+def octomap_to_gridmap_demo() -> Figure:
+    """Draw the room from above, without and with its ceiling."""
+    room = read_octomap(DATA / "room.bt", "map")
+    figure, axes = new_figure(1, 2, (7.0, 3.9))
+    for ax, max_z, title in zip(axes, (2.0, np.nan), ("max_z: 2.0", "no max_z"), strict=True):
+        grid_map = from_octomap(room, max_bound=(np.nan, np.nan, max_z))
+        draw(grid_map, "elevation", ax, title, limits=(0.0, 2.5))
+    return figure
+
+
+def interpolation_demo() -> Figure:
+    """Draw the steepest world as it is, and how far off three methods are."""
+    length = np.array([4.0, 4.0])
+    fine, world = GridGeometry(length, 0.04), interpolation.WORLDS["Gauss"]
+    data = interpolation.sampled(world, GridGeometry(length, 0.2))
+    truth = interpolation.sampled(world, fine)
+    figure, axes = new_figure(1, 4, (8.0, 2.3))
+    draw(truth, "demo", axes[0], "the truth", limits=(-2.0, 5.0))
+    for ax, name in zip(axes[1:], ["Nearest", "Linear", "Cubic"], strict=True):
+        found = interpolation.interpolated(data, fine, interpolation.METHODS[name])
+        found["error"] = np.abs(found["demo"] - truth["demo"])
+        draw(found, "error", ax, f"error of {name}", limits=(0.0, 0.5), color_map="magma")
+    return figure
+
+
+def normal_filter_comparison_demo() -> Figure:
+    """Draw a surface with noise, and how far off the normals of both algorithms are."""
+    grid_map = comparison.surface_map("wave", 0.0)
+    comparison.disturb(grid_map, 0.015, 0.0, np.random.default_rng(1))
+    grid_map = FilterChain.from_config(comparison.FILTERS)(grid_map)
+    comparison.add_errors(grid_map)
+    # A part is enough: nothing compresses less than noise.
+    grid_map = grid_map.get_submap((0.6, 0.0), (1.0, 1.2))
+    figure, axes = new_figure(1, 3, (7.0, 2.5))
+    draw(grid_map, "elevation_noisy", axes[0], "elevation_noisy", limits=(-0.3, 0.2))
+    for ax, layer in zip(axes[1:], comparison.ALGORITHMS.values(), strict=True):
+        draw(grid_map, layer, ax, layer, limits=(0.0, 0.005), color_map="magma")
+    return figure
+
+
+def sdf_demo() -> Figure:
+    """Draw the map that the launch file makes, and the distances in a section through it."""
+    pixels = image_publisher.read_image(DATA / "terrain.png")
+    grid_map = from_image(pixels, "elevation", 0.03, -0.3, 0.4)
+    field = sdf.distance_field(grid_map, "elevation")
+    figure, axes = new_figure(1, 2, (9.0, 2.6))
+    draw(grid_map, "elevation", axes[0], "elevation", limits=(-0.3, 0.4), color_map="gray")
+    axes[0].axhline(0.0, color="tab:red", linewidth=1.0)
+    section = field.distances[:, grid_map.size[1] // 2, :].T
+    x, _ = field.geometry.axes()
+    drawn = axes[1].contourf(x, field.levels, section, np.arange(-0.5, 0.55, 0.05), cmap="RdBu")
+    axes[1].contour(x, field.levels, section, [0.0], colors="black")
+    axes[1].set_title("distance to the surface [m], along the red line", fontsize=9)
+    axes[1].set_aspect("equal")
+    axes[1].tick_params(labelsize=7)
+    figure.colorbar(drawn, ax=axes[1]).ax.tick_params(labelsize=7)
+    return figure
+
+
+PICTURES: dict[str, Callable[[], Figure]] = {
+    "image_to_gridmap_demo": image_to_gridmap_demo,
+    "interpolation_demo": interpolation_demo,
+    "iterators_demo": iterators_demo,
+    "move_demo": move_demo,
+    "normal_filter_comparison_demo": normal_filter_comparison_demo,
+    "octomap_to_gridmap_demo": octomap_to_gridmap_demo,
+    "opencv_demo": opencv_demo,
+    "resolution_change_demo": resolution_change_demo,
+    "sdf_demo": sdf_demo,
+    "tutorial_demo": tutorial_demo,
+}
+
+
+def new_figure(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """Return a figure of `size` [inches] and its axes."""
+    figure = Figure(size, layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+
+
+def draw(
+    grid_map: GridMap,
+    layer: str,
+    ax: Axes,
+    title: str,
+    *,
+    limits: tuple[float, float],
+    color_map: str = "viridis",
+) -> None:
+    """Draw a layer between two values."""
+    lower, upper = limits
+    plot(grid_map, layer, ax, lower=lower, upper=upper, color_map=color_map, color_bar=False)
+    ax.set_title(title, fontsize=9)
+    ax.set(xlabel="", ylabel="")
+    ax.tick_params(labelsize=7)
+
+
+def main() -> None:
+    """Draw all pictures."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, make in PICTURES.items():
+        # Without the version of Matplotlib, which would make every picture differ.
+        make().savefig(folder / f"{name}.png", dpi=DPI, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The figures of the page on conventions are those that their script draws, and show the truth."""
+
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from grid_map_ros_py.testing import environment
+from scratch import ROOT, run
+
+FIGURES = ROOT / "docs" / "images" / "conventions"
+CELL = 36
+"""Side of a cell in the figure of moves [px]."""
+
+
+def places(figure: str, word: str) -> list[tuple[float, float]]:
+    """Return where a word stands: right and down from the upper left corner of a figure."""
+    texts = ElementTree.parse(FIGURES / f"{figure}.svg").iter("{http://www.w3.org/2000/svg}text")
+    return [(float(text.get("x")), float(text.get("y"))) for text in texts if text.text == word]
+
+
+def test_the_figures_are_drawn_by_their_script(tmp_path):
+    script = Path("docs/images/make_drawings.py")
+    done = run(sys.executable, ROOT / script, tmp_path, environ=environment())
+    assert done.returncode == 0, done.stderr
+    drawn = {path.name: path.read_text() for path in tmp_path.iterdir()}
+    assert drawn == {path.name: path.read_text() for path in FIGURES.iterdir()}
+    assert all(len(text) < 20_000 for text in drawn.values())
+
+
+def test_the_first_cell_is_where_x_and_y_are_largest():
+    ((right, down),) = places("axes", "0, 0")
+    assert places("axes", "0, 1") == [(right + 45, down)]
+    assert places("axes", "1, 0") == [(right, down + 45)]
+    ((x_right, x_down),), ((y_right, y_down),) = places("axes", "x"), places("axes", "y")
+    assert (y_right < x_right, x_down < y_down) == (True, True)
+
+
+@pytest.mark.parametrize("letter", "ABDEGH")
+def test_a_move_leaves_data_in_its_place_and_setting_the_position_takes_it_along(letter):
+    before, moved, shifted = (
+        (right - origin[0], down - origin[1])
+        for (right, down), origin in zip(places("move", letter), places("move", "x"), strict=True)
+    )
+    assert moved == before
+    assert shifted == (before[0] - CELL, before[1] - CELL)
+
+
+def test_what_leaves_the_map_is_lost_and_what_enters_has_no_data():
+    for letter in "CFIJKL":
+        assert len(places("move", letter)) == 2
+        assert places("buffer", letter) == []
+    assert len(places("move", "NaN")) == 6
+
+
+def test_a_letter_stands_with_its_index_in_the_buffer():
+    numbers = {str(number): places("buffer", str(number)) for number in range(4)}
+    for letter in "ABDEGH":
+        (right, down), (seen_right, seen_down) = places("buffer", letter)
+        row = next(n for n, found in numbers.items() if (down in {y for _, y in found}))
+        column = next(n for n, found in numbers.items() if (right in {x for x, _ in found}))
+        assert places("buffer", f"{row}, {column}") == [(seen_right, seen_down + 16)]

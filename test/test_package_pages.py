@@ -1,0 +1,66 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""README and CHANGELOG of each package tell what it has."""
+
+import re
+
+import pytest
+
+from grid_map_filters_py.registry import BUILT_IN as FILTERS
+from grid_map_visualization_py.registry import BUILT_IN as VISUALIZATIONS
+from scratch import PACKAGES, PYTHON_PACKAGES
+
+INTERFACES = next(path for path in PACKAGES if path.name == "grid_map_msgs")
+LIBRARIES = [path for path in PYTHON_PACKAGES if re.search("core|filters|ros", path.name)]
+
+
+def by_name(path):
+    return path.name
+
+
+def words(package, file: str) -> set[str]:
+    return set(re.findall(r"[\w-]+", (package / file).read_text()))
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=by_name)
+def test_a_changelog_has_the_form_that_release_tools_read(package):
+    first, title, last, _, heading, line, *items = (
+        (package / "CHANGELOG.rst").read_text().splitlines()
+    )
+    assert title == f"Changelog for package {package.name}"
+    assert first == last == "^" * len(title)
+    assert (heading, line) == ("Forthcoming", "-" * len("Forthcoming"))
+    assert items
+    assert all(item.startswith(("* ", "  ")) for item in items)
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
+def test_every_executable_is_in_readme_and_changelog(package):
+    executables = set(re.findall(r'"(\w+) = \w', (package / "setup.py").read_text()))
+    assert executables - words(package, "README.md") == set()
+    assert executables - words(package, "CHANGELOG.rst") == set()
+
+
+@pytest.mark.parametrize("file", ["README.md", "CHANGELOG.rst"])
+def test_every_message_and_service_is_in_readme_and_changelog(file):
+    names = {path.stem for folder in ("msg", "srv") for path in (INTERFACES / folder).iterdir()}
+    assert len(names) == 6
+    assert names - words(INTERFACES, file) == set()
+
+
+def test_every_filter_and_every_visualization_is_in_a_changelog():
+    filters, visualizations = (
+        next(path for path in PACKAGES if path.name == name)
+        for name in ("grid_map_filters_py", "grid_map_visualization_py")
+    )
+    short = {name.partition("/")[2].removesuffix("Filter") for name in FILTERS}
+    assert short - words(filters, "CHANGELOG.rst") == set()
+    assert VISUALIZATIONS.keys() - words(visualizations, "CHANGELOG.rst") == set()
+
+
+@pytest.mark.parametrize("package", LIBRARIES, ids=by_name)
+def test_every_module_of_a_library_is_in_its_readme(package):
+    modules = {path.stem for path in (package / package.name).glob("*.py")} - {"__init__"}
+    assert len(modules) > 10
+    shown = {name for name in modules if not name.endswith("_node")}
+    assert shown - words(package, "README.md") == set()

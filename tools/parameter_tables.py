@@ -1,0 +1,233 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Write the tables of parameters in the documentation, from the code.
+
+    python3 tools/parameter_tables.py [--check] [PAGE ...]
+
+fills what stands on the pages, by default on all of `docs/`, between `<!-- parameters: NAME -->`
+and `<!-- end -->`. NAME is
+
+    an executable       one that starts a node by `grid_map_ros_py.spin.run`. The node is created,
+                        and what it reads by `grid_map_ros_py.parameters` is listed.
+    a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
+    a visualization     or `surface`: says of them under `Attributes:`.
+
+With `--check` nothing is written; the exit code is 1 if a table is not what it should be.
+"""
+
+import argparse
+import contextlib
+import dataclasses
+import inspect
+import io
+import json
+import os
+import re
+import sys
+import typing
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import NoneType
+from typing import Any, Literal
+from unittest.mock import patch
+
+import rclpy
+from rclpy.node import Node
+
+from grid_map_core_py.errors import MissingPackageError
+from grid_map_filters_py.registry import BUILT_IN as FILTERS
+from grid_map_ros_py import parameters
+from grid_map_visualization_py.registry import BUILT_IN as VISUALIZATIONS
+
+ROOT = Path(__file__).resolve().parents[1]
+
+BAG = ROOT / "grid_map_ros_py" / "test" / "data" / "cpp_move_mcap"
+
+GIVEN: dict[str, dict[str, object]] = {
+    "filter_chain": {"filters.filter1.name": "a", "filters.filter1.type": "BufferNormalizer"},
+    "grid_map_loader": {"file_path": str(BAG), "bag_topic": ""},
+    "grid_map_saver": {"file_path": "/tmp/a_bag_that_is_not_written"},
+    "grid_map_visualization": {"grid_map_visualizations": ["NAME"], "NAME.type": "map_region"},
+    "web_viewer": {"port": 0},
+}
+"""What nodes are created with that need it; the tables have what holds without."""
+
+TABLE = re.compile(r"(<!-- parameters: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A parameter; `kind` and `default` are as they are written in the table."""
+
+    name: str
+    kind: str
+    default: str
+    meaning: str
+
+    def __str__(self) -> str:
+        cells = f"`{self.name}`", self.kind, self.default, self.meaning.replace("|", r"\|")
+        return "|".join(("", *(f" {cell} " if cell else " " for cell in cells), ""))
+
+
+# --- filters and visualizations -------------------------------------------------------------------
+
+
+def rows_of_class(cls: type) -> list[Row]:
+    """Return a row per parameter of a filter or visualization."""
+    hints, meanings = typing.get_type_hints(cls), attributes(cls)
+    return [
+        Row(field.name, kind(hints[field.name]), default_of(field), meanings.get(field.name, ""))
+        for field in dataclasses.fields(cls)
+        if field.init
+    ]
+
+
+def attributes(cls: type) -> dict[str, str]:
+    """Return what the docstrings of a class and its bases say of their attributes."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        _, _, rest = (inspect.cleandoc(base.__doc__ or "")).partition("\nAttributes:\n")
+        section = re.match(r"(?:    .*\n?)*", rest)
+        for names, text in re.findall(
+            r"^    (\w[\w, ]*): (.*(?:\n {8}.*)*)", section[0] if section else "", re.MULTILINE
+        ):
+            # Docstrings quote values, pages set them as code.
+            plain = re.sub(r'"([\w/]+)"', r"`\1`", " ".join(text.split()).rstrip("."))
+            found |= dict.fromkeys(names.split(", "), plain)
+    return found
+
+
+def default_of(field: "dataclasses.Field[Any]") -> str:
+    is_given = field.default is not dataclasses.MISSING and field.default is not None
+    return written(field.name, field.default) if is_given else ""
+
+
+# --- nodes ----------------------------------------------------------------------------------------
+
+
+@cache
+def rows_of_node(executable: str) -> list[Row]:
+    """Return a row per parameter of a node, in the order in which it reads them."""
+    module = import_module(module_of(executable))
+    _read.clear()
+    with patch.object(module, "run", lambda create: create_and_destroy(create, executable)):
+        module.main()
+    return list(_read.values())
+
+
+def module_of(executable: str) -> str:
+    """Return the module of an executable, as the packages announce it."""
+    for path in ROOT.glob("grid_map_*_py/setup.py"):
+        if found := re.search(rf'"{executable} = ([\w.]+):main"', path.read_text()):
+            return found[1]
+    raise SystemExit(f"{executable} is no executable, filter or visualization")
+
+
+_read: dict[str, Row] = {}
+_read_parameter, _read_parameter_tree = parameters.read_parameter, parameters.read_parameter_tree
+
+
+def record(
+    node: Node, name: str, what: type, default: object = None, *, description: str = ""
+) -> object:
+    text = "" if default is None else written(name, default)
+    _read[name] = Row(name, kind(what), text, description)
+    return _read_parameter(node, name, what, default, description=description)
+
+
+def record_tree(node: Node, prefix: str, *, description: str = "", **rest: bool) -> object:
+    _read[prefix] = Row(f"{prefix}.*", "", "", description)
+    return _read_parameter_tree(node, prefix, description=description, **rest)
+
+
+# No module of a node has been imported yet, nor what they have in common.
+parameters.read_parameter, parameters.read_parameter_tree = record, record_tree  # type: ignore[assignment]
+
+
+def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:
+    given = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.get(executable, {}).items()]
+    words = [word for entry in given for word in ("-p", entry)]
+    rclpy.init(args=["--ros-args", "--log-level", "fatal", *words])
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            create_node().destroy_node()
+    except MissingPackageError:
+        pass  # A node looks for what it can do without only after all its parameters.
+    finally:
+        rclpy.shutdown()
+    return 0
+
+
+# --- what stands in the tables --------------------------------------------------------------------
+
+
+def kind(hint: Any) -> str:
+    """Return how a table names a type; one that may be None is left out in YAML instead."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Literal:
+        return ", ".join(f"`{value}`" for value in arguments)
+    if origin in (list, tuple):
+        return f"list of {kind(arguments[0])}"
+    if NoneType in arguments:
+        (other,) = (each for each in arguments if each is not NoneType)
+        return kind(other)
+    return "string" if hint is str else str(hint.__name__)
+
+
+def written(name: str, value: object) -> str:
+    """Return a value as YAML has it."""
+    if name == "color":
+        return f"`0x{value:06X}`"
+    if isinstance(value, list | tuple):
+        return f"`[{', '.join(written('', entry).strip('`') for entry in value)}]`"
+    if isinstance(value, str):
+        return f"`{value}`" if value else '`""`'
+    return f"`{json.dumps(value)}`".replace("NaN", ".nan").replace("Infinity", ".inf")
+
+
+def table(name: str) -> str:
+    """Return the table of an executable, a filter or a visualization."""
+    cls = FILTERS.get(name) or VISUALIZATIONS.get(name)
+    rows = rows_of_class(cls) if cls else rows_of_node(name)
+    if not rows:
+        return "No parameters.\n"
+    if nameless := [row.name for row in rows if not row.meaning]:
+        raise SystemExit(f"{name}: nothing says what these mean: {', '.join(nameless)}")
+    head = ["| parameter | type | default | meaning |", "|---|---|---|---|"]
+    return "\n".join([*head, *map(str, rows), ""])
+
+
+def refreshed(text: str) -> str:
+    """Return a page with the tables as they should be."""
+    return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n{found[3]}", text)
+
+
+def outdated(pages: Sequence[Path]) -> Iterator[tuple[Path, str]]:
+    """Yield the pages that differ from what they should be, and that."""
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        if text != (new := refreshed(text)):
+            yield page, new
+
+
+def main() -> int:
+    """Write or check the tables; return the exit code."""
+    parser = argparse.ArgumentParser(description="Write the tables of parameters, from the code.")
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    parser.add_argument("pages", type=Path, nargs="*", help="all of docs/ by default")
+    options = parser.parse_args()
+    # The nodes are for themselves.
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
+    differing = list(outdated(options.pages or sorted((ROOT / "docs").rglob("*.md"))))
+    for page, text in differing:
+        print(page, "is outdated: run `make tables`" if options.check else "is written")
+        if not options.check:
+            page.write_text(text, encoding="utf-8")
+    return int(options.check and bool(differing))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
