@@ -54,8 +54,11 @@ format:  ## Format the code and repair what can be repaired
 tables: build  ## Write the tables of parameters in docs/, from the code
 	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 tools/parameter_tables.py
 
+# The packages are imported for the reference, from the sources; what they need is in the environment of the build.
 docs: build  ## Build the documentation site in build/docs/
-	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
+	@tools/workspace docs
+	@$(ENTER) libraries=$$(python3 -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
+	    PYTHONPATH=$(SOURCES):$$PYTHONPATH:$$libraries .venv-docs/bin/python -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
 	    echo "The site is build/docs/index.html"
 
 bench: build  ## Run the benchmarks
@@ -65,4 +68,4 @@ clean:  ## Remove what was built
 	rm -rf build install log demo_output
 
 distclean: clean  ## Remove the Python environments as well
-	rm -rf .venv .venv-oldest .lock
+	rm -rf .venv .venv-docs .venv-oldest .lock

@@ -15,11 +15,13 @@ from machine import BOOTSTRAP_GUARD
 from steps import ROOT, digest, run, say, write_atomically
 
 VENV = ROOT / ".venv"
+VENV_DOCS = ROOT / ".venv-docs"
 VENV_OLDEST = ROOT / ".venv-oldest"
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 SITE_PACKAGES = VENV / "lib" / PYTHON / "site-packages"
 
 REQUIREMENTS = ROOT / "tools" / "requirements.txt"
+REQUIREMENTS_DOCS = ROOT / "tools" / "requirements-docs.txt"
 REQUIREMENTS_OLDEST = ROOT / "tools" / "requirements-oldest.txt"
 CONSTRAINTS = ROOT / "tools" / "constraints.txt"
 
@@ -61,6 +63,18 @@ def setup_oldest(outer: Mapping[str, str]) -> None:
     fingerprint = _fingerprint("oldest", REQUIREMENTS_OLDEST)
     install = ("-r", REQUIREMENTS_OLDEST)
     _ensure_venv(VENV_OLDEST, fingerprint, outer, [], lambda: _pip(VENV_OLDEST, outer, *install))
+
+
+def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
+    """Make `.venv-docs`, which the packages to be documented are added to, unless it is there.
+
+    It stands apart because the versions of Ubuntu 24.04, which `.venv` holds beside a sourced ROS,
+    are too old for Sphinx.
+    """
+    fingerprint = _fingerprint(f"docs {ros}", REQUIREMENTS_DOCS, CONSTRAINTS)
+    install = ("-r", REQUIREMENTS_DOCS, "-c", CONSTRAINTS)
+    options = ["--system-site-packages"] if ros else []
+    _ensure_venv(VENV_DOCS, fingerprint, outer, options, lambda: _pip(VENV_DOCS, outer, *install))
 
 
 def is_set_up(ros: bool) -> bool:

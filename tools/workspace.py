@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Set up and build this workspace.
 
-Usage: tools/workspace setup|build|oldest|exports
+Usage: tools/workspace setup|build|docs|oldest|exports
 
     setup       make the Python environment `.venv`
     build       the same, then `colcon build` of what has changed
+    docs        make `.venv-docs` with what builds the documentation
     oldest      make `.venv-oldest` with the oldest supported versions of what we require
     exports     print the assignments that tools/env.sh evaluates
 
@@ -90,6 +91,9 @@ def carry_out(command: str) -> None:
         return
     machine.check(outer, ros)
     with exclusive_lock():
+        if command == "docs":
+            environment.setup_docs(outer, ros)
+            return
         if command == "oldest":
             environment.setup_oldest(outer)
             return
@@ -99,7 +103,7 @@ def carry_out(command: str) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    if len(arguments) != 1 or arguments[0] not in ("setup", "build", "oldest", "exports"):
+    if len(arguments) != 1 or arguments[0] not in ("setup", "build", "docs", "oldest", "exports"):
         say(str(__doc__))
         return 2
     try:
