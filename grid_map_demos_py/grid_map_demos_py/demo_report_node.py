@@ -8,7 +8,7 @@ The exit code is 0 only if every topic delivered in time.
 
 import statistics
 import sys
-from pathlib import Path
+from contextlib import suppress
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
@@ -18,16 +18,20 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.config import check
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.storage import storage_errors
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.parameters import read_parameter, read_positive
 from grid_map_ros_py.qos import map_qos
 from grid_map_ros_py.spin import run
 from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.throttle import LogThrottle
 from grid_map_visualization_py.pictures import save_picture
 
 from .report import Report
+from .share import user_path
 
 INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
@@ -53,11 +57,15 @@ class DemoReportNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
-        self._directory = Path(
+        self._throttle = LogThrottle()
+        self._directory = user_path(
             read_parameter(
                 self, "output_directory", str, "demo_output", description="the pictures go there"
             )
         )
+        # Rather now than after a minute of collecting.
+        with storage_errors(self._directory, "made a folder"):
+            self._directory.mkdir(parents=True, exist_ok=True)
         self._needed = read_parameter(
             self, "messages", int, 3, description="how many to wait for on every topic"
         )
@@ -80,7 +88,13 @@ class DemoReportNode(Node):
         )
 
     def _on_filtered(self, received: ReceivedMap) -> None:
-        self._filtered = received.decode()
+        try:
+            self._filtered = received.decode()
+        except MessageError as error:
+            text = f"does not count a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().warning(text)
+            return
         now = self.get_clock().now().nanoseconds
         self._latencies.append(1e-6 * (now - self._filtered.timestamp))
         self._count(OUTPUT)
@@ -90,10 +104,11 @@ class DemoReportNode(Node):
         for status in message.status:
             if status.name == FILTER_CHAIN:
                 times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
-                self._report.add_times(
-                    {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
-                )
-                self._count(DIAGNOSTICS)
+                with suppress(ValueError):  # No number: the report of another program.
+                    self._report.add_times(
+                        {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
+                    )
+                    self._count(DIAGNOSTICS)
 
     def _count(self, topic: str) -> None:
         self._report.counts[topic] += 1
@@ -102,13 +117,16 @@ class DemoReportNode(Node):
     def _finish_if_complete(self) -> None:
         if self._filtered is None or self._report.missing(self._needed):
             return
-        self._write_pictures(self._filtered)
+        try:
+            with storage_errors(self._directory, "filled with pictures"):
+                self._write_pictures(self._filtered)
+        except GridMapError as error:
+            raise NodeFailedError(str(error)) from error
         self._report.latency = statistics.median(self._latencies)
         print(self._report.to_text(self._filtered), flush=True)
         self.context.try_shutdown()
 
     def _write_pictures(self, grid_map: GridMap) -> None:
-        self._directory.mkdir(parents=True, exist_ok=True)
         elevation = self._directory / "elevation.png"
         save_picture(
             grid_map,

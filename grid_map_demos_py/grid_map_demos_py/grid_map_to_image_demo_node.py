@@ -66,15 +66,26 @@ class Picture:
         pixel = self.draw(GridMap((1.0, 1.0), 1.0, layers={self.layer: 0.0}))
         if not cv2.haveImageWriter(str(file)):
             return False
-        again = cv2.imdecode(np.frombuffer(encode(pixel, file), np.uint8), cv2.IMREAD_UNCHANGED)
-        if again is None:
+        try:
+            data = np.frombuffer(encode(pixel, file), np.uint8)
+        except GridMapError:
             return False
-        return (again.dtype, again.shape) == (pixel.dtype, pixel.shape)
+        again = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        return again is not None and (again.dtype, again.shape) == (pixel.dtype, pixel.shape)
 
 
 def encode(image: Image, file: Path) -> bytes:
-    """Return the bytes of an image file in the format that the ending of its name stands for."""
-    _, data = cv2.imencode(file.suffix, image)
+    """Return the bytes of an image file in the format that the ending of its name stands for.
+
+    Raises:
+        GridMapError: OpenCV does not write such images in this format.
+    """
+    try:
+        is_done, data = cv2.imencode(file.suffix, image)
+    except cv2.error:
+        is_done = False
+    if not is_done:
+        raise GridMapError(f"{file}: OpenCV cannot write this image in this format")
     return data.tobytes()
 
 

@@ -54,7 +54,10 @@ class ImageToGridmapDemoNode(Node):
         )
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         check_topic(self, "image_topic", topic)
-        self._subscription = LatchedSubscription(self, Image, topic, self._receive)
+        # Cameras send as best they can.
+        self._subscription = LatchedSubscription(
+            self, Image, topic, self._receive, hears_best_effort=True
+        )
         self.get_logger().info(f"makes maps of the images on {topic}")
 
     def _read_heights(self) -> tuple[float, float]:

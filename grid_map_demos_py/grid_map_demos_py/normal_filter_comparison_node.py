@@ -4,11 +4,11 @@
 
 A surface is a formula, which gives its exact normals, too. Its heights are covered with noise and
 outliers and smoothed again; a filter chain then computes normals of what is left by both
-algorithms. Publishes all layers on `grid_map`, 10 times a second: `elevation`, `elevation_noisy`,
-`elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*`, `normal_raster_*`, and how
-far those of either algorithm are off, `directionalErrorArea` and `directionalErrorRaster` (1 less
-the cosine of the angle). The sums of these, averaged over time, are logged; a table of the angles
-on all shapes is printed at the start.
+algorithms. Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`,
+`elevation_noisy`, `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*`,
+`normal_raster_*`, and how far those of either algorithm are off, `directionalErrorArea` and
+`directionalErrorRaster` (1 less the cosine of the angle). The sums of these, averaged over time,
+are logged; a table of the angles on all shapes is printed at the start.
 """
 
 import sys
@@ -104,7 +104,7 @@ def surface_map(shape: str, seconds: float) -> GridMap:
 
 
 def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
-    """Set `elevation_noisy`, and to `elevation_filtered` what smoothing makes of it.
+    """Set `noise` and `elevation_noisy`, and to `elevation_filtered` what smoothing makes of it.
 
     Args:
         grid_map: the map, with `elevation`.
@@ -112,7 +112,8 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
         outliers: share of the cells that become infinite.
         random: source of both.
     """
-    noisy = grid_map["elevation"] + random.uniform(-noise, noise, grid_map.size)
+    grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
+    noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
     count = int(outliers * noisy.size)
     noisy.flat[random.choice(noisy.size, count, replace=False)] = np.inf
     grid_map["elevation_noisy"] = noisy

@@ -19,5 +19,5 @@ def user_path(text: str) -> Path:
     try:
         return Path(text).expanduser()
     except RuntimeError:
-        # The home of somebody unknown: a name like others, of which it will be said that it is none.
+        # The home of somebody unknown; whoever opens this file says that there is none.
         return Path(text)

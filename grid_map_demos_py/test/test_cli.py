@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from itertools import pairwise
 from pathlib import Path
 from urllib.request import urlopen
@@ -244,6 +243,12 @@ def test_points_and_meshes_become_maps(command):
     assert (told["points"], told["faces"], told["upper"]) == (4, 2, [2.0, 2.0, 2.0])
     code, _, error = command("convert", "ramp.obj", "x.npz")
     assert (code, "--resolution" in error, "2 x 2 m" in error) == (1, True, True)
+    code, _, error = command("convert", "ramp.obj", "x.npz", *words)
+    assert (code, "--reduce, --min-height and --max-height are for points" in error) == (1, True)
+    code, _, error = command("convert", "cloud.ply", "x.npz", *words, "--layer", "z")
+    assert (code, "no layer 'z'; available: height" in error) == (1, True)
+    code, _, error = command("info", "cloud.ply", "--topic", "/points")
+    assert (code, "cloud.ply: is no bag" in error) == (1, True)
     code, _, error = command("plot", "ramp.obj", "x.png")
     assert (code, "grid-map convert ramp.obj" in error) == (1, True)
 
@@ -337,7 +342,7 @@ WRONG = {
     "info two --topic /none": (1, "no topic '/none'; topics: /one"),
     "inspect two": (1, "2 topics of maps, name one"),
     "inspect survey --index 7": (1, "no map 7: 3 maps on /grid_map"),
-    "inspect site.npz --index 1": (1, "holds a single map"),
+    "inspect site.npz --index 1": (1, "is no bag, --topic and --index are for bags"),
     "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),
     "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
     "convert site.npz survey": (1, "survey: is there already; --force replaces it"),
@@ -350,11 +355,15 @@ WRONG = {
     "convert site.npz new.npz --crs EPSG:25832": (2, "--crs is for geotiff, and this is npz"),
     "convert site.npz new.npz --output-topic /x": (2, "--output-topic is for bag"),
     "convert site.npz new.npz --resolution 1": (2, "--resolution is for point clouds"),
+    "convert site.npz new.npz --reduce mean": (2, "--reduce is for point clouds"),
+    "convert site.npz new.npz --as mesh": (2, "--as is for point clouds"),
+    "convert site.npz new.npz --bits 8": (2, "--bits is for images, and this is npz"),
     "info .": (1, "no bag: a folder without metadata.yaml"),
     "filter none.yaml site.npz out.npz": (1, "none.yaml: No such file or directory"),
     "filter - - out.npz": (2, "cannot both come from standard input"),
     "filter chain.yaml site.npz out.npz --json": (2, "--timing"),
     "plot site.npz map.jpg": (2, "expected a name that ends in .png, .pdf, .svg"),
+    "info survey --ind 0": (2, "unrecognized arguments: --ind 0"),
     "inspect site.npz --bars": (2, "--bars (see 'grid-map inspect --help')"),
     "plot site.npz map.png --dpi 5000": (2, "--dpi: expected a number from 1 to 1200"),
     "plot site.npz map.png --lower -1e-3 --upper -inf": (1, "'upper': expected a finite number"),
@@ -432,12 +441,15 @@ def test_it_is_silent_when_nobody_reads_on(files):
 
 def test_it_says_that_the_disk_is_full_and_does_without_output(files):
     info = f"{PROGRAM} info site.npz"
-    script = f"{info} >/dev/full; echo $?; {info} >&-; echo $?"
+    convert = f"{PROGRAM} convert site.npz -"
+    script = f"{info} >/dev/full; echo $?; {info} >&-; echo $?; {convert} >&-; echo $?"
     done = subprocess.run(
         ["bash", "-c", script], cwd=files, capture_output=True, text=True, check=False
     )
-    assert done.stdout.split() == ["1", "0"]
-    assert done.stderr == "grid-map: error: No space left on device\n"
+    assert done.stdout.split() == ["1", "0", "1"]
+    full, closed = done.stderr.splitlines()
+    assert full == "grid-map: error: No space left on device"
+    assert "expected a pipe or a file at standard output" in closed
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -457,7 +469,7 @@ def test_a_signal_ends_it_without_a_traceback_and_without_remains(number, files,
         process.kill()
 
 
-def test_help_comes_at_once_and_without_the_large_packages():
+def test_help_comes_without_the_packages_that_take_long_to_import():
     heavy = ("numpy", "cv2", "matplotlib", "yaml", "scipy", "rclpy", "argcomplete", "viser")
     code = (
         "import sys\nfrom grid_map_demos_py.cli.main import make_parser\n"
@@ -466,16 +478,6 @@ def test_help_comes_at_once_and_without_the_large_packages():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
-
-    def seconds(*command: str) -> float:
-        begin = time.perf_counter()
-        subprocess.run(command, capture_output=True, check=True)
-        return time.perf_counter() - begin
-
-    bare = min(seconds(sys.executable, "-c", "pass") for _ in range(3))
-    helped = min(seconds(str(PROGRAM), "--help") for _ in range(3))
-    # Measured without load: 0.1 s; slow machines are slow at both.
-    assert helped - bare < max(0.3, 5 * bare)
 
 
 def test_files_without_messages_take_no_ros(files, tmp_path):
@@ -500,6 +502,24 @@ def test_files_without_messages_take_no_ros(files, tmp_path):
     )
     assert done.stdout == "0 0 1\n", done.stderr
     assert "'grid-map doctor' tells what is missing" in done.stderr
+
+
+def test_without_matplotlib_a_picture_says_what_to_install(files, tmp_path):
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "from grid_map_demos_py.cli.main import main\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    words = ("plot", str(files / "site.npz"), "map.png")
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "needs the package 'matplotlib', which is not installed: " in done.stderr
 
 
 @pytest.mark.parametrize("name", ["info", "inspect", "convert", "filter", "plot", "view", "doctor"])

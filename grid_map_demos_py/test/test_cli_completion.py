@@ -73,3 +73,19 @@ def test_zsh_knows_how_to_complete(folder):
     print $_comps[grid-map]
     """
     assert shell(folder, "zsh", "-f", "-c", script).strip() == "_python_argcomplete"
+
+
+TYPE_IN_ZSH = """
+zmodload zsh/zpty
+zpty terminal zsh -f -i
+zpty -w terminal 'autoload -U compinit && compinit -u -D'
+zpty -w terminal 'eval "$(register-python-argcomplete grid-map)"; echo RE""ADY'
+zpty -r terminal output '*READY*'
+zpty -w -n terminal $'grid-map inspect site.npz --layer var\t'
+zpty -r terminal output '*variance*' && print complete
+"""
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="there is no zsh")
+def test_zsh_completes(folder):
+    assert shell(folder, "zsh", "-f", "-c", TYPE_IN_ZSH).strip() == "complete"

@@ -75,6 +75,8 @@ def test_a_machine_that_is_ill(tmp_path):
         ("FASTRTPS_DEFAULT_PROFILES_FILE", __file__, "broken"),
         ("AMENT_PREFIX_PATH", "/nowhere", "warning"),
         ("FASTDDS_BUILTIN_TRANSPORTS", "LARGE_DATA", "ok"),
+        ("FASTDDS_BUILTIN_TRANSPORTS", "LARGE_DATA?max_msg_size=1MB", "ok"),
+        ("FASTDDS_BUILTIN_TRANSPORTS", "LARGEDATA", "warning"),
     ],
 )
 def test_settings_are_judged(name, value, status, monkeypatch):

@@ -3,7 +3,9 @@
 """What the demos of images do, without ROS running."""
 
 import math
+import struct
 import sys
+import zlib
 from pathlib import Path
 
 import cv2
@@ -74,6 +76,17 @@ def test_a_file_that_is_no_image_is_named(content, found, tmp_path):
         read_image(file)
 
 
+def test_an_image_of_more_pixels_than_opencv_reads_is_named(tmp_path):
+    file = tmp_path / "image.png"
+    write_png(file, np.zeros((1, 1, 1), np.uint8))
+    data = file.read_bytes()
+    size = struct.pack(">II", 100_000, 100_000)
+    head = b"IHDR" + size + data[24:29]
+    file.write_bytes(data[:12] + head + struct.pack(">I", zlib.crc32(head)) + data[33:])
+    with pytest.raises(ConfigError, match=rf"image '{file}': "):
+        read_image(file)
+
+
 # --- from maps to files ---------------------------------------------------------------------------
 
 
@@ -88,6 +101,7 @@ def test_a_file_that_is_no_image_is_named(content, found, tmp_path):
         (16, False, "tiff", True),
         (16, False, "jpg", False),
         (8, True, "jpg", False),
+        (16, False, "gif", False),
         (8, False, "nonsense", False),
         (8, False, "", False),
     ],

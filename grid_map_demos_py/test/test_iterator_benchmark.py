@@ -71,7 +71,7 @@ def test_arguments_for_ros_do_not_matter(capsys):
     assert "3 x 3 [ms]" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("word", ["2", "10001", "-5", "many"])
+@pytest.mark.parametrize("word", ["2", "2001", "-5", "many"])
 def test_a_size_that_makes_no_sense_is_refused(word, capsys):
     with pytest.raises(SystemExit, match="2"):
         main([word])
@@ -85,3 +85,10 @@ def test_an_interrupt_ends_it_without_a_traceback():
     benchmark.send(signal.SIGINT)
     assert benchmark.wait() == 130
     assert "Traceback" not in benchmark.text
+
+
+def test_it_ends_silently_when_nobody_reads_on():
+    command = f"{sys.executable} -m {BENCHMARK} 3 | true"
+    benchmark = Process(["bash", "-o", "pipefail", "-c", command])
+    assert benchmark.wait() == 141, benchmark.text
+    assert benchmark.text == ""

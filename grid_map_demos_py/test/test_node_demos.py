@@ -12,11 +12,13 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
+from demos import assert_refused, lives
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message
+from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
 
 FILTERS_DEMO = "grid_map_demos_py.filters_demo"
@@ -50,8 +52,9 @@ def start_marked(*arguments: str) -> tuple[Process, str]:
 def test_the_simple_demo_publishes_a_wave_that_moves():
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
-        with running_node("grid_map_demos_py.simple_demo_node"):
+        with running_node("grid_map_demos_py.simple_demo_node") as demo:
             other.expect("/grid_map", 10)
+            lives(demo)
         maps = [from_message(message) for message in other.received["/grid_map"]]
     assert maps[0].size == (40, 67)
     assert maps[0].layers == ("elevation",)
@@ -79,25 +82,36 @@ def test_the_terrain_is_published_alone_with_its_parameters(terrain):
     assert grid_map.timestamp > 0
 
 
-@pytest.mark.parametrize(
-    ("node", "parameter", "message"),
-    [
-        ("terrain_publisher", "publish_rate:=0.0", "parameter 'publish_rate': expected a positive"),
-        ("terrain_publisher", "publish_rate:=1e-300", "'publish_rate': expected a positive number"),
-        ("terrain_publisher", "resolution:=-1", "parameter 'resolution': expected a positive"),
-        ("terrain_publisher", "topic:=7", "parameter 'topic': expected a string"),
-        ("terrain_publisher", "topic:='no topic'", "parameter 'topic': expected the name of a"),
-        ("terrain_publisher", "file:=/nope.npz", "elevation model '/nope.npz': expected an .npz"),
-        ("demo_report", "timeout:=-1.0", "parameter 'timeout': expected a positive"),
-        ("demo_report", "timeout:=.nan", "parameter 'timeout': expected a positive"),
-        ("demo_report", "messages:=0", "parameter 'messages': expected at least 1"),
-    ],
-)
-def test_a_parameter_that_makes_no_sense_ends_the_node_with_one_message(node, parameter, message):
-    started = start_node(f"grid_map_demos_py.{node}_node", "--ros-args", "-p", parameter)
-    assert started.wait() == 1
-    (line,) = started.lines
-    assert message in line
+def test_a_parameter_that_makes_no_sense_ends_the_node_with_one_message():
+    assert_refused(
+        (
+            "terrain_publisher_node",
+            "publish_rate:=0.0",
+            "parameter 'publish_rate': expected a positive",
+        ),
+        (
+            "terrain_publisher_node",
+            "publish_rate:=1e-300",
+            "'publish_rate': expected a positive number",
+        ),
+        ("terrain_publisher_node", "resolution:=-1", "parameter 'resolution': expected a positive"),
+        ("terrain_publisher_node", "topic:=7", "parameter 'topic': expected a string"),
+        (
+            "terrain_publisher_node",
+            "topic:='no topic'",
+            "parameter 'topic': expected the name of a",
+        ),
+        (
+            "terrain_publisher_node",
+            "file:=/nope.npz",
+            "elevation model '/nope.npz': expected an .npz",
+        ),
+        ("demo_report_node", "timeout:=-1.0", "parameter 'timeout': expected a positive"),
+        ("demo_report_node", "timeout:=.nan", "parameter 'timeout': expected a positive"),
+        ("demo_report_node", "messages:=0", "parameter 'messages': expected at least 1"),
+        ("terrain_publisher_node", "file:=~nobody_known/a.npz", "/a.npz': expected an .npz"),
+        ("demo_report_node", "output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    )
 
 
 def test_the_filters_demo_delivers_every_topic_two_pictures_and_a_table(tmp_path):
@@ -128,6 +142,7 @@ def test_the_filters_demo_runs_until_it_is_interrupted():
         assert first.timestamp < second.timestamp
         first.timestamp = second.timestamp
         assert_maps_equal(first, second)
+        lives(demo)
         demo.send(signal.SIGINT)
         assert demo.wait() == 0
     assert living(mark) == []
@@ -199,17 +214,23 @@ def test_a_demo_that_does_not_deliver_fails_and_names_the_topics(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_report_counts_the_diagnostics_of_the_filter_chain_alone():
+def test_the_report_counts_the_diagnostics_of_the_filter_chain_and_whole_maps_alone():
     arguments = ["--ros-args", "-p", "timeout:=3.0"]
     ours = DiagnosticStatus(name="grid_map_filters: filter chain")
     battery = DiagnosticStatus(name="battery", values=[KeyValue(key="ms left", value="plenty")])
+    strange = DiagnosticStatus(name=ours.name, values=[KeyValue(key="ms inpaint", value="few")])
+    broken = to_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
+    broken.info.resolution = 0.0
     with peer() as other:
         report = start_node("grid_map_demos_py.demo_report_node", *arguments)
-        for status in (battery, ours, battery):
+        for status in (battery, strange, ours, battery):
             other.publish("/diagnostics", DiagnosticArray(status=[status]), 10)
+        other.publish("/filtered_map", broken)
         assert report.wait() == 1
     assert "Traceback" not in report.text
     assert "'/diagnostics': 1," in report.text
+    assert "'/filtered_map': 0," in report.text
+    assert "does not count a map: info.resolution: expected a positive" in report.text
 
 
 def test_a_node_of_the_demo_that_fails_ends_the_demo(tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from demos import assert_refused, lives, parameters
 from pngs import write_png
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap, color_value_to_vector
@@ -126,11 +127,12 @@ def test_the_first_image_sets_the_size_and_others_of_that_size_follow():
     assert np.isnan(second["color"][1]).all()
 
 
-def test_images_of_a_volatile_publisher_become_maps_in_the_frame_of_the_image():
+@pytest.mark.parametrize("qos", [10, qos_profile_sensor_data], ids=["volatile", "camera"])
+def test_images_of_publishers_that_are_not_latched_become_maps_in_the_frame_of_the_image(qos):
     given = parameters("image_topic:=/camera/image", "map_frame_id:=''")
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
-        publisher = other.node.create_publisher(Image, "/camera/image", 10)
+        publisher = other.node.create_publisher(Image, "/camera/image", qos)
         message = image_message("mono8", np.array([[255]], np.uint8))
         with running_node(module("image_to_gridmap_demo"), *given):
 
@@ -314,17 +316,31 @@ def test_nearest_cells_know_only_star_and_nothing():
 # --- parameters -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("demo", "parameter", "message"),
-    [
-        ("image_publisher", "image_path:=/nope.png", "image '/nope.png': No such file"),
-        ("image_to_gridmap_demo", "max_height:=0.0", "parameter 'max_height': expected a finite"),
-        ("grid_map_to_image_demo", "bits:=12", "parameter 'bits': expected 8 or 16"),
-        ("grid_map_to_image_demo", "file:=/no/such/map.png", "a file in a folder that exists"),
-        ("grid_map_to_image_demo", "file:=/tmp/map.doc", "parameter 'file': expected a format"),
-        ("opencv_demo", "publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
-        ("resolution_change_demo", "interpolation:=best", "parameter 'interpolation': expected"),
-    ],
-)
-def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message(demo, parameter, message):
-    assert_refused(f"{demo}_node", parameter, message)
+def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message():
+    assert_refused(
+        ("image_publisher_node", "image_path:=/nope.png", "image '/nope.png': No such file"),
+        (
+            "image_to_gridmap_demo_node",
+            "max_height:=0.0",
+            "parameter 'max_height': expected a finite",
+        ),
+        ("grid_map_to_image_demo_node", "bits:=12", "parameter 'bits': expected 8 or 16"),
+        ("grid_map_to_image_demo_node", "file:=/no/such/map.png", "a file in a folder that exists"),
+        (
+            "grid_map_to_image_demo_node",
+            "file:=/tmp/map.doc",
+            "parameter 'file': expected a format",
+        ),
+        ("opencv_demo_node", "publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
+        (
+            "resolution_change_demo_node",
+            "interpolation:=best",
+            "parameter 'interpolation': expected",
+        ),
+        ("image_publisher_node", "image_path:=~nobody_known/a.png", "a.png': No such file"),
+        (
+            "grid_map_to_image_demo_node",
+            "file:=~nobody_known/a.png",
+            "a file in a folder that exists",
+        ),
+    )

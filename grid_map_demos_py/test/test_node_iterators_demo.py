@@ -179,12 +179,8 @@ def test_an_iterators_demo_that_is_repeated_begins_again():
         other.wait_until(lambda: demo.text.count(TITLES[0]) == 2, "a second round")
 
 
-@pytest.mark.parametrize(
-    ("parameter", "message"),
-    [
-        ("speed:=0.0", "parameter 'speed': expected a positive number"),
-        ("repeat:=often", "parameter 'repeat': expected true or false"),
-    ],
-)
-def test_a_parameter_of_the_iterators_demo_that_makes_no_sense_ends_it(parameter, message):
-    assert_refused(MODULE, parameter, message)
+def test_a_parameter_of_the_iterators_demo_that_makes_no_sense_ends_it():
+    assert_refused(
+        (MODULE, "speed:=0.0", "parameter 'speed': expected a positive number"),
+        (MODULE, "repeat:=often", "parameter 'repeat': expected true or false"),
+    )

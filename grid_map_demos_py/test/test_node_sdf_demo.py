@@ -51,6 +51,14 @@ def test_a_map_without_heights_has_no_field():
         distance_field(level_ground(height=0.0), "elevation")
 
 
+@pytest.mark.parametrize(("size", "height"), [((0.2, 0.1), 1e4), ((20.0, 10.0), 200.0)])
+def test_a_height_far_from_all_others_makes_no_field_that_takes_minutes(size, height):
+    grid_map = GridMap(size, 0.1, layers={"elevation": 0.0})
+    grid_map["elevation"][0, 0] = height
+    with pytest.raises(GridMapError, match="layer 'elevation': expected a field of at most 10000"):
+        distance_field(grid_map, "elevation")
+
+
 def test_the_demo_publishes_the_field_and_its_parts_above_and_below_the_ground():
     prefix = "/grid_map_sdf_demo/signed_distance_field"
     with peer() as other:
@@ -89,12 +97,12 @@ def test_topics_and_layer_are_parameters_and_a_map_without_the_layer_is_dropped(
     np.testing.assert_allclose(cloud[:, 3], cloud[:, 2] - 1.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("parameter", "message"),
-    [
-        ("pointcloud_topic:='a b'", "parameter 'pointcloud_topic': expected the name of a topic"),
-        ("elevation_layer:=7", "parameter 'elevation_layer': expected a string (quote it)"),
-    ],
-)
-def test_a_parameter_that_makes_no_sense_is_refused(parameter, message):
-    assert_refused(MODULE, parameter, message)
+def test_a_parameter_that_makes_no_sense_is_refused():
+    assert_refused(
+        (
+            MODULE,
+            "pointcloud_topic:='a b'",
+            "parameter 'pointcloud_topic': expected the name of a topic",
+        ),
+        (MODULE, "elevation_layer:=7", "parameter 'elevation_layer': expected a string (quote it)"),
+    )

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
@@ -29,6 +29,8 @@ class LatchedSubscription:
         callback: gets every message.
         qos: quality of service, for subscriptions that do not change; None means the above.
         raw: whether the callback gets the bytes of the message.
+        hears_best_effort: whether to give up reliability, too, once it meets a publisher that is
+            not reliable, as those of sensors are; it is only named in the log otherwise.
     """
 
     def __init__(
@@ -40,16 +42,22 @@ class LatchedSubscription:
         *,
         qos: QoSProfile | None = None,
         raw: bool = False,
+        hears_best_effort: bool = False,
     ) -> None:
         self._node = node
         self._message_type = message_type
         self._topic = topic
         self._callback = callback
         self._raw = raw
-        self._adapts = qos is None
-        self._has_adapted = False
+        self._qos = qos or map_qos()
+        self._can_give_up = set[QoSPolicyKind]()
+        if qos is None:
+            self._can_give_up.add(QoSPolicyKind.DURABILITY)
+        if qos is None and hears_best_effort:
+            self._can_give_up.add(QoSPolicyKind.RELIABILITY)
+        self._given_up = set[QoSPolicyKind]()
         self._subscription: Any = None
-        self._subscribe(qos or map_qos())
+        self._subscribe()
 
     def destroy(self) -> None:
         """Give the subscription up."""
@@ -57,36 +65,41 @@ class LatchedSubscription:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
 
-    def _subscribe(self, qos: QoSProfile) -> None:
+    def _subscribe(self) -> None:
         self._subscription = self._node.create_subscription(
             self._message_type,
             self._topic,
             self._callback,
-            qos,
+            self._qos,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
             raw=self._raw,
         )
 
     def _on_incompatible(self, event: Any) -> None:
-        is_volatile = event.last_policy_kind == QoSPolicyKind.DURABILITY
+        kind = QoSPolicyKind(event.last_policy_kind)
         executor = self._node.executor
-        if not (is_volatile and self._adapts):
+        if kind not in self._can_give_up:
             self._node.get_logger().warning(
                 f"a publisher of {self._topic} is not heard: its quality of service does not fit "
-                f"in {QoSPolicyKind(event.last_policy_kind).name.lower()}"
+                f"in {kind.name.lower()}"
             )
-        elif not self._has_adapted and executor is not None:
-            self._has_adapted = True
+        elif kind not in self._given_up and executor is not None:
+            self._given_up.add(kind)
             # Not from within an event of the very subscription that goes.
-            executor.create_task(self._subscribe_again)
+            executor.create_task(self._subscribe_without, kind)
 
-    def _subscribe_again(self) -> None:
-        if self._subscription is not None:
-            self._node.get_logger().info(
-                f"a publisher of {self._topic} is volatile: its past is not asked for any more"
-            )
-            self.destroy()
-            self._subscribe(map_qos(transient_local=False))
+    def _subscribe_without(self, kind: QoSPolicyKind) -> None:
+        if self._subscription is None:
+            return
+        if kind == QoSPolicyKind.DURABILITY:
+            self._qos.durability = DurabilityPolicy.VOLATILE
+            text = "is volatile: its past is not asked for any more"
+        else:
+            self._qos.reliability = ReliabilityPolicy.BEST_EFFORT
+            text = "is best effort: what gets lost is not asked for again any more"
+        self._node.get_logger().info(f"a publisher of {self._topic} {text}")
+        self.destroy()
+        self._subscribe()
 
 
 class MapSubscription(LatchedSubscription):

@@ -41,7 +41,12 @@ TIMEOUT = 30.0
 
 @cache
 def reserved_domain() -> tuple[int, socket.socket]:
-    """Return a ROS domain that this process has for itself, and the lock that it holds on it.
+    """Return the ROS domain that this process has for itself, and the lock that it holds on it."""
+    return reserve_domain()
+
+
+def reserve_domain() -> tuple[int, socket.socket]:
+    """Return a ROS domain that nobody has, and a lock that keeps others out until it is closed.
 
     The lock is a port, as ROS's own test tools use it to keep out of each other's domains; it falls
     when the process ends.
@@ -60,11 +65,15 @@ def reserved_domain() -> tuple[int, socket.socket]:
     raise RuntimeError(f"all {DOMAINS} ROS domains are taken by other tests")
 
 
-def environment() -> dict[str, str]:
-    """Return the environment of processes that see each other and nobody else."""
+def environment(domain: int | None = None) -> dict[str, str]:
+    """Return the environment of processes that see each other and nobody else.
+
+    Args:
+        domain: one of `reserve_domain`; None means that of all tests of this process.
+    """
     return {
         **os.environ,
-        "ROS_DOMAIN_ID": str(reserved_domain()[0]),
+        "ROS_DOMAIN_ID": str(domain or reserved_domain()[0]),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PYTHONUNBUFFERED": "1",
     }
@@ -209,10 +218,10 @@ class Peer:
 
 
 @contextmanager
-def peer() -> Iterator[Peer]:
-    """Make a `Peer`, with a context of its own."""
+def peer(domain: int | None = None) -> Iterator[Peer]:
+    """Make a `Peer`, with a context of its own, for the processes of the same `environment`."""
     context = Context()
-    with patch.dict(os.environ, environment()):
+    with patch.dict(os.environ, environment(domain)):
         rclpy.init(context=context)
     node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)

@@ -228,7 +228,7 @@ def test_bounds_that_make_no_sense_are_named_and_good_ones_are_used(page):
     page.control("Automatic bounds").uncheck()
     page.control("Upper bound").fill("-1")
     page.tab.get_by_text("expected more than lower").wait_for()
-    assert page.shows(*COOLWARM)
+    page.wait_for_colors(*COOLWARM)
     page.control("Upper bound").fill("1000")
     page.wait_for(lambda: not page.shows(COOLWARM[1]), "colours of the lower end alone")
     page.control("Automatic bounds").check()
@@ -297,7 +297,7 @@ def test_overlays_and_history_are_shown(page, publish):
     moved.position = (3.5, 2.0)
     publish(moved)
     page.wait_for(lambda: differs(page.picture(), before), "a map beside")
-    assert page.shows(*COOLWARM)
+    page.wait_for_colors(*COOLWARM)
     page.tab.screenshot(path=PICTURES / "web_viewer_overlays.png")
     page.tab.get_by_role("slider").nth(1).press("ArrowLeft")
     for label in ("Grid lines", "Points"):
@@ -327,7 +327,7 @@ def test_a_map_that_makes_no_sense_is_named_and_the_last_one_stays(page, publish
     message.info.resolution = -1.0
     peer.publish("/grid_map", message)
     page.tab.get_by_text("info.resolution: expected a positive").wait_for()
-    assert page.shows(*COOLWARM)
+    page.wait_for_colors(*COOLWARM)
     page.click(0.5, 0.5)
     page.wait_for(lambda: page.values().get("cell") == "10, 10", "the readout of the last one")
     publish(slope())

@@ -45,7 +45,7 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
         "--to", choices=("bag", "npz", "images", "geotiff"), help="format, whatever the name"
     )
     group.add_argument("--compress", action="store_true", help="make files smaller (not images)")
-    group.add_argument("--bits", type=int, choices=(8, 16), default=16, help="of images (16)")
+    group.add_argument("--bits", type=int, choices=(8, 16), help="of images (16)")
     group.add_argument(
         "--crs", default="", help="of a GeoTIFF, such as EPSG:25832 (that of a GeoTIFF source)"
     )

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, LayerNotFoundError
 from grid_map_core_py.files import Fields, load_mesh, load_points
 from grid_map_core_py.mesh import grid_map_from_mesh
 from grid_map_core_py.point_cloud import grid_map_from_points
@@ -40,8 +40,8 @@ def read_cloud(path: str, gridding: Gridding, layers: list[str] | None) -> GridM
     """Return a map that covers a cloud or a mesh; other fields of the points become layers, too.
 
     Raises:
-        CommandError: there is no resolution.
-        GridMapError: the file cannot be read or makes no map.
+        CommandError: there is no resolution, or something that does not count for meshes.
+        GridMapError: the file cannot be read, makes no map, or lacks a layer.
     """
     faces = None if gridding.kind == "points" else _mesh(path, required=gridding.kind == "mesh")
     if faces is None:
@@ -51,9 +51,11 @@ def read_cloud(path: str, gridding: Gridding, layers: list[str] | None) -> GridM
     if gridding.resolution is None:
         raise CommandError(
             f"{path}: say with --resolution how large cells are to be [m]; "
-            f"it extends over {_extent_text(points)} m"
+            f"it extends over {_extent_text(path, points)} m"
         )
+    _check_layers(layers, {gridding.layer, *fields})
     if faces is not None:
+        _check_for_mesh(path, gridding)
         return grid_map_from_mesh(*faces, gridding.resolution, gridding.layer)
     wanted = {name: field for name, field in fields.items() if layers is None or name in layers}
     return grid_map_from_points(
@@ -74,7 +76,7 @@ def cloud_info(path: str) -> dict[str, Any]:
     """
     mesh = _mesh(path, required=False)
     points, fields = load_points(path)
-    lower, upper = _extent(points)
+    lower, upper = _extent(path, points)
     return {
         "points": len(points),
         "faces": 0 if mesh is None else len(mesh[1]),
@@ -99,14 +101,30 @@ def _usable(fields: Fields, layer: str) -> Fields:
     return {name: values for name, values in fields.items() if name != layer}
 
 
-def _extent(points: npt.NDArray[Any]) -> tuple[list[float], list[float]]:
+def _check_layers(wanted: list[str] | None, available: set[str]) -> None:
+    for name in wanted or ():
+        if name not in available:
+            raise LayerNotFoundError(name, sorted(available))
+
+
+def _check_for_mesh(path: str, gridding: Gridding) -> None:
+    of_points = ("reduction", "min_height", "max_height")
+    defaults = Gridding._field_defaults
+    if any(getattr(gridding, name) != defaults[name] for name in of_points):
+        raise CommandError(
+            f"{path}: is a mesh, and --reduce, --min-height and --max-height are for points; "
+            "--as points takes its vertices"
+        )
+
+
+def _extent(path: str, points: npt.NDArray[Any]) -> tuple[list[float], list[float]]:
     """Return the smallest and largest x, y, z of the finite points; NaN cannot be said in JSON."""
     finite = points[np.isfinite(points[:, :3]).all(axis=1), :3]
     if not len(finite):
-        raise GridMapError("no point is finite")
+        raise GridMapError(f"{path}: no point is finite")
     return finite.min(axis=0).tolist(), finite.max(axis=0).tolist()
 
 
-def _extent_text(points: npt.NDArray[Any]) -> str:
-    lower, upper = _extent(points)
+def _extent_text(path: str, points: npt.NDArray[Any]) -> str:
+    lower, upper = _extent(path, points)
     return " x ".join(number(high - low) for low, high in zip(lower[:2], upper[:2], strict=True))

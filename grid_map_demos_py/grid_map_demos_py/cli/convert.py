@@ -34,6 +34,17 @@ FRAME = "map"
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last", "variance", "count")
 
 
+_OF_CLOUDS = {
+    "--resolution": "resolution",
+    "--as": "kind",
+    "--height-layer": "height_layer",
+    "--reduce": "reduce",
+    "--min-height": "min_height",
+    "--max-height": "max_height",
+}
+"""Options, and where their values are."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `run` needs."""
     add_source(parser, f"{SOURCES}; .pcd, .ply, .obj, .stl")
@@ -65,8 +76,8 @@ def run(options: argparse.Namespace) -> int:
 
     destination = Destination(options)
     found = format_of_source(options.source)
-    if options.resolution is not None and found is not Format.CLOUD:
-        raise UsageError("--resolution is for point clouds and meshes")
+    if found is not Format.CLOUD:
+        _check_for_map(options)
     if found is Format.BAG:
         count = _convert_bag(options, destination)
     else:
@@ -74,6 +85,13 @@ def run(options: argparse.Namespace) -> int:
         count = destination.write([(None, _in_frame(grid_map, options.frame))], TOPIC)
     destination.tell(count)
     return 0
+
+
+def _check_for_map(options: argparse.Namespace) -> None:
+    """Refuse what counts for clouds and meshes alone."""
+    for name, place in _OF_CLOUDS.items():
+        if getattr(options, place) != options.parser.get_default(place):
+            raise UsageError(f"{name} is for point clouds and meshes")
 
 
 def _from_file(options: argparse.Namespace) -> "GridMap":
@@ -84,8 +102,9 @@ def _from_file(options: argparse.Namespace) -> "GridMap":
 
 def _from_cloud(options: argparse.Namespace) -> "GridMap":
     from .clouds import Gridding, read_cloud
-    from .reading import with_layers_only
+    from .reading import checked_format, with_layers_only
 
+    checked_format(options.source, options.topic, options.index)
     gridding = Gridding(
         options.resolution,
         options.kind,

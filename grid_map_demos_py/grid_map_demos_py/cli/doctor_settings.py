@@ -22,6 +22,10 @@ OUR_PACKAGES = (
 
 _LARGEST_DOMAIN, _LARGEST_SAFE_DOMAIN = 232, 101
 _RANGES = ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
+_TRANSPORTS = (
+    *("NONE", "DEFAULT", "DEFAULTv6", "SHM", "UDPv4", "UDPv6"),
+    *("LARGE_DATA", "LARGE_DATAv6", "P2P"),
+)
 _SHARED_MEMORY = Path("/dev/shm")
 _SEGMENT = 64 * 2**20
 """Bytes that the profile for large maps takes for every process."""
@@ -131,7 +135,11 @@ def _profile() -> Setting:
 
 def _transports() -> Setting:
     name = "FASTDDS_BUILTIN_TRANSPORTS"
-    return Setting(name, os.environ.get(name) or "(not set)")
+    text = os.environ.get(name, "")
+    # Sizes may follow: LARGE_DATA?max_msg_size=1MB
+    if text and text.partition("?")[0] not in _TRANSPORTS:
+        return Setting(name, text, "warning", f"is none of {', '.join(_TRANSPORTS)}")
+    return Setting(name, text or "(not set)")
 
 
 def _shared_memory() -> Setting:

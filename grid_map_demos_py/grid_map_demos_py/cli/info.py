@@ -81,13 +81,19 @@ def _show_bag(options: argparse.Namespace) -> None:
 
 def _show_cloud(options: argparse.Namespace) -> None:
     from .clouds import cloud_info
+    from .reading import checked_format
 
+    checked_format(options.source, options.topic, options.index)
     info = cloud_info(options.source)
     if options.json:
         print_json(_head(options.source) | info)
         return
     _print_head(options.source)
-    lower, upper = (", ".join(map(coordinate, info[side])) for side in ("lower", "upper"))
+    # Beyond the micrometre there is the noise of float32.
+    lower, upper = (
+        ", ".join(coordinate(round(value, 6)) for value in info[side])
+        for side in ("lower", "upper")
+    )
     print_table(
         [
             ("points", str(info["points"])),

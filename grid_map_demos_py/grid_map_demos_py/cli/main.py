@@ -23,8 +23,9 @@ _INTERRUPTED, _NOBODY_READS = 128 + signal.SIGINT, 128 + signal.SIGPIPE
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, and takes numbers such as -1e-3 for values of options."""
 
-    def __init__(self, *args: Any, **options: Any) -> None:
-        super().__init__(*args, **options)
+    def __init__(self, **options: Any) -> None:
+        # What is short for one option today may be short for two tomorrow.
+        super().__init__(allow_abbrev=False, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d|-inf(inity)?$")
 
     def error(self, message: str) -> NoReturn:
@@ -113,7 +114,7 @@ def _carried_out(run: Callable[[argparse.Namespace], int], options: argparse.Nam
     except OSError as error:
         return _failed(_text_of(error))
     except (CommandError, MemoryError) as error:
-        return _failed(str(error))
+        return _failed(str(error) or "out of memory")
     except ModuleNotFoundError as error:
         return _failed(f"{error}; '{PROGRAM} doctor' tells what is missing")
     except Exception as error:

@@ -94,8 +94,6 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _draw(grid_map: "GridMap", options: argparse.Namespace) -> None:
-    from matplotlib.figure import Figure
-
     from grid_map_core_py.atomic import new_file
     from grid_map_core_py.storage import storage_errors
     from grid_map_visualization_py.pictures import plot, plot_3d
@@ -103,6 +101,9 @@ def _draw(grid_map: "GridMap", options: argparse.Namespace) -> None:
     layer = _layer(grid_map, options.layer)
     title = f"{layer} in {grid_map.frame_id!r}" if options.title is None else options.title
     style = _style(options, layer) | {"title": title}
+    # Behind `pictures`, which says what to install where Matplotlib is missing.
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=_SIZE, dpi=options.dpi, layout="constrained")
     if options.three_d:
         plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **style)

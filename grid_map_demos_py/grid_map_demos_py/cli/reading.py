@@ -49,6 +49,18 @@ class MapInfo(NamedTuple):
         }
 
 
+def checked_format(path: str, topic: str | None, index: int | None) -> Format:
+    """Return the format of a file.
+
+    Raises:
+        CommandError: it is none that is known, or has not several maps to choose from.
+    """
+    found = format_of_source(path)
+    if found is not Format.BAG and (topic is not None or index not in (None, 0, -1)):
+        raise CommandError(f"{path}: is no bag, --topic and --index are for bags")
+    return found
+
+
 def read_map(
     path: str,
     topic: str | None = None,
@@ -65,7 +77,7 @@ def read_map(
     Raises:
         CommandError, GridMapError: it cannot be read.
     """
-    found = _checked_format(path, topic, index)
+    found = checked_format(path, topic, index)
     if found is Format.BAG:
         from grid_map_ros_py.bag import load_from_bag
 
@@ -97,7 +109,7 @@ def with_layers_only(grid_map: GridMap, layers: Iterable[str] | None) -> GridMap
 
 def map_info(path: str, topic: str | None = None, index: int | None = None) -> MapInfo:
     """Return what a file tells about one of its maps; args and errors are those of `read_map`."""
-    found = _checked_format(path, topic, index)
+    found = checked_format(path, topic, index)
     if found is Format.BAG:
         from grid_map_ros_py.bag import BagReader
 
@@ -125,14 +137,6 @@ def info_of(grid_map: GridMap) -> MapInfo:
         grid_map.layers,
         grid_map.basic_layers,
     )
-
-
-def _checked_format(path: str, topic: str | None, index: int | None) -> Format:
-    """Return the format of a file, which may be asked for this map."""
-    found = format_of_source(path)
-    if found is not Format.BAG and (topic is not None or index not in (None, 0, -1)):
-        raise CommandError(f"{path}: holds a single map, --topic and --index are for bags")
-    return found
 
 
 @contextmanager

@@ -43,8 +43,9 @@ class Destination:
             self.path = str(Path(self.path).parent)
         if self.path == STANDARD and self.format is not Format.NPZ:
             raise UsageError(f"standard output takes npz, not {self.format.value}")
-        if self.path == STANDARD and sys.stdout.isatty():
-            raise CommandError("an .npz file is nothing for a terminal; name a file or use a pipe")
+        if self.path == STANDARD and (sys.stdout is None or sys.stdout.isatty()):
+            raise CommandError("expected a pipe or a file at standard output, for an .npz file")
+        self._check("--bits", options.bits, Format.IMAGES)
         self._check("--crs", options.crs, Format.GEOTIFF)
         self._check("--output-topic", options.output_topic, Format.BAG)
         check_free(self.path, force=options.force)
@@ -105,13 +106,13 @@ class Destination:
                 del grid_map
         return count
 
-    def _check(self, name: str, value: str | None, only_for: Format) -> None:
+    def _check(self, name: str, value: object, only_for: Format) -> None:
         if value and self.format is not only_for:
             raise UsageError(f"{name} is for {only_for.value}, and this is {self.format.value}")
 
     def _write_one(self, grid_map: GridMap) -> None:
         if self.format is Format.IMAGES:
-            save_images(grid_map, self.path, bits=self._options.bits)
+            save_images(grid_map, self.path, bits=self._options.bits or 16)
         elif self.format is Format.GEOTIFF:
             self._write_geotiff(grid_map)
         elif self.path == STANDARD:
