@@ -28,7 +28,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from itertools import pairwise
 from pathlib import Path
 
@@ -44,7 +44,15 @@ import grid_map_ros_py
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression.functions import CONSTANTS, FUNCTIONS
 from grid_map_filters_py.registry import BUILT_IN as FILTERS_BUILT_IN
-from grid_map_ros_py.testing import Peer, Process, environment, peer, running, running_node
+from grid_map_ros_py.testing import (
+    Peer,
+    Process,
+    environment,
+    peer,
+    reserve_domain,
+    running,
+    running_node,
+)
 from grid_map_visualization_py.pictures import plot, plot_3d
 from grid_map_visualization_py.registry import BUILT_IN, create
 from scratch import ROOT, run
@@ -184,19 +192,32 @@ ENDLESS = [
 FINITE = {script for script, topic in SCRIPTS.items() if not topic}
 
 
-@pytest.mark.parametrize(("script", "topic"), ENDLESS)
-def test_a_command_publishes_until_it_is_interrupted(script, topic):
+# Two at a time, as most of the time they only start or wait.
+@pytest.mark.parametrize("pair", [ENDLESS[k : k + 2] for k in range(0, len(ENDLESS), 2)])
+def test_commands_publish_until_they_are_interrupted(pair):
+    with ExitStack() as stack:
+        for script, topic in pair:
+            stack.enter_context(delivers(script, topic))
+
+
+@contextmanager
+def delivers(script: str, topic: str) -> Iterator[None]:
+    """Start a command in a domain of its own; at the end its topic must bring a message."""
+    domain, lock = reserve_domain()
     # Two sources of maps would be taken for each other.
-    source = nullcontext() if topic == "/grid_map" else source_of_maps()
-    with source, peer() as listener, running(Process(["bash", "-c", f"cd {ROOT} && {script}"])):
+    source = nullcontext() if topic == "/grid_map" else source_of_maps(domain)
+    command = ["bash", "-c", f"cd {ROOT} && {script}"]
+    with lock, source, peer(domain) as listener, running(Process(command, environment(domain))):
+        yield
         listener.listen(topic, message_type(listener, topic))
         listener.expect(topic)
 
 
 @contextmanager
-def source_of_maps() -> Iterator[Process]:
+def source_of_maps(domain: int | None = None) -> Iterator[Process]:
     command = ["tools/run", "grid_map_demos_py", "terrain_publisher"]
-    with running(Process([str(ROOT / command[0]), *command[1:]])) as process:
+    start = [str(ROOT / command[0]), *command[1:]]
+    with running(Process(start, environment(domain))) as process:
         yield process
 
 
