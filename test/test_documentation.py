@@ -192,11 +192,11 @@ ENDLESS = [
 FINITE = {script for script, topic in SCRIPTS.items() if not topic}
 
 
-# Two at a time, as most of the time they only start or wait.
-@pytest.mark.parametrize("pair", [ENDLESS[k : k + 2] for k in range(0, len(ENDLESS), 2)])
-def test_commands_publish_until_they_are_interrupted(pair):
+# Four at a time, as most of the time they only start or wait.
+@pytest.mark.parametrize("group", [ENDLESS[k : k + 4] for k in range(0, len(ENDLESS), 4)])
+def test_commands_publish_until_they_are_interrupted(group):
     with ExitStack() as stack:
-        for script, topic in pair:
+        for script, topic in group:
             stack.enter_context(delivers(script, topic))
 
 
