@@ -22,6 +22,7 @@ from pathlib import Path
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
+_TAKEN = {errno.EEXIST, errno.ENOTDIR, errno.ENOTEMPTY}
 _NOT_SUPPORTED = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP}
 
 
@@ -72,7 +73,10 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
             _sync(file)
         _sync(temporary)
         _check(target, check_old)
-        _put_in_place(temporary, target)
+        if not _takes_free_name(temporary, target):
+            # Perhaps another process has taken it since.
+            _check(target, check_old)
+            _replace(temporary, target)
         _sync(target.parent)
     finally:
         os.close(lock)
@@ -120,10 +124,19 @@ def _check(target: Path, check_old: Callable[[Path], object]) -> None:
         check_old(target)
 
 
-def _put_in_place(temporary: Path, target: Path) -> None:
-    if not target.exists():
+def _takes_free_name(temporary: Path, target: Path) -> bool:
+    """Give a folder its name, and return True, if nothing has it."""
+    try:
         temporary.rename(target)
-    elif not _exchange(temporary, target):
+    except OSError as error:
+        if error.errno in _TAKEN:
+            return False
+        raise
+    return True
+
+
+def _replace(temporary: Path, target: Path) -> None:
+    if not _exchange(temporary, target):
         aside = _hidden(target, "old")
         target.rename(aside)
         try:

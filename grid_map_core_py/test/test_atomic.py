@@ -5,6 +5,7 @@
 import errno
 import os
 import stat
+import sys
 from contextlib import suppress
 from pathlib import Path
 
@@ -183,6 +184,29 @@ def test_processes_that_write_to_one_place_do_not_disturb_each_other(tmp_path):
     assert [os.waitpid(child, 0)[1] for child in children] == [0, 0, 0]
     assert len(read_folder(tmp_path / "folder")) == 1
     assert names(tmp_path) == ["file", "folder"]
+
+
+def test_a_folder_that_somebody_else_makes_at_the_last_moment_is_replaced(tmp_path):
+    folder = tmp_path / "folder"
+
+    def make_it(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "os.rename" and str(arguments[1]) == str(folder) and not folder.exists():
+            folder.mkdir()
+            (folder / "theirs").touch()
+
+    # What listens to such events does so as long as its process lives.
+    child = os.fork()
+    if child == 0:
+        ended_well = False
+        with suppress(BaseException):
+            sys.addaudithook(make_it)
+            save_folder(folder, "ours")
+            ended_well = True
+        os._exit(not ended_well)
+    assert os.waitpid(child, 0)[1] == 0
+    assert read_folder(folder) == {"ours"}
+    assert names(folder) == ["one", "two"]
+    assert names(tmp_path) == ["folder"]
 
 
 def test_a_missing_folder_above_is_an_error(tmp_path):
