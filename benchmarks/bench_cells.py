@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from terrain import RESOLUTION, terrain
 
-from grid_map_core_py.cells import (
+from grid_map_core_py.regions import (
+    Polygon,
     circle_cells,
     ellipse_cells,
     line_cells,
@@ -17,7 +18,6 @@ from grid_map_core_py.cells import (
     spiral_cells,
     submap_cells,
 )
-from grid_map_core_py.polygon import Polygon
 
 DIAMETERS = pytest.mark.parametrize("diameter", [100, 200])
 CENTER = (0.0, 0.0)

@@ -7,14 +7,14 @@ import pytest
 from oracles import PROBES, disc_points, normal_of
 from terrain import terrain
 
-from grid_map_filters_py.builtin.bilateral import Bilateral
-from grid_map_filters_py.builtin.dilation import Dilation
-from grid_map_filters_py.builtin.gaussian_blur import GaussianBlur
-from grid_map_filters_py.builtin.inpaint import Inpaint
-from grid_map_filters_py.builtin.roughness import Roughness
-from grid_map_filters_py.builtin.slope import Slope
-from grid_map_filters_py.builtin.step_height import StepHeight
-from grid_map_filters_py.builtin.traversability import Traversability
+from grid_map_filters_py.builtin.__bilateral import Bilateral
+from grid_map_filters_py.builtin.__dilation import Dilation
+from grid_map_filters_py.builtin.__gaussian_blur import GaussianBlur
+from grid_map_filters_py.builtin.__inpaint import Inpaint
+from grid_map_filters_py.builtin.__roughness import Roughness
+from grid_map_filters_py.builtin.__slope import Slope
+from grid_map_filters_py.builtin.__step_height import StepHeight
+from grid_map_filters_py.builtin.__traversability import Traversability
 
 IN_OUT = {"input_layer": "elevation", "output_layer": "out"}
 

@@ -12,8 +12,8 @@ from sensor_msgs.msg import PointCloud2, PointField
 from terrain import RESOLUTION
 
 from grid_map_core_py import GridGeometry, color_value_to_vector
+from grid_map_core_py.elevation import RollingMap
 from grid_map_ros_py import from_point_cloud, read_points
-from grid_map_ros_py.rolling_map import RollingMap
 
 # x, y, z, rgb and intensity, laid out as the Point Cloud Library does.
 POINT = np.dtype(

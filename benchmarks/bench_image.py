@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from terrain import RESOLUTION, terrain
 
-from grid_map_core_py.image import change_resolution, to_image
+from grid_map_core_py.conversions import change_resolution, to_image
 
 
 def test_to_image(measure, cells):

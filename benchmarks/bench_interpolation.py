@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from terrain import heights, terrain
 
-from grid_map_core_py.interpolation import Interpolation
+from grid_map_core_py.map import Interpolation
 
 POINTS = 100_000
 ROWS = {

@@ -7,10 +7,12 @@ import pytest
 from terrain import RESOLUTION
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.mesh import rasterize_triangles
-from grid_map_core_py.point_cloud import rasterize
-from grid_map_core_py.point_cloud_pipeline import PointCloudPipeline
-from grid_map_core_py.voxels import downsample
+from grid_map_core_py.conversions import (
+    PointCloudPipeline,
+    downsample,
+    rasterize,
+    rasterize_triangles,
+)
 
 POINTS = 1_000_000
 CELLS = 400

@@ -10,7 +10,7 @@ import pytest
 from oracles import PROBES
 from terrain import terrain
 
-from grid_map_core_py.signed_distance_field import SignedDistanceField
+from grid_map_core_py.map import SignedDistanceField
 
 CLEARANCE = 0.5
 POINTS = 100_000

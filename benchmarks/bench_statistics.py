@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from terrain import terrain
 
-from grid_map_core_py import statistics
+from grid_map_core_py import arrays as statistics
 
 REDUCTIONS = {
     "sumOfFinites": (statistics.sum_of_finites, np.nansum),

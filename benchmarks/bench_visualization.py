@@ -7,11 +7,11 @@ from rclpy.serialization import deserialize_message
 from terrain import terrain
 from visualization_msgs.msg import Marker
 
-from grid_map_visualization_py.builtin.contours import Contours
-from grid_map_visualization_py.builtin.image import Image
-from grid_map_visualization_py.builtin.surface import Surface
-from grid_map_visualization_py.builtin.vectors import Vectors
-from grid_map_visualization_py.colormaps import Coloring
+from grid_map_visualization_py.builtin.__contours import Contours
+from grid_map_visualization_py.builtin.__image import Image
+from grid_map_visualization_py.builtin.__surface import Surface
+from grid_map_visualization_py.builtin.__vectors import Vectors
+from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Surface as Triangles
 
 BYTES_PER_CORNER = 3 * 8 + 4 * 4

@@ -25,8 +25,7 @@ from rclpy.qos import QoSProfile
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_serialized_message, to_serialized_message
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, run
 from grid_map_ros_py.testing import Process, running, wait_until
 
 TOPIC = "/large_map"

@@ -42,7 +42,7 @@ setup(
             "iterator_benchmark = grid_map_demos_py.iterator_benchmark:main",
             "iterators_demo = grid_map_demos_py.iterators_demo_node:main",
             "move_demo = grid_map_demos_py.move_demo_node:main",
-            "normal_filter_comparison_demo = grid_map_demos_py.normal_filter_comparison_node:main",
+            "normal_filter_comparison_demo = grid_map_demos_py.normal_filter_comparison_demo_node:main",  # noqa: E501
             "octomap_to_gridmap_demo = grid_map_demos_py.octomap_to_gridmap_demo_node:main",
             "opencv_demo = grid_map_demos_py.opencv_demo_node:main",
             "resolution_change_demo = grid_map_demos_py.resolution_change_demo_node:main",

@@ -23,8 +23,8 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "filter_bag = grid_map_filters_py.filter_bag:main",
-            "filter_chain = grid_map_filters_py.filter_chain_node:main",
+            "filter_bag = grid_map_filters_py._executables.filter_bag:main",
+            "filter_chain = grid_map_filters_py._executables.filter_chain:main",
         ],
     },
 )

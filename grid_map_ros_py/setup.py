@@ -26,11 +26,11 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map_loader = grid_map_ros_py.grid_map_loader_node:main",
-            "grid_map_saver = grid_map_ros_py.grid_map_saver_node:main",
-            "grid_map_server = grid_map_ros_py.grid_map_server_node:main",
-            "octomap_to_grid_map = grid_map_ros_py.octomap_to_grid_map_node:main",
-            "point_cloud_to_grid_map = grid_map_ros_py.point_cloud_to_grid_map_node:main",
+            "grid_map_loader = grid_map_ros_py._executables.grid_map_loader:main",
+            "grid_map_saver = grid_map_ros_py._executables.grid_map_saver:main",
+            "grid_map_server = grid_map_ros_py._executables.grid_map_server:main",
+            "octomap_to_grid_map = grid_map_ros_py._executables.octomap_to_grid_map:main",
+            "point_cloud_to_grid_map = grid_map_ros_py._executables.point_cloud_to_grid_map:main",
         ],
     },
 )

@@ -26,9 +26,9 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map_visualization = grid_map_visualization_py.visualization_node:main",
-            "snapshot = grid_map_visualization_py.snapshot_node:main",
-            "web_viewer = grid_map_visualization_py.web_viewer_node:main",
+            "grid_map_visualization = grid_map_visualization_py._executables.grid_map_visualization:main",  # noqa: E501
+            "snapshot = grid_map_visualization_py._executables.snapshot:main",
+            "web_viewer = grid_map_visualization_py._executables.web_viewer:main",
         ],
     },
 )

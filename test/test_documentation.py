@@ -42,8 +42,8 @@ import grid_map_core_py
 import grid_map_filters_py
 import grid_map_ros_py
 from grid_map_filters_py import FilterChain
-from grid_map_filters_py.expression.functions import CONSTANTS, FUNCTIONS
-from grid_map_filters_py.registry import BUILT_IN as FILTERS_BUILT_IN
+from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN
+from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
 from grid_map_ros_py.testing import (
     Peer,
     Process,
@@ -53,8 +53,8 @@ from grid_map_ros_py.testing import (
     running,
     running_node,
 )
+from grid_map_visualization_py._registry import BUILT_IN, create
 from grid_map_visualization_py.pictures import plot, plot_3d
-from grid_map_visualization_py.registry import BUILT_IN, create
 from scratch import ROOT, run
 
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
@@ -354,9 +354,9 @@ NODES = {
     name
     for package in ("grid_map_filters_py", "grid_map_ros_py", "grid_map_visualization_py")
     for name, module in executables(package).items()
-    if module.endswith("_node")
-} - {"snapshot"}
-"""Executables that are nodes with parameters; `snapshot` has options."""
+    if "._executables." in module
+} - {"filter_bag", "snapshot"}
+"""Executables that are nodes with parameters; the others have options."""
 
 
 def names_of_pages(folder: str) -> set[str]:
@@ -371,7 +371,8 @@ def links_of_table(section: str) -> dict[str, str]:
 
 def page_of(type_name: str) -> Page:
     """Return the page of a filter, which is called like its module."""
-    return page(f"docs/filters/{FILTERS_BUILT_IN[type_name].__module__.rpartition('.')[2]}.md")
+    module = FILTERS_BUILT_IN[type_name].__module__.rpartition(".")[2]
+    return page(f"docs/filters/{module.removeprefix('_')}.md")
 
 
 PAGES_OF_PARAMETERS = {
@@ -524,7 +525,7 @@ def documented_parameters(executable: str) -> dict[str, list[str]]:
 def test_a_node_that_runs_has_the_parameters_of_its_page():
     documented = documented_parameters("point_cloud_to_grid_map")
     assert len(documented) > 20
-    with running_node("grid_map_ros_py.point_cloud_to_grid_map_node"), peer() as listener:
+    with running_node("grid_map_ros_py._executables.point_cloud_to_grid_map"), peer() as listener:
         client = AsyncParameterClient(listener.node, "point_cloud_to_grid_map")
         listener.wait_until(client.services_are_ready, "the services of its parameters")
         values = client.get_parameters([*documented])

@@ -29,7 +29,10 @@ def workspace(tmp_path) -> Path:
 def broken_contracts(workspace: Path, module: str, code: str) -> str:
     """Return the complaints about a module with this code."""
     package, _, name = module.partition(".")
-    (workspace / package / package / f"{name}.py").write_text(code)
+    path = workspace / package / package / f"{name.replace('.', '/')}.py"
+    path.parent.mkdir(exist_ok=True)
+    (path.parent / "__init__.py").touch()
+    path.write_text(code)
     sources = [workspace / "tools", *(workspace / path.name for path in PYTHON_PACKAGES)]
     path = ":".join([*map(str, sources), os.environ["PYTHONPATH"]])
     environ = {**os.environ, "PYTHONPATH": path}
@@ -44,16 +47,25 @@ def broken_contracts(workspace: Path, module: str, code: str) -> str:
         ("grid_map_core_py.layer", "sensor_msgs.msg", "The core knows no ROS"),
         ("grid_map_core_py.layer", "grid_map_ros_py", "Packages stand on each other"),
         ("grid_map_filters_py.threshold", "grid_map_ros_py", "The filters know no ROS"),
-        ("grid_map_ros_py.image", "rclpy", "Nodes are leaves"),
+        ("grid_map_ros_py.messages._image", "rclpy", "Nodes are leaves"),
         ("grid_map_demos_py.move", "grid_map_demos_py.move_node", "Nodes are leaves"),
-        ("grid_map_filters_py.threshold", "grid_map_filters_py.filter_bag", "Nodes are leaves"),
-        ("grid_map_filters_py.filter_chain_node", "grid_map_ros_py, rclpy", ""),
-        ("grid_map_filters_py.filter_bag", "grid_map_ros_py", ""),
+        (
+            "grid_map_filters_py.threshold",
+            "grid_map_filters_py._executables.filter_bag",
+            "Nodes are leaves",
+        ),
+        ("grid_map_ros_py.messages", "grid_map_core_py._arrays", "Private modules stay inside"),
+        ("grid_map_filters_py._executables.filter_chain", "grid_map_ros_py, rclpy", ""),
+        ("grid_map_filters_py._executables.filter_bag", "grid_map_ros_py", ""),
     ],
 )
 def test_an_import_against_the_rules_is_found(workspace, module, imported, complaint):
     (workspace / "grid_map_demos_py/grid_map_demos_py/move_node.py").touch()
-    (workspace / "grid_map_filters_py/grid_map_filters_py/filter_bag.py").touch()
+    for private in ("grid_map_core_py/_arrays", "grid_map_filters_py/_executables/filter_bag"):
+        path = workspace / private.partition("/")[0] / f"{private}.py"
+        path.parent.mkdir(exist_ok=True)
+        (path.parent / "__init__.py").touch()
+        path.touch()
     broken = broken_contracts(workspace, module, f"import {imported}\n")
     assert broken.startswith(complaint)
     assert bool(broken) == bool(complaint)

@@ -22,7 +22,7 @@ from grid_map_ros_py import from_message, from_octomap
 from grid_map_ros_py.testing import Process, peer, running, wait_until
 from scratch import ROOT, run
 
-NODE = "grid_map_ros_py.octomap_to_grid_map_node"
+NODE = "grid_map_ros_py._executables.octomap_to_grid_map"
 DEMO = "grid_map_demos_py.octomap_to_gridmap_demo_node"
 OCTOMAPS = ROOT / "grid_map_ros_py" / "test" / "data" / "octomaps.json.gz"
 OCTOMAP = json.loads(gzip.decompress(OCTOMAPS.read_bytes()))["cases"][0]
@@ -79,7 +79,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import from_costmap, to_costmap
-from grid_map_ros_py.cdr import deserialize, serialize
+from grid_map_ros_py.messages import deserialize, serialize
 
 costs = np.arange(256).reshape(32, 8).astype(np.float32)
 costs[31, 7] = np.nan
@@ -97,7 +97,7 @@ import array, sys, time
 import rclpy
 from octomap_msgs.msg import Octomap
 from octomap_msgs.srv import GetOctomap
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 
 data, durability = sys.argv[1:]
 rclpy.init()
@@ -129,7 +129,7 @@ rclpy.spin(node)
 OCTOMAP_LISTENER = """
 import rclpy
 from octomap_msgs.msg import Octomap
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 
 def show(octomap):
     print(octomap.header.frame_id, octomap.data.tobytes().hex())

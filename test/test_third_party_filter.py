@@ -19,7 +19,7 @@ from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.testing import Process, peer, running
 from scratch import run
 
-NODE = "grid_map_filters_py.filter_chain_node"
+NODE = "grid_map_filters_py._executables.filter_chain"
 
 USE = """
 import sys

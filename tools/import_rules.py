@@ -7,19 +7,18 @@ from importlinter import Contract, ContractCheck, fields, output
 
 
 class NodesAreLeaves(Contract):
-    """Only nodes and the listed helpers import rclpy; nobody imports a node or another leaf."""
+    """Only executables and the listed helpers import rclpy; no module imports an executable."""
 
     rclpy_helpers = fields.SetField(subfield=fields.StringField())
-    other_leaves = fields.SetField(subfield=fields.StringField())
 
     def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:  # noqa: ARG002
         broken = [
-            f"{name} imports rclpy, but is neither a node nor listed as a helper"
+            f"{name} imports rclpy, but is neither an executable nor listed as a helper"
             for name in importers(graph, "rclpy")
-            if not is_node(name) and name not in self.rclpy_helpers
+            if not is_executable(name) and name not in self.rclpy_helpers
         ] + [
-            f"{name} imports {leaf}, which is for nobody to import"
-            for leaf in sorted({*filter(is_node, graph.modules), *self.other_leaves})
+            f"{name} imports {leaf}, an executable"
+            for leaf in sorted(filter(is_executable, graph.modules))
             for name in importers(graph, leaf)
         ]
         return ContractCheck(kept=not broken, metadata={"broken": broken})
@@ -34,5 +33,24 @@ def importers(graph: ImportGraph, module: str) -> list[str]:
     return sorted(graph.find_modules_that_directly_import(module)) if known else []
 
 
-def is_node(module: str) -> bool:
-    return module.endswith("_node")
+def is_executable(module: str) -> bool:
+    return "._executables." in module or module.endswith("_node")
+
+
+class PrivateStaysInside(Contract):
+    """No package imports a private module of another; a leading underscore marks it."""
+
+    def check(self, graph: ImportGraph, verbose: bool) -> ContractCheck:  # noqa: ARG002
+        broken = [
+            f"{importer} imports {private}, which is private"
+            for private in sorted(filter(is_private, graph.modules))
+            for importer in importers(graph, private)
+            if importer.partition(".")[0] != private.partition(".")[0]
+        ]
+        return ContractCheck(kept=not broken, metadata={"broken": broken})
+
+    render_broken_contract = NodesAreLeaves.render_broken_contract
+
+
+def is_private(module: str) -> bool:
+    return any(part.startswith("_") for part in module.split("."))

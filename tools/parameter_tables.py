@@ -7,8 +7,8 @@
 fills what stands on the pages, by default on all of `docs/`, between `<!-- parameters: NAME -->`
 and `<!-- end -->`. NAME is
 
-    an executable       one that starts a node by `grid_map_ros_py.spin.run`. The node is created,
-                        and what it reads by `grid_map_ros_py.parameters` is listed.
+    an executable       one that starts a node by `grid_map_ros_py.nodes.run`. The node is created,
+                        and what it reads by `grid_map_ros_py.nodes` is listed.
     a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
     a visualization     or `surface`: says of them under `Attributes:`.
 
@@ -38,9 +38,10 @@ import rclpy
 from rclpy.node import Node
 
 from grid_map_core_py.errors import MissingPackageError
-from grid_map_filters_py.registry import BUILT_IN as FILTERS
-from grid_map_ros_py import parameters
-from grid_map_visualization_py.registry import BUILT_IN as VISUALIZATIONS
+from grid_map_filters_py._registry import BUILT_IN as FILTERS
+from grid_map_ros_py import nodes
+from grid_map_ros_py.nodes import _parameters as parameters
+from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -143,8 +144,9 @@ def record_tree(node: Node, prefix: str, *, description: str = "", **rest: bool)
     return _read_parameter_tree(node, prefix, description=description, **rest)
 
 
-# No module of a node has been imported yet, nor what they have in common.
-parameters.read_parameter, parameters.read_parameter_tree = record, record_tree  # type: ignore[assignment]
+# No executable has been imported yet.
+for room in (nodes, parameters):
+    room.read_parameter, room.read_parameter_tree = record, record_tree  # type: ignore[assignment]
 
 
 def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from grid_map_core_py import GridMap, color_value_to_vector, color_vector_to_value
 from grid_map_filters_py import FilterChain
-from grid_map_filters_py.registry import BUILT_IN
+from grid_map_filters_py._registry import BUILT_IN
 
 FOLDER = Path(__file__).parent / "filters"
 PAGES = Path(__file__).parents[1] / "filters"

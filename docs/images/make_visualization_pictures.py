@@ -28,7 +28,7 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import read_points
-from grid_map_visualization_py.registry import BUILT_IN, create
+from grid_map_visualization_py._registry import BUILT_IN, create
 
 FOLDER = Path(__file__).parent / "visualizations"
 PAGES = Path(__file__).parents[1] / "visualizations"

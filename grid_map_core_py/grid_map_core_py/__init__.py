@@ -8,7 +8,28 @@ turn other data into layers and back; `statistics` skips missing data; `testing`
 hypothesis strategies.
 """
 
-from .cells import (
+from .arrays._statistics import (
+    max_of_finites,
+    mean_of_finites,
+    min_of_finites,
+    number_of_finites,
+    sum_of_finites,
+)
+from .conversions._color import color_value_to_vector, color_vector_to_value
+from .errors import (
+    ConfigError,
+    GeometryError,
+    GridMapError,
+    LayerNotFoundError,
+    MissingPackageError,
+    OutOfMapError,
+)
+from .map._geometry import GridGeometry
+from .map._grid_map import GridMap
+from .map._interpolation import Interpolation
+from .map._ring_buffer import BufferRegion
+from .map._signed_distance_field import SignedDistanceField
+from .regions import (
     circle_cells,
     ellipse_cells,
     line_cells,
@@ -20,28 +41,7 @@ from .cells import (
     submap_cells,
     window_array,
 )
-from .color import color_value_to_vector, color_vector_to_value
-from .errors import (
-    ConfigError,
-    GeometryError,
-    GridMapError,
-    LayerNotFoundError,
-    MissingPackageError,
-    OutOfMapError,
-)
-from .geometry import GridGeometry
-from .grid_map import GridMap
-from .interpolation import Interpolation
-from .polygon import Polygon
-from .ring_buffer import BufferRegion
-from .signed_distance_field import SignedDistanceField
-from .statistics import (
-    max_of_finites,
-    mean_of_finites,
-    min_of_finites,
-    number_of_finites,
-    sum_of_finites,
-)
+from .regions._polygon import Polygon
 
 __all__ = [
     "BufferRegion",

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .grid_map import GridMap
+from .map._grid_map import GridMap
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

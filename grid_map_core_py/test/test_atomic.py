@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from grid_map_core_py import atomic
-from grid_map_core_py.atomic import find_folder, new_file, new_folder
+from grid_map_core_py.files import _atomic as atomic
+from grid_map_core_py.files import find_folder, new_file, new_folder
 from grid_map_core_py.testing import killed_at_every_step
 
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
-from grid_map_core_py.cells import (
+from grid_map_core_py.regions import (
+    Polygon,
     circle_cells,
     ellipse_cells,
     map_cells,
@@ -20,7 +21,6 @@ from grid_map_core_py.cells import (
     spiral_cells,
     submap_cells,
 )
-from grid_map_core_py.polygon import Polygon
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 CASES = golden.cases("iterators")

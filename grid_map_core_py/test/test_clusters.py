@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from grid_map_core_py.clusters import euclidean_clusters
+from grid_map_core_py.conversions._clusters import euclidean_clusters
 
 
 def clusters_by_hand(points, groups, tolerance) -> list[frozenset[int]]:

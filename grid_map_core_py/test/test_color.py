@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, color_value_to_vector, color_vector_to_value
-from grid_map_core_py.color import color_channels_to_value
+from grid_map_core_py.conversions import color_channels_to_value
 
 COLORS = golden.load("colors")
 

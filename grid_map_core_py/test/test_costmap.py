@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
-from grid_map_core_py.costmap import (
+from grid_map_core_py.conversions import (
     CENTURY,
     DIRECT,
     CostRange,

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMapError, color_value_to_vector
+from grid_map_core_py.conversions import from_mesh, from_points
 from grid_map_core_py.files import load_mesh, load_points
-from grid_map_core_py.mesh import grid_map_from_mesh
-from grid_map_core_py.point_cloud import grid_map_from_points
 
 # A ROS machine need not have them: no rosdep key leads to them. `make test` installs both.
 pytest.importorskip("pypcd4")
@@ -90,7 +89,7 @@ def test_a_pcd_file_gives_points_and_fields(write, data):
 def test_the_points_and_fields_of_a_file_make_a_map(write):
     path = write("cloud.PCD", pcd_header("binary"), BINARY)
     points, fields = load_points(str(path))
-    grid_map = grid_map_from_points(points, 1.0, fields=fields)
+    grid_map = from_points(points, 1.0, fields=fields)
     assert grid_map.layers == ("elevation", "intensity", "rgb")
     assert grid_map["elevation"][grid_map.get_index((1, 2))] == -2.25
     colour = color_value_to_vector(grid_map["rgb"][grid_map.get_index((1, 0))])
@@ -233,7 +232,7 @@ def test_a_binary_stl_file_gives_triangles_and_a_map(write):
     path = write("b.STL", STL)
     assert triangles(path) == corners(QUAD)
     assert len(load_points(path)[0]) == 6
-    grid_map = grid_map_from_mesh(*load_mesh(path), 0.5)
+    grid_map = from_mesh(*load_mesh(path), 0.5)
     assert grid_map.size == (2, 4)
     assert np.isfinite(grid_map["elevation"]).all()
 

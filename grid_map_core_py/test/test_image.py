@@ -17,7 +17,7 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
-from grid_map_core_py.image import (
+from grid_map_core_py.conversions import (
     add_color_layer_from_image,
     add_layer_from_image,
     from_image,

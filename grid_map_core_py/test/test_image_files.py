@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.image_files import load_images, save_images
+from grid_map_core_py.files import load_images, save_images
 from grid_map_core_py.testing import grid_maps, killed_at_every_step, moved_in_buffer
 
 

@@ -13,13 +13,8 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import (
-    GeometryError,
-    GridMapError,
-    LayerNotFoundError,
-    OutOfMapError,
-)
-from grid_map_core_py.interpolation import Interpolation
+from grid_map_core_py.errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
+from grid_map_core_py.map import Interpolation
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 NEAREST, LINEAR, CUBIC_CONVOLUTION, CUBIC = Interpolation

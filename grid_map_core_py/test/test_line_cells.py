@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
-from grid_map_core_py.cells import line_cells, line_cells_between
+from grid_map_core_py.regions import line_cells, line_cells_between
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 CASES = golden.cases("iterators")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError
-from grid_map_core_py.mesh import grid_map_from_mesh, rasterize_triangles
+from grid_map_core_py.conversions import from_mesh, rasterize_triangles
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
@@ -200,7 +200,7 @@ def test_the_input_is_not_changed_and_other_layers_are_shared():
 def test_a_map_made_to_fit_covers_the_mesh(resolution):
     vertices = np.vstack([SQUARE * (1, 2, 1) + (7, 3, 1), [(99, 99, 99), (np.nan, 0, 0)]])
     faces = [(0, 1, 2), (0, 2, 3), (0, 1, 5)]
-    grid_map = grid_map_from_mesh(vertices, faces, resolution, "z", frame_id="odom", timestamp=3)
+    grid_map = from_mesh(vertices, faces, resolution, "z", frame_id="odom", timestamp=3)
     np.testing.assert_array_equal(
         grid_map.size, np.maximum(np.ceil(np.array([2, 4]) / resolution), 1)
     )
@@ -213,11 +213,11 @@ def test_a_map_made_to_fit_covers_the_mesh(resolution):
 
 def test_a_mesh_without_extent_or_faces():
     wall = [(0.25, -1, 0), (0.25, 1, 0), (0.25, 1, 5)]
-    assert grid_map_from_mesh(wall, [(0, 1, 2)], 0.5).size == (1, 4)
+    assert from_mesh(wall, [(0, 1, 2)], 0.5).size == (1, 4)
     with pytest.raises(GridMapError, match="no face has a finite vertex"):
-        grid_map_from_mesh(SQUARE, np.empty((0, 3), int), 0.5)
+        from_mesh(SQUARE, np.empty((0, 3), int), 0.5)
     with pytest.raises(GeometryError, match="resolution"):
-        grid_map_from_mesh(SQUARE, [(0, 1, 2)], 0.0)
+        from_mesh(SQUARE, [(0, 1, 2)], 0.0)
 
 
 # Bad input

@@ -19,7 +19,8 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
-from grid_map_core_py.point_cloud import as_points, grid_map_from_points, rasterize
+from grid_map_core_py.conversions import from_points, rasterize
+from grid_map_core_py.conversions._points import as_points
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 
 ORACLES = {
@@ -246,9 +247,9 @@ def test_a_map_made_to_fit_holds_every_point_and_no_spare_row(cloud, resolution,
     finite = cloud[np.isfinite(cloud).all(axis=1)]
     if not len(finite):
         with pytest.raises(GridMapError, match="none is finite"):
-            grid_map_from_points(cloud, resolution)
+            from_points(cloud, resolution)
         return
-    grid_map = grid_map_from_points(cloud, resolution, {"n": "count"})
+    grid_map = from_points(cloud, resolution, {"n": "count"})
     assert grid_map["n"].sum() == len(finite)
     extent = np.ptp(finite[:, :2], axis=0)
     assert (grid_map.length - extent <= 1.001 * resolution).all()
@@ -259,7 +260,7 @@ def test_a_map_made_to_fit_holds_every_point_and_no_spare_row(cloud, resolution,
 def test_points_on_a_lattice_get_a_cell_each():
     x, y = np.meshgrid(np.arange(11) * 0.1, np.arange(6) * 0.1)
     points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
-    grid_map = grid_map_from_points(points, 0.1, {"n": "count"}, frame_id="odom", timestamp=5)
+    grid_map = from_points(points, 0.1, {"n": "count"}, frame_id="odom", timestamp=5)
     assert grid_map.size == (11, 6)
     assert (grid_map["n"] == 1).all()
     assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 5)
@@ -270,20 +271,20 @@ def test_points_on_a_lattice_get_a_cell_each():
 def test_rounding_takes_no_cell_from_a_lattice(steps, resolution):
     """Some of these extents come a little short of whole cells, and some go beyond."""
     points = [(0, 0, 1), (steps * resolution, 0, 1)]
-    grid_map = grid_map_from_points(points, resolution, {"n": "count"})
+    grid_map = from_points(points, resolution, {"n": "count"})
     assert grid_map.size == (steps + 1, 1)
     assert grid_map["n"].sum() == 2
 
 
 def test_length_and_position_may_be_given():
     points = [(0.2, 0.3, 1.0), (1.4, 2.1, 2.0), (1.4, 2.1, np.nan)]
-    whole = grid_map_from_points(points, 0.5, length=(4, 2), position=(1, 1))
+    whole = from_points(points, 0.5, length=(4, 2), position=(1, 1))
     assert whole.size == (8, 4)
     np.testing.assert_allclose(whole.position, (1, 1))
     assert np.isfinite(whole["elevation"]).sum() == 1
-    centred = grid_map_from_points(points, 0.5, length=(4, 2))
+    centred = from_points(points, 0.5, length=(4, 2))
     np.testing.assert_allclose(centred.position, (0.8, 1.2))
-    around_origin = grid_map_from_points(points, 0.5, {"n": "count"}, position=(0, 0))
+    around_origin = from_points(points, 0.5, {"n": "count"}, position=(0, 0))
     np.testing.assert_allclose(around_origin.position, (0, 0))
     assert around_origin["n"].sum() == 2
     assert around_origin.size == (6, 9)
@@ -291,22 +292,22 @@ def test_length_and_position_may_be_given():
 
 def test_a_map_made_to_fit_ignores_points_beyond_the_limits():
     points = [(0, 0, 0), (1, 1, 0), (100, 100, 50)]
-    assert grid_map_from_points(points, 1.0, max_height=1.0).size == (2, 2)
+    assert from_points(points, 1.0, max_height=1.0).size == (2, 2)
     with pytest.raises(GridMapError, match="within the height limits"):
-        grid_map_from_points(points, 1.0, min_height=60.0)
+        from_points(points, 1.0, min_height=60.0)
 
 
 def test_a_stray_point_does_not_ask_for_a_map_beyond_reason():
     with pytest.raises(GridMapError, match="takes too many cells"):
-        grid_map_from_points([(0, 0, 0), (1e30, 1, 0)], 0.1)
+        from_points([(0, 0, 0), (1e30, 1, 0)], 0.1)
     with pytest.raises(GridMapError, match="takes too many cells"):
-        grid_map_from_points([(-1.7e308, 0, 0), (1.7e308, 1, 0)], 0.1)
+        from_points([(-1.7e308, 0, 0), (1.7e308, 1, 0)], 0.1)
 
 
 @pytest.mark.parametrize("resolution", [0, -1, np.nan, np.inf, "x", None])
 def test_the_resolution_must_be_positive(resolution):
     with pytest.raises(GeometryError, match="resolution"):
-        grid_map_from_points([(0, 0, 0)], resolution)
+        from_points([(0, 0, 0)], resolution)
 
 
 # Bad input

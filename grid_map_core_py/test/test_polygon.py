@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError
-from grid_map_core_py.polygon import Polygon
+from grid_map_core_py.regions import Polygon
 
 GOLDEN = golden.load("polygon")
 NAMED = {polygon["name"]: polygon for polygon in GOLDEN["polygons"]}

@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.registry import Registry
+from grid_map_core_py.plugins import Registry
 
 GROUP = "grid_map_core_py.test_types"
 NUMBERS = itertools.count()

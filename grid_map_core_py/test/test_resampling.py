@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, color_vector_to_value
-from grid_map_core_py.image import change_resolution
+from grid_map_core_py.conversions import change_resolution
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 GOLDEN = golden.load("cv_change_resolution")

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import golden
-from grid_map_core_py import GridMap, ring_buffer, submap_cells
+from grid_map_core_py import GridMap, submap_cells
+from grid_map_core_py.map import _ring_buffer as ring_buffer
 
 GEOMETRY = golden.load("geometry")
 sizes = st.tuples(st.integers(1, 9), st.integers(1, 9))

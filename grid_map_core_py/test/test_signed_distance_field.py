@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.signed_distance_field import SignedDistanceField
+from grid_map_core_py.map import SignedDistanceField
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 ROUND_OFF = {"rtol": 1e-6, "atol": 1e-6}
@@ -134,7 +134,7 @@ def test_nodes_of_larger_maps_have_exact_distances():
 
 def test_strips_do_not_show(monkeypatch):
     expected = hills_field().distances
-    monkeypatch.setattr("grid_map_core_py.signed_distance_field._STRIP", 12)
+    monkeypatch.setattr("grid_map_core_py.map._signed_distance_field._STRIP", 12)
     np.testing.assert_array_equal(hills_field().distances, expected)
 
 

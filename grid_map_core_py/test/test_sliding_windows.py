@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.cells import map_cells, sliding_windows, window_array
+from grid_map_core_py.regions import map_cells, sliding_windows, window_array
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 CASES = golden.cases("iterators")

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 import golden
 from grid_map_core_py import GeometryError, GridMap
-from grid_map_core_py.statistics import (
+from grid_map_core_py.arrays import (
     max_of_finites,
     mean_of_finites,
     min_of_finites,

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.storage import load_npz, save_npz
+from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, killed_at_every_step
 
 FUZZING_SECONDS = 1

@@ -17,17 +17,20 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.config import check
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.storage import storage_errors
+from grid_map_core_py.files import storage_errors
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.parameters import read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.subscription import MapSubscription
-from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.nodes import (
+    LogThrottle,
+    MapSubscription,
+    map_qos,
+    read_parameter,
+    read_positive,
+    run,
+)
 from grid_map_visualization_py.pictures import save_picture
 
 from .report import Report

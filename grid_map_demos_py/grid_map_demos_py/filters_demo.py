@@ -19,12 +19,13 @@ from .processes import ProcessGroup
 
 REPORT = "grid_map_demos_py.demo_report_node"
 
-VIEWER = "grid_map_visualization_py.web_viewer_node"
+VIEWER = "grid_map_visualization_py._executables.web_viewer"
+VISUALIZATION = "grid_map_visualization_py._executables.grid_map_visualization"
 
 NODES = {
     "grid_map_demos_py.terrain_publisher_node": "filters_demo.yaml",
-    "grid_map_filters_py.filter_chain_node": "filters_demo_filter_chain.yaml",
-    "grid_map_visualization_py.visualization_node": "filters_demo_visualization.yaml",
+    "grid_map_filters_py._executables.filter_chain": "filters_demo_filter_chain.yaml",
+    VISUALIZATION: "filters_demo_visualization.yaml",
 }
 """Modules and their parameter files in `config`."""
 

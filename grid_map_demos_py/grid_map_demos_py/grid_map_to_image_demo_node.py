@@ -17,17 +17,13 @@ from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.atomic import new_file
-from grid_map_core_py.config import check
+from grid_map_core_py.conversions import COLOR_LAYER, Image, to_color_image, to_image
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.image import COLOR_LAYER, Image, to_color_image, to_image
-from grid_map_core_py.storage import storage_errors
+from grid_map_core_py.files import new_file, storage_errors
+from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.parameters import check_topic, read_parameter
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.subscription import MapSubscription
-from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.nodes import LogThrottle, MapSubscription, check_topic, read_parameter, run
 
 from .share import user_path
 

@@ -15,14 +15,17 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 
-from grid_map_core_py import image as core
+from grid_map_core_py import conversions as core
 from grid_map_core_py.errors import ConfigError
-from grid_map_ros_py.image import ENCODINGS
-from grid_map_ros_py.multi_array import set_array
-from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.messages import ENCODINGS, set_array
+from grid_map_ros_py.nodes import (
+    LogThrottle,
+    check_topic,
+    map_qos,
+    read_parameter,
+    read_positive,
+    run,
+)
 
 from .share import share, user_path
 

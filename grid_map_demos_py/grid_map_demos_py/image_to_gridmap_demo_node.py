@@ -14,8 +14,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.config import check
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     add_color_layer_from_image,
@@ -23,12 +23,16 @@ from grid_map_ros_py import (
     from_image,
     to_serialized_message,
 )
-from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.subscription import LatchedSubscription
-from grid_map_ros_py.throttle import LogThrottle
-from grid_map_ros_py.time import from_stamp
+from grid_map_ros_py.messages import from_stamp
+from grid_map_ros_py.nodes import (
+    LatchedSubscription,
+    LogThrottle,
+    check_topic,
+    map_qos,
+    read_parameter,
+    read_positive,
+    run,
+)
 
 
 class ImageToGridmapDemoNode(Node):

@@ -23,14 +23,12 @@ import numpy.typing as npt
 from rclpy.node import Node
 
 from grid_map_core_py import GridMap, Interpolation
-from grid_map_core_py.config import check
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.geometry import GridGeometry
+from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
 Numbers = npt.NDArray[np.float64]
 

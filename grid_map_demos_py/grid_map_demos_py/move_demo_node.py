@@ -15,9 +15,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, read_positive, run
 
 
 def make_map() -> GridMap:

@@ -17,13 +17,11 @@ from typing import Any
 
 from rclpy.node import Node
 
-from grid_map_core_py.config import check
 from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageError
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_octomap, to_serialized_message
-from grid_map_ros_py.parameters import check_topic, read_parameter
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import check_topic, map_qos, read_parameter, run
 
 from .octomap_file import read_octomap
 from .share import user_path

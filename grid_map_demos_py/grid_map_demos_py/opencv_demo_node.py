@@ -14,12 +14,10 @@ import numpy as np
 from rclpy.node import Node
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.image import Image, add_layer_from_image, to_image
+from grid_map_core_py.conversions import Image, add_layer_from_image, to_image
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
 from .star import HEIGHT, star_map
 

@@ -12,13 +12,11 @@ import sys
 import cv2
 from rclpy.node import Node
 
-from grid_map_core_py.config import check
-from grid_map_core_py.image import change_resolution
+from grid_map_core_py.conversions import change_resolution
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
 from .star import star_map
 

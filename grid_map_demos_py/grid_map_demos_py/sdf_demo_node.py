@@ -19,13 +19,15 @@ from sensor_msgs.msg import PointCloud2, PointField
 from grid_map_core_py import GridMap, SignedDistanceField
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
-from grid_map_ros_py.multi_array import set_array
-from grid_map_ros_py.parameters import check_topic, read_parameter
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.subscription import MapSubscription
-from grid_map_ros_py.throttle import LogThrottle
-from grid_map_ros_py.time import to_header
+from grid_map_ros_py.messages import set_array, to_header
+from grid_map_ros_py.nodes import (
+    LogThrottle,
+    MapSubscription,
+    check_topic,
+    map_qos,
+    read_parameter,
+    run,
+)
 
 FIELDS = ("x", "y", "z", "intensity")
 MARGIN = 0.1

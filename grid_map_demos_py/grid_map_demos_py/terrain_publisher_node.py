@@ -8,9 +8,7 @@ from rclpy.node import Node
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import check_topic, read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import check_topic, map_qos, read_parameter, read_positive, run
 
 from .share import share, user_path
 from .terrain import load_terrain

@@ -14,12 +14,10 @@ from rclpy.node import Node
 
 from grid_map_core_py import GridMap, submap_cells, window_array
 from grid_map_core_py.arrays import Cells, Layer
-from grid_map_core_py.config import check
+from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.parameters import read_parameter, read_positive
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
 MOST_NOISE = 1e3
 MOST_OUTLIERS = 100_000

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from grid_map_core_py.image import change_resolution, to_image
+from grid_map_core_py.conversions import change_resolution, to_image
 from grid_map_demos_py.terrain import load_terrain
 
 DATA = Path(__file__).parents[1] / "data"

@@ -18,8 +18,7 @@ import pytest
 from command_line import CHAIN, PROGRAM, SECOND, a_map, grid_map, printed
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.image_files import load_images
-from grid_map_core_py.storage import load_npz, save_npz
+from grid_map_core_py.files import load_images, load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_demos_py.cli.main import main
 from grid_map_ros_py import BagReader, BagWriter, bag_maps, load_from_bag

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command_line import PROGRAM, a_map
 
-from grid_map_core_py.storage import save_npz
+from grid_map_core_py.files import save_npz
 from grid_map_ros_py import BagWriter
 
 pytest.importorskip("argcomplete")

@@ -12,7 +12,7 @@ import pytest
 from command_line import a_map
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.storage import load_npz, save_npz
+from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_demos_py.cli.main import main
 from grid_map_demos_py.cli.reading import info_of, map_info

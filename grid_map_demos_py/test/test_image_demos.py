@@ -14,14 +14,14 @@ import pytest
 from pngs import write_png
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.conversions import to_image
 from grid_map_core_py.errors import ConfigError, GridMapError
-from grid_map_core_py.image import to_image
 from grid_map_demos_py.grid_map_to_image_demo_node import Picture, encode
 from grid_map_demos_py.image_publisher_node import read_image, to_message
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
 from grid_map_demos_py.star import VERTICES, star_map
-from grid_map_ros_py.image import to_pixels
+from grid_map_ros_py.messages import to_pixels
 from grid_map_ros_py.testing import Process
 
 PACKAGE = Path(__file__).parents[1]

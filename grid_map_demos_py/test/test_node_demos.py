@@ -236,10 +236,11 @@ def test_the_report_counts_the_diagnostics_of_the_filter_chain_and_whole_maps_al
 def test_a_node_of_the_demo_that_fails_ends_the_demo(tmp_path):
     with_bad_parameter = (
         "import sys; from grid_map_demos_py import filters_demo as demo; "
-        "demo.NODES = {**demo.NODES, 'grid_map_filters_py.filter_chain_node': 'simple_demo.yaml'}; "
+        "chain = 'grid_map_filters_py._executables.filter_chain'; "
+        "demo.NODES = {**demo.NODES, chain: 'simple_demo.yaml'}; "
         f"sys.exit(demo.main(['--report', {str(tmp_path)!r}]))"
     )
     demo = Process([sys.executable, "-c", with_bad_parameter])
     assert demo.wait(60) == 1
-    assert "grid_map_filters_py.filter_chain_node ended with exit code 1" in demo.text
+    assert "grid_map_filters_py._executables.filter_chain ended with exit code 1" in demo.text
     assert "filters: expected at least one filter, found none" in demo.text

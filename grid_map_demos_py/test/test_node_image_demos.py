@@ -13,15 +13,14 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap, color_value_to_vector
-from grid_map_core_py.image import to_image
+from grid_map_core_py.conversions import to_image
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
 from grid_map_demos_py.star import star_map
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.image import to_pixels
+from grid_map_ros_py.messages import from_stamp, to_pixels
 from grid_map_ros_py.testing import peer, running_node, start_node
-from grid_map_ros_py.time import from_stamp
 
 PACKAGE = "grid_map_demos_py"
 DATA = Path(__file__).parents[1] / "data"

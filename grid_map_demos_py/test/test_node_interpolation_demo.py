@@ -9,7 +9,7 @@ import pytest
 from demos import assert_refused, lives, parameters
 
 from grid_map_core_py import GridMap, Interpolation
-from grid_map_core_py.geometry import GridGeometry
+from grid_map_core_py.map import GridGeometry
 from grid_map_demos_py.interpolation_demo_node import METHODS, WORLDS, measure, sampled, table
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message

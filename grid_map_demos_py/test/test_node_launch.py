@@ -25,7 +25,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import Marker
 
 from grid_map_demos_py.share import share
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Process, environment, peer, reserve_domain
 
 HAS_ROS_LAUNCH = bool(shutil.which("ros2") and find_spec("ros2launch"))

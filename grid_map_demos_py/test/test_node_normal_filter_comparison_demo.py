@@ -7,7 +7,7 @@ import pytest
 from demos import assert_refused, lives, parameters
 
 from grid_map_core_py import GridMap
-from grid_map_demos_py.normal_filter_comparison_node import (
+from grid_map_demos_py.normal_filter_comparison_demo_node import (
     FILTERS,
     SHAPES,
     add_errors,

@@ -7,15 +7,15 @@ YAML that the C++ filters read. The node `filter_chain_node` runs a chain on a t
 module needs ROS.
 """
 
-from .chain import FilterChain, Step
-from .config import StepConfig
+from ._chain import FilterChain, Step
+from ._config import StepConfig
+from ._filter import Filter, FilterWarning, warn
+from ._offline import Failure, Filtered, filter_maps
+from ._progress import ProgressBar
+from ._registry import FILTERS
+from ._step_times import StepTimes
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
-from .filter import Filter, FilterWarning, warn
-from .offline import Failure, Filtered, filter_maps
-from .progress import ProgressBar
-from .registry import FILTERS
-from .step_times import StepTimes
 
 __all__ = [
     "FILTERS",

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from grid_map_filters_py.cell_function import CellFunction, cell_function, clamp
+from grid_map_filters_py._shared.cell_function import CellFunction, cell_function, clamp
 
 BUILTIN = "grid_map_filters_py.builtin"
 FUNCTIONS = {
@@ -26,7 +26,7 @@ FUNCTIONS = {
         "light_intensity",
         "normal_color_map",
     )
-    for name, function in vars(importlib.import_module(f"{BUILTIN}.{module}")).items()
+    for name, function in vars(importlib.import_module(f"{BUILTIN}._{module}")).items()
     if isinstance(function, CellFunction)
 }
 FLOATS = st.floats(width=32) | st.floats(-2, 2, width=32)

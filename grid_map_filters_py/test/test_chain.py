@@ -22,8 +22,8 @@ from grid_map_filters_py import (
     StepConfig,
     warn,
 )
-from grid_map_filters_py.config import nested
-from grid_map_filters_py.step_times import StepTimes
+from grid_map_filters_py._config import nested
+from grid_map_filters_py._step_times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
 MATH = "gridMapFilters/MathExpressionFilter"
@@ -370,7 +370,7 @@ class NotCallable:
 
 @pytest.mark.parametrize("cls", [NotCallable, dict, print], ids=["no call", "no dataclass", "none"])
 def test_what_is_no_filter_is_refused(monkeypatch, cls):
-    monkeypatch.setattr("grid_map_filters_py.chain.FILTERS", {"my/Filter": cls})
+    monkeypatch.setattr("grid_map_filters_py._chain.FILTERS", {"my/Filter": cls})
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_config(with_params("my/Filter"))
     assert str(caught.value) == (

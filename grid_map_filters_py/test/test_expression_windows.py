@@ -123,7 +123,7 @@ def terrain(rows=40, columns=50, height=0.0) -> np.ndarray:
 @pytest.mark.parametrize("text", ["meanOfFinites(e)", STANDARD_DEVIATION])
 def test_a_large_map_is_computed_in_parts_without_seams(monkeypatch, text, edge_handling):
     layer = terrain()
-    monkeypatch.setattr("grid_map_filters_py.expression.windows._BLOCK", 200)
+    monkeypatch.setattr("grid_map_filters_py.expression._windows._BLOCK", 200)
     in_parts = Expression(text).over_windows("e", layer, 5, edge_handling)
     monkeypatch.undo()
     np.testing.assert_array_equal(

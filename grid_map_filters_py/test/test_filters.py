@@ -23,7 +23,7 @@ from hypothesis import given, settings
 
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 from grid_map_filters_py import FILTERS, FilterError
-from grid_map_filters_py.registry import BUILT_IN
+from grid_map_filters_py._registry import BUILT_IN
 
 
 def each(filters, width):
@@ -57,7 +57,7 @@ def test_every_registered_filter_is_among_those_that_are_tested_together():
 
 def test_every_built_in_filter_has_tests_of_its_own():
     names = {
-        f"test_{filter_class.__module__.split('.')[-1]}.py" for filter_class in BUILT_IN.values()
+        f"test{filter_class.__module__.split('.')[-1]}.py" for filter_class in BUILT_IN.values()
     }
     assert len(names) == len(BUILT_IN)
     assert names <= {path.name for path in Path(__file__).parent.iterdir()}

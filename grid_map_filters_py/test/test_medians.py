@@ -9,7 +9,7 @@ import filter_oracles as oracles
 import numpy as np
 import pytest
 
-from grid_map_filters_py.medians import put_window_medians
+from grid_map_filters_py._shared.medians import put_window_medians
 
 
 def medians_of(layer, cells, half_width):

@@ -13,7 +13,7 @@ import pytest
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal, killed_at_every_step, moved_in_buffer
 from grid_map_filters_py import FilterChain, FilterError
-from grid_map_filters_py.filter_bag import filter_bag, main
+from grid_map_filters_py._executables.filter_bag import filter_bag, main
 from grid_map_ros_py import BagError, BagReader, BagWriter, bag_maps, save_to_bag
 
 pytest.importorskip("mcap")
@@ -115,7 +115,12 @@ def test_a_run_that_is_killed_leaves_the_old_bag_or_the_new_one(chain, source, t
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess:
-    command = [sys.executable, "-m", "grid_map_filters_py.filter_bag", *map(str, arguments)]
+    command = [
+        sys.executable,
+        "-m",
+        "grid_map_filters_py._executables.filter_bag",
+        *map(str, arguments),
+    ]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -166,7 +171,7 @@ def test_the_executable_leaves_out_what_fails_if_told_to(chain_file, tmp_path, c
 def test_an_interrupt_ends_the_executable_in_peace_and_leaves_nothing(chain_file, tmp_path, out):
     large = GridMap((30, 30), 0.05, layers={"height": np.zeros((600, 600))})
     save_to_bag([large] * 40, tmp_path / "large", "/grid_map", compression="zstd")
-    command = [sys.executable, "-m", "grid_map_filters_py.filter_bag"]
+    command = [sys.executable, "-m", "grid_map_filters_py._executables.filter_bag"]
     process = subprocess.Popen(
         [*command, chain_file, tmp_path / "large", out], stderr=subprocess.PIPE, text=True
     )

@@ -17,10 +17,10 @@ from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_filters_py import FilterChain
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, peer, running_node, start_node, wait_until
 
-MODULE = "grid_map_filters_py.filter_chain_node"
+MODULE = "grid_map_filters_py._executables.filter_chain"
 FILTERS = {
     "filter1": {"name": "normalise", "type": "gridMapFilters/BufferNormalizerFilter"},
     "filter2": {

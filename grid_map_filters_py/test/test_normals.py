@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grid_map_filters_py.normals import area_normals, raster_normals
+from grid_map_filters_py._shared.normals import area_normals, raster_normals
 
 RESOLUTION = 0.1
 

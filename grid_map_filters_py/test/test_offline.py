@@ -12,9 +12,9 @@ import pytest
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_filters_py import FilterChain, FilterError
-from grid_map_filters_py.offline import Failure, filter_maps
-from grid_map_filters_py.progress import ProgressBar, progress_text
-from grid_map_filters_py.step_times import StepTimes
+from grid_map_filters_py._offline import Failure, filter_maps
+from grid_map_filters_py._progress import ProgressBar, progress_text
+from grid_map_filters_py._step_times import StepTimes
 
 CHAIN = FilterChain.from_config(
     [

@@ -13,7 +13,7 @@ import grid_map_filters_py
 MODULES = [
     module.name
     for module in pkgutil.walk_packages(grid_map_filters_py.__path__, "grid_map_filters_py.")
-    if not module.name.endswith(("_node", ".filter_bag"))
+    if "._executables" not in module.name
 ]
 
 

@@ -16,8 +16,8 @@ import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
-from grid_map_filters_py.config import parse_steps, read_chain
-from grid_map_filters_py.disc import Disc, centred, correlate
+from grid_map_filters_py._config import parse_steps, read_chain
+from grid_map_filters_py._shared.disc import Disc, centred, correlate
 
 DATA = Path(__file__).parent / "data"
 CHAIN = DATA / "traversability.yaml"

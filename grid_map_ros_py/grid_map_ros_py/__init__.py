@@ -10,7 +10,7 @@ without rclpy. What nodes need beside them is imported by name: `qos` (profiles 
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .bag import (
+from .bags._bag import (
     BagReader,
     BagRecord,
     BagTopic,
@@ -20,22 +20,22 @@ from .bag import (
     load_from_bag,
     save_to_bag,
 )
-from .costmap import from_costmap, to_costmap
 from .errors import BagError, MessageError
-from .grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
-from .grid_map import from_message, to_message
-from .image import (
+from .messages._costmap import from_costmap, to_costmap
+from .messages._grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
+from .messages._grid_map import from_message, to_message
+from .messages._image import (
     add_color_layer_from_image,
     add_layer_from_image,
     from_image,
     to_color_image,
     to_image,
 )
-from .occupancy_grid import from_occupancy_grid, to_occupancy_grid
-from .octomap import from_octomap, octomap_to_points
-from .point_cloud import to_flat_point_cloud, to_point_cloud
-from .point_cloud_reading import from_point_cloud, read_points
-from .polygon import (
+from .messages._occupancy_grid import from_occupancy_grid, to_occupancy_grid
+from .messages._octomap import from_octomap, octomap_to_points
+from .messages._point_cloud import to_flat_point_cloud, to_point_cloud
+from .messages._point_cloud_reading import from_point_cloud, read_points
+from .messages._polygon import (
     from_polygon,
     to_line_marker,
     to_polygon,
@@ -44,7 +44,7 @@ from .polygon import (
     to_serialized_triangle_list_marker,
     to_triangle_list_marker,
 )
-from .serialized import ReceivedMap, from_serialized_message, to_serialized_message
+from .messages._serialized import ReceivedMap, from_serialized_message, to_serialized_message
 
 __all__ = [
     "BagError",

@@ -27,7 +27,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.utilities import try_shutdown
 
-from .qos import map_qos
+from .nodes._qos import map_qos
 
 DOMAINS = 100
 """Domains from 1 to this number are safe on every system."""

@@ -50,8 +50,8 @@ from grid_map_ros_py import (
     to_polygon,
     to_serialized_message,
 )
-from grid_map_ros_py.cdr import deserialize, serialize, view
-from grid_map_ros_py.poses import PoseHistory
+from grid_map_ros_py._mapping.poses import PoseHistory
+from grid_map_ros_py.messages import deserialize, serialize, view
 
 LONGEST = 10.0
 """Seconds that a reader may take, on a busy machine."""

@@ -12,8 +12,7 @@ from bags import DATA, TOPIC, numbered_map, write_bag, write_mcap
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.image_files import load_images, save_images
-from grid_map_core_py.storage import load_npz, save_npz
+from grid_map_core_py.files import load_images, load_npz, save_images, save_npz
 from grid_map_ros_py import bag_maps, save_to_bag
 
 FOLDER = tempfile.TemporaryDirectory()

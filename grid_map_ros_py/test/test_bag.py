@@ -46,9 +46,8 @@ from grid_map_ros_py import (
     load_from_bag,
     save_to_bag,
 )
-from grid_map_ros_py.bag_metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
-from grid_map_ros_py.cdr import deserialize
-from grid_map_ros_py.serialized import to_serialized_message
+from grid_map_ros_py.bags._metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
+from grid_map_ros_py.messages import deserialize, to_serialized_message
 
 typesys = pytest.importorskip("rosbags.typesys")
 

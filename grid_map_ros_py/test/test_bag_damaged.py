@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import BagError, BagReader, bag_maps, load_from_bag, save_to_bag
-from grid_map_ros_py.bag_mcap import LARGEST_CHUNK
+from grid_map_ros_py.bags._mcap import LARGEST_CHUNK
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from pathlib import Path
 import pytest
 from bags import TOPIC, number_of, numbered_map
 
-from grid_map_core_py import GridMap, atomic
+from grid_map_core_py import GridMap
+from grid_map_core_py.files import _atomic as atomic
 from grid_map_core_py.testing import killed_at_every_step
 from grid_map_ros_py import BagError, bag_maps, load_from_bag, save_to_bag
 

@@ -27,7 +27,7 @@ from visualization_msgs.msg import InteractiveMarker, Marker
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.cdr import deserialize, serialize, serialize_view, view
+from grid_map_ros_py.messages import deserialize, serialize, serialize_view, view
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 

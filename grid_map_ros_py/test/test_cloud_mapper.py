@@ -13,11 +13,11 @@ from sensor_msgs.msg import PointCloud2
 from test_poses import SECOND, history, pose
 
 from grid_map_core_py import ConfigError, GridGeometry
+from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py.cloud_mapper import CloudMapper
-from grid_map_ros_py.poses import NoPoses, Placement, Poses
-from grid_map_ros_py.rolling_map import RollingMap
-from grid_map_ros_py.time import to_stamp
+from grid_map_ros_py._mapping.cloud_mapper import CloudMapper
+from grid_map_ros_py._mapping.poses import NoPoses, Placement, Poses
+from grid_map_ros_py.messages import to_stamp
 
 
 class Hand:

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from nav2_stand_in import Costmap, PyCostmap2D
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.costmap import CENTURY
+from grid_map_core_py.conversions import CENTURY
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 from grid_map_ros_py import (
     MessageError,
@@ -25,7 +25,7 @@ from grid_map_ros_py import (
     to_costmap,
     to_occupancy_grid,
 )
-from grid_map_ros_py.costmap import OCCUPANCIES
+from grid_map_ros_py.messages import OCCUPANCIES
 
 
 @pytest.fixture(autouse=True)

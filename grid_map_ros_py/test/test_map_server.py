@@ -12,9 +12,9 @@ from test_grid_map import sample_map
 from grid_map_core_py import GeometryError, LayerNotFoundError, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import from_message
-from grid_map_ros_py.bag import save_to_bag
+from grid_map_ros_py._mapping.map_server import MapServer, path_inside
+from grid_map_ros_py.bags import save_to_bag
 from grid_map_ros_py.errors import BagError, RequestError
-from grid_map_ros_py.map_server import MapServer, path_inside
 
 
 @pytest.fixture

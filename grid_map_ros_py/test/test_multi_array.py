@@ -8,7 +8,7 @@ import pytest
 from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.multi_array import from_multi_array, to_multi_array
+from grid_map_ros_py.messages import from_multi_array, to_multi_array
 
 LAYER = np.arange(6, dtype=np.float32).reshape(2, 3)
 

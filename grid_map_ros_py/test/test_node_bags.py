@@ -12,8 +12,8 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
 from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
 
-LOADER = "grid_map_ros_py.grid_map_loader_node"
-SAVER = "grid_map_ros_py.grid_map_saver_node"
+LOADER = "grid_map_ros_py._executables.grid_map_loader"
+SAVER = "grid_map_ros_py._executables.grid_map_saver"
 
 
 def arguments(**parameters: object) -> list[str]:

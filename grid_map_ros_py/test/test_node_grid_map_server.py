@@ -14,10 +14,10 @@ from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.bag import load_from_bag, save_to_bag
+from grid_map_ros_py.bags import load_from_bag, save_to_bag
 from grid_map_ros_py.testing import Peer, peer, running_node, start_node
 
-MODULE = "grid_map_ros_py.grid_map_server_node"
+MODULE = "grid_map_ros_py._executables.grid_map_server"
 SERVICES = {
     "get_grid_map": GetGridMap,
     "get_grid_map_info": GetGridMapInfo,

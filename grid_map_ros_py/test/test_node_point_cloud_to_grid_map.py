@@ -21,11 +21,11 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
+from grid_map_ros_py.messages import to_stamp
+from grid_map_ros_py.nodes import has_tf
 from grid_map_ros_py.testing import Peer, peer, running_node, start_node
-from grid_map_ros_py.tf_poses import has_tf
-from grid_map_ros_py.time import to_stamp
 
-MODULE = "grid_map_ros_py.point_cloud_to_grid_map_node"
+MODULE = "grid_map_ros_py._executables.point_cloud_to_grid_map"
 SIDE = 0.5
 SIGHT = 1.2
 """How far the robot sees along each axis [m]."""

@@ -24,7 +24,7 @@ import gc
 from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import run
 
 class Once(Node):
     def __init__(self):

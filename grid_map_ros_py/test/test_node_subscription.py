@@ -10,8 +10,7 @@ from test_grid_map import sample_map
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_message, to_serialized_message
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.nodes import MapSubscription, map_qos
 from grid_map_ros_py.testing import Peer, peer
 
 

@@ -29,7 +29,7 @@ from grid_map_ros_py import (
     to_message,
     to_point_cloud,
 )
-from grid_map_ros_py.point_cloud_reading import read_columns
+from grid_map_ros_py.messages import read_columns
 
 NAN, INF = math.nan, math.inf
 

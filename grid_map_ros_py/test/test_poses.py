@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from grid_map_core_py import GridMapError
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.poses import (
+from grid_map_ros_py._mapping.poses import (
     NoPoses,
     Placement,
     PoseHistory,
@@ -30,8 +30,8 @@ from grid_map_ros_py.poses import (
     to_matrix,
     transformed,
 )
-from grid_map_ros_py.tf_poses import TfPoses, has_tf
-from grid_map_ros_py.time import to_stamp
+from grid_map_ros_py.messages import to_stamp
+from grid_map_ros_py.nodes import TfPoses, has_tf
 
 SECOND = 1_000_000_000
 

@@ -4,7 +4,7 @@ import pytest
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSCompatibility, ReliabilityPolicy
 from rclpy.qos import qos_check_compatible as check
 
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 
 
 def test_map_topics_keep_the_last_map_for_late_subscribers() -> None:

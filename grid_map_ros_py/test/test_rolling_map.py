@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py import ConfigError, GeometryError, GridGeometry, GridMap, GridMapError
+from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py.rolling_map import RollingMap
 
 SIDE = 0.5
 ROWS, COLUMNS = 4, 6

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from grid_map_ros_py.throttle import LogThrottle
+from grid_map_ros_py.nodes import LogThrottle
 
 
 @dataclass

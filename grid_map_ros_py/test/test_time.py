@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.time import LATEST, from_stamp, to_stamp
+from grid_map_ros_py.messages import from_stamp, to_stamp
+from grid_map_ros_py.messages._time import LATEST
 
 
 @given(st.integers(0, LATEST))

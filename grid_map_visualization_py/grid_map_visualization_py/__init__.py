@@ -8,7 +8,7 @@ rclpy. `surface` and `colormaps` turn maps into triangles and colours, `pictures
 Matplotlib.
 """
 
-from .registry import VISUALIZATIONS, create
-from .visualization import Visualization
+from ._registry import VISUALIZATIONS, create
+from ._visualization import Visualization
 
 __all__ = ["VISUALIZATIONS", "Visualization", "create"]

@@ -18,11 +18,11 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
-from grid_map_core_py.atomic import new_file
-from grid_map_core_py.config import check
 from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.files import new_file
+from grid_map_core_py.plugins import check
 
-from .colormaps import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
+from .colors import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
 from .surface import Surface
 
 try:

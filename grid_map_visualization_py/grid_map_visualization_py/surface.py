@@ -23,9 +23,9 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Mask, Positions
-from grid_map_core_py.config import check
+from grid_map_core_py.plugins import check
 
-from .colormaps import Coloring, Colors
+from .colors import Coloring, Colors
 
 SMALLEST_MAX_CELLS = 9
 """A map cannot be thinned out to fewer cells: first, last and one in between, both ways."""

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import color_vector_to_value
 from grid_map_core_py.errors import ConfigError, MissingPackageError
-from grid_map_visualization_py import colormaps
-from grid_map_visualization_py.colormaps import (
+from grid_map_visualization_py import colors as colormaps
+from grid_map_visualization_py.colors import (
     MISSING,
     ColorScale,
     color_map_names,

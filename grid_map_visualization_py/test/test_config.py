@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from grid_map_visualization_py import create, registry
+from grid_map_visualization_py import _registry as registry
+from grid_map_visualization_py import create
 
 FILES = sorted((Path(__file__).parent.parent / "config").glob("*.yaml"))
 

@@ -9,7 +9,7 @@ import yaml
 from cpp_outputs import FOLDER, recorded, recorded_bytes, recorded_map
 from rclpy.serialization import deserialize_message, serialize_message
 
-from grid_map_ros_py.cdr import serialize
+from grid_map_ros_py.messages import serialize
 from grid_map_visualization_py import create
 
 PARAMETERS = {

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Image
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py import create
-from grid_map_visualization_py.colormaps import MISSING
+from grid_map_visualization_py.colors import MISSING
 
 
 def drawn(grid_map: GridMap, **params: object) -> Image:

@@ -9,9 +9,9 @@ import pytest
 from grid_map_core_py import GridMap
 from grid_map_ros_py import save_to_bag, testing, to_message
 from grid_map_ros_py.testing import start_node
-from grid_map_visualization_py.snapshot_node import main, parsed
+from grid_map_visualization_py._executables.snapshot import main, parsed
 
-MODULE = "grid_map_visualization_py.snapshot_node"
+MODULE = "grid_map_visualization_py._executables.snapshot"
 
 
 @pytest.fixture

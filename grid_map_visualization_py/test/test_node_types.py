@@ -19,9 +19,9 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.testing import moved_in_buffer
 from grid_map_ros_py import testing, to_message
 from grid_map_ros_py.testing import Peer, running_node
-from grid_map_visualization_py.registry import BUILT_IN
+from grid_map_visualization_py._registry import BUILT_IN
 
-MODULE = "grid_map_visualization_py.visualization_node"
+MODULE = "grid_map_visualization_py._executables.grid_map_visualization"
 BOUND = 0.300000012
 """Of layers in the golden cases; 0.3 in single precision."""
 

@@ -16,10 +16,10 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import testing, to_message
-from grid_map_ros_py.qos import map_qos
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, Process, running, running_node, start_node
 
-MODULE = "grid_map_visualization_py.visualization_node"
+MODULE = "grid_map_visualization_py._executables.grid_map_visualization"
 WITHOUT_EVENTS = f"""
 import sys
 import {MODULE} as module

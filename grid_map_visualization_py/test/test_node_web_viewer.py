@@ -20,7 +20,7 @@ from grid_map_visualization_py.viewer.light import on_screen
 
 playwright = pytest.importorskip("playwright.sync_api")
 
-MODULE = "grid_map_visualization_py.web_viewer_node"
+MODULE = "grid_map_visualization_py._executables.web_viewer"
 TALKATIVE = f"""
 import sys
 import {MODULE} as module
@@ -398,7 +398,7 @@ def test_a_page_goes_on_after_its_node_and_its_publisher_have_started_again(chro
 REFUSALS = """
 import sys
 from {module} import WebViewerNode
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import run
 for parameter in sys.argv[1:]:
     print(run(WebViewerNode, ["node", "--ros-args", "-p", parameter]))
 sys.modules["viser"] = None

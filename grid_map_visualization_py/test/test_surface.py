@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py import create
-from grid_map_visualization_py.colormaps import MISSING, Coloring
+from grid_map_visualization_py.colors import MISSING, Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
 GREY = Coloring("flat", color=0x102030)

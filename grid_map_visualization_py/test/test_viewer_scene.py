@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_visualization_py.colormaps import Coloring, ColorScale
+from grid_map_visualization_py.colors import Coloring, ColorScale
 from grid_map_visualization_py.surface import Mesh, Surface
 from grid_map_visualization_py.viewer.glb import to_glb
 from grid_map_visualization_py.viewer.light import on_screen

@@ -8,16 +8,17 @@ from pathlib import Path
 import pytest
 
 from grid_map_core_py.errors import ConfigError
-from grid_map_visualization_py import VISUALIZATIONS, create, registry
-from grid_map_visualization_py.builtin.contours import Contours
-from grid_map_visualization_py.builtin.flat_point_cloud import FlatPointCloud
-from grid_map_visualization_py.builtin.grid_cells import GridCells
-from grid_map_visualization_py.builtin.image import Image
-from grid_map_visualization_py.builtin.map_region import MapRegion
-from grid_map_visualization_py.builtin.occupancy_grid import OccupancyGrid
-from grid_map_visualization_py.builtin.point_cloud import PointCloud
-from grid_map_visualization_py.builtin.surface import Surface
-from grid_map_visualization_py.builtin.vectors import Vectors
+from grid_map_visualization_py import VISUALIZATIONS, create
+from grid_map_visualization_py import _registry as registry
+from grid_map_visualization_py.builtin.__contours import Contours
+from grid_map_visualization_py.builtin.__flat_point_cloud import FlatPointCloud
+from grid_map_visualization_py.builtin.__grid_cells import GridCells
+from grid_map_visualization_py.builtin.__image import Image
+from grid_map_visualization_py.builtin.__map_region import MapRegion
+from grid_map_visualization_py.builtin.__occupancy_grid import OccupancyGrid
+from grid_map_visualization_py.builtin.__point_cloud import PointCloud
+from grid_map_visualization_py.builtin.__surface import Surface
+from grid_map_visualization_py.builtin.__vectors import Vectors
 
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
 
@@ -159,9 +160,9 @@ def test_every_mistake_is_one_error_that_names_the_visualization_and_the_cause(c
 def test_file_for_every_built_in_type_is_named_after_it():
     folder = Path(registry.__file__).parent / "builtin"
     files = {file.stem for file in folder.glob("*.py")} - {"__init__"}
-    assert files == set(registry.BUILT_IN)
+    assert files == {f"_{name}" for name in registry.BUILT_IN}
     for name, cls in registry.BUILT_IN.items():
-        assert cls.__module__.endswith(f".{name}")
+        assert cls.__module__.endswith(f"._{name}")
 
 
 def test_other_packages_add_types_by_entry_point(install_plugin):

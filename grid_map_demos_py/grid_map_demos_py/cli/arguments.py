@@ -91,7 +91,7 @@ def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 def complete_color_maps(**_: Any) -> list[str]:
     """Return the names of colour maps."""
     with suppress(Exception):
-        from grid_map_visualization_py.colormaps import color_map_names
+        from grid_map_visualization_py.colors import color_map_names
 
         return color_map_names()
     return []

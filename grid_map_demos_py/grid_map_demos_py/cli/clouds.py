@@ -8,10 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.conversions import from_mesh, from_points
 from grid_map_core_py.errors import GridMapError, LayerNotFoundError
 from grid_map_core_py.files import Fields, load_mesh, load_points
-from grid_map_core_py.mesh import grid_map_from_mesh
-from grid_map_core_py.point_cloud import grid_map_from_points
 
 from .errors import CommandError
 from .output import number
@@ -56,9 +55,9 @@ def read_cloud(path: str, gridding: Gridding, layers: list[str] | None) -> GridM
     _check_layers(layers, {gridding.layer, *fields})
     if faces is not None:
         _check_for_mesh(path, gridding)
-        return grid_map_from_mesh(*faces, gridding.resolution, gridding.layer)
+        return from_mesh(*faces, gridding.resolution, gridding.layer)
     wanted = {name: field for name, field in fields.items() if layers is None or name in layers}
-    return grid_map_from_points(
+    return from_points(
         points,
         gridding.resolution,
         {gridding.layer: gridding.reduction},

@@ -8,13 +8,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from .arguments import (
-    SOURCES,
-    add_choice_of_map,
-    add_destination,
-    add_layers,
-    add_source,
-)
+from .arguments import SOURCES, add_choice_of_map, add_destination, add_layers, add_source
 from .errors import UsageError
 from .formats import Format, format_of_source
 
@@ -126,7 +120,7 @@ def _in_frame(grid_map: "GridMap", frame: str | None) -> "GridMap":
 def _convert_bag(options: argparse.Namespace, destination: "Destination") -> int:
     """Convert maps of a topic, one at a time."""
     from grid_map_filters_py import ProgressBar
-    from grid_map_ros_py.bag import BagReader
+    from grid_map_ros_py.bags import BagReader
 
     with BagReader(options.source, options.topic) as reader, ExitStack() as stack:
         records = destination.records(reader, options.index)

@@ -83,7 +83,7 @@ def _filtered(
     with ExitStack() as stack:
         items: Any
         if format_of_source(options.source) is Format.BAG:
-            from grid_map_ros_py.bag import BagReader
+            from grid_map_ros_py.bags import BagReader
 
             reader = stack.enter_context(BagReader(options.source, options.topic))
             items = destination.records(reader, options.index)

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.atomic import new_file
 from grid_map_core_py.errors import GridMapError, LayerNotFoundError, MissingPackageError
-from grid_map_core_py.storage import storage_errors
+from grid_map_core_py.files import new_file, storage_errors
 
 from .errors import CommandError
 from .output import message

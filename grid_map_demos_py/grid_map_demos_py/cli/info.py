@@ -57,7 +57,7 @@ def _show_bag(options: argparse.Namespace) -> None:
     chosen = [one for one in topics if options.topic in (None, one.name)]
     index = -1 if options.index is None else options.index
     if options.topic is not None and not chosen:
-        from grid_map_ros_py.bag import BagReader
+        from grid_map_ros_py.bags import BagReader
 
         BagReader(options.source, options.topic)  # raises: there is no such topic
     maps = dict(maps_in_bag(options.source, chosen, index))

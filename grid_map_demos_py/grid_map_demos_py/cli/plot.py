@@ -94,8 +94,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _draw(grid_map: "GridMap", options: argparse.Namespace) -> None:
-    from grid_map_core_py.atomic import new_file
-    from grid_map_core_py.storage import storage_errors
+    from grid_map_core_py.files import new_file, storage_errors
     from grid_map_visualization_py.pictures import plot, plot_3d
 
     layer = _layer(grid_map, options.layer)

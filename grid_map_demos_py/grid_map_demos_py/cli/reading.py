@@ -15,8 +15,7 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.errors import GridMapError, LayerNotFoundError
-from grid_map_core_py.image_files import load_images
-from grid_map_core_py.storage import load_npz
+from grid_map_core_py.files import load_images, load_npz
 
 from .errors import CommandError
 from .formats import STANDARD, Format, format_of_source
@@ -79,7 +78,7 @@ def read_map(
     """
     found = checked_format(path, topic, index)
     if found is Format.BAG:
-        from grid_map_ros_py.bag import load_from_bag
+        from grid_map_ros_py.bags import load_from_bag
 
         return load_from_bag(path, topic, layers, index=-1 if index is None else index)
     if found is Format.NPZ:
@@ -111,7 +110,7 @@ def map_info(path: str, topic: str | None = None, index: int | None = None) -> M
     """Return what a file tells about one of its maps; args and errors are those of `read_map`."""
     found = checked_format(path, topic, index)
     if found is Format.BAG:
-        from grid_map_ros_py.bag import BagReader
+        from grid_map_ros_py.bags import BagReader
 
         from .bags import record_info
 

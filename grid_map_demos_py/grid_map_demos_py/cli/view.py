@@ -96,7 +96,7 @@ class _Stop:
 def _received(options: argparse.Namespace) -> "ReceivedMap":
     """Return the map as the viewer takes it from topics."""
     from grid_map_ros_py import ReceivedMap, to_serialized_message
-    from grid_map_ros_py.bag import BagReader
+    from grid_map_ros_py.bags import BagReader
 
     from .reading import read_map
 
@@ -109,7 +109,7 @@ def _received(options: argparse.Namespace) -> "ReceivedMap":
 
 
 def _page(options: argparse.Namespace, layers: tuple[str, ...]) -> "Page":
-    from grid_map_visualization_py.colormaps import Coloring, ColorScale
+    from grid_map_visualization_py.colors import Coloring, ColorScale
     from grid_map_visualization_py.viewer.page import Page, is_loopback
     from grid_map_visualization_py.viewer.settings import Settings, follow
 

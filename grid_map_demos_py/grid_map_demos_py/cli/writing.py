@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.image_files import save_images
-from grid_map_core_py.storage import save_npz
+from grid_map_core_py.files import save_images, save_npz
 
 from .errors import CommandError, UsageError
 from .formats import STANDARD, Format, check_free, format_of_destination, format_of_source
 from .output import message
 
 if TYPE_CHECKING:
-    from grid_map_ros_py.bag import BagReader, BagRecord
+    from grid_map_ros_py.bags import BagReader, BagRecord
 
 TimedMap: TypeAlias = tuple[int | None, GridMap]
 """A map, and when it was recorded [ns] where that is known."""
@@ -94,7 +93,7 @@ class Destination:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 
     def _write_bag(self, maps: Iterable[TimedMap], topic: str) -> int:
-        from grid_map_ros_py.bag import BagWriter
+        from grid_map_ros_py.bags import BagWriter
 
         count = 0
         compression = "zstd" if self._options.compress else "none"

@@ -6,7 +6,7 @@
 its method `over_windows` evaluates it for the window around every cell.
 """
 
-from .expression import Expression
-from .windows import EdgeHandling
+from ._expression import Expression
+from ._windows import EdgeHandling
 
 __all__ = ["EdgeHandling", "Expression"]

@@ -7,8 +7,7 @@ import sys
 
 from rclpy.node import Node
 
-from grid_map_ros_py.parameters import read_parameter, read_parameter_tree
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import read_parameter, read_parameter_tree, run
 
 
 class Configured(Node):

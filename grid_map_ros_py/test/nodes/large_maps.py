@@ -13,9 +13,7 @@ from rclpy.node import Node
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.qos import map_qos
-from grid_map_ros_py.spin import run
-from grid_map_ros_py.subscription import MapSubscription
+from grid_map_ros_py.nodes import MapSubscription, map_qos, run
 
 COUNT = 5
 SIDE = 1000

@@ -10,7 +10,7 @@ from std_msgs.msg import Empty
 
 from grid_map_core_py import GridMapError
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.spin import run
+from grid_map_ros_py.nodes import run
 
 HABIT = sys.argv[1]
 TOPIC = "no topic" if HABIT == "misnamed" else "/beat"

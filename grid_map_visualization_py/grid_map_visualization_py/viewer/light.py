@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from ..colormaps import Colors
+from ..colors import Colors
 
 Light = npt.NDArray[np.float64]
 """(..., 3) red, green, blue, linear, 1 for white."""

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 
-from ..colormaps import Coloring, ColorScale, color_map_names
+from ..colors import Coloring, ColorScale, color_map_names
 from .scene import Scene, View
 from .settings import NONE, Settings
 from .slots import Slots

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colormaps import Colors
+from ..colors import Colors
 from ..surface import Mesh, Surface
 from .glb import to_glb
 from .settings import AXES, Settings

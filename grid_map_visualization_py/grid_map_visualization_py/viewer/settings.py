@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..colormaps import Coloring
+from ..colors import Coloring
 
 AXES = "xyz"
 

@@ -11,7 +11,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colormaps import ColorScale, packed_colors
+from ..colors import ColorScale, packed_colors
 from .light import on_screen
 
 TEXT = "font-size:0.8em;padding:0 1em"

@@ -1,0 +1,30 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Array types, checks of array arguments, work in pieces, and statistics of finite values."""
+
+from ._checks import Cells, Layer, Mask, Positions, Size, as_array, as_number
+from ._pieces import elementwise, slices
+from ._statistics import (
+    max_of_finites,
+    mean_of_finites,
+    min_of_finites,
+    number_of_finites,
+    sum_of_finites,
+)
+
+__all__ = [
+    "Cells",
+    "Layer",
+    "Mask",
+    "Positions",
+    "Size",
+    "as_array",
+    "as_number",
+    "elementwise",
+    "max_of_finites",
+    "mean_of_finites",
+    "min_of_finites",
+    "number_of_finites",
+    "slices",
+    "sum_of_finites",
+]

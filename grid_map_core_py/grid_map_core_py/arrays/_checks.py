@@ -1,0 +1,125 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Array aliases of this package, and the conversions of what users pass into them."""
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import GeometryError
+
+Layer: TypeAlias = npt.NDArray[np.float32]
+"""(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
+
+Mask: TypeAlias = npt.NDArray[np.bool_]
+"""Booleans, one per cell or per point."""
+
+Positions: TypeAlias = npt.NDArray[np.float64]
+"""(2,) or (N, 2) float64: x, y in metres, map frame."""
+
+Cells: TypeAlias = npt.NDArray[np.int64]
+"""(2,) or (N, 2) integers: row, column."""
+
+Integers: TypeAlias = npt.NDArray[np.int64]
+"""(2 N,) integers: row, column, row, ...; see `pieces.interleaved`."""
+
+Size: TypeAlias = tuple[int, int]
+"""Rows and columns."""
+
+
+def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
+    """Return `values` as a float64 array whose last axis is x, y."""
+    positions = as_array(values, np.float64, name)
+    if positions.ndim == 0 or positions.shape[-1] != 2:
+        raise GeometryError(f"{name}: expected x, y of shape (2,) or (N, 2), got {positions.shape}")
+    return positions
+
+
+def as_pair(values: npt.ArrayLike, name: str) -> Positions:
+    """Return `values` as a (2,) float64 array of finite numbers of its own."""
+    pair = as_array(values, np.float64, name)
+    # For two numbers NumPy takes several times as long.
+    if pair.shape != (2,) or not all(map(math.isfinite, pair.tolist())):
+        raise GeometryError(f"{name}: expected two finite numbers, got {values!r}")
+    return pair.copy()
+
+
+def as_point(values: npt.ArrayLike, name: str) -> Positions:
+    """Return `values` as one position (2,), which may be NaN or infinite."""
+    point = as_positions(values, name)
+    if point.shape != (2,):
+        raise GeometryError(f"{name}: expected one x, y of shape (2,), got {point.shape}")
+    return point
+
+
+def as_number(value: object, name: str) -> float:
+    """Return `value` as a float."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (OverflowError, TypeError, ValueError) as error:
+        raise GeometryError(f"{name}: expected a number, got {value!r}") from error
+
+
+def as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return `values` as an array of real numbers of whatever type; what is masked is NaN."""
+    try:
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
+        numbers = np.asarray(values)
+        # NumPy would take None for NaN and the real part of complex numbers.
+        if numbers.dtype.kind not in "biuf" and numbers.size:
+            raise TypeError(numbers.dtype)
+    except (TypeError, ValueError) as error:
+        raise GeometryError(f"{name}: expected numbers, got {values!r}") from error
+    return numbers
+
+
+def as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
+    """Return `values` as an array of this type."""
+    if type(values) is np.ndarray and values.dtype == dtype:
+        return values
+    # Values beyond float32 become infinities, as a cast in C++ makes them.
+    with np.errstate(over="ignore"):
+        return as_numbers(values, name).astype(dtype, copy=False)
+
+
+def as_size(values: npt.ArrayLike, name: str) -> Size:
+    """Return `values` as a pair of Python integers."""
+    size = _as_integers(values, name)
+    if size.shape != (2,):
+        raise GeometryError(f"{name}: expected two integers, got {values!r}")
+    return int(size[0]), int(size[1])
+
+
+def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
+    """Return `values` as an integer array whose last axis is row, column."""
+    cells = _as_integers(values, name)
+    if cells.ndim == 0 or cells.shape[-1] != 2:
+        raise GeometryError(
+            f"{name}: expected row, column of shape (2,) or (N, 2), got {cells.shape}"
+        )
+    return cells
+
+
+def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
+    """Return a scalar or a (rows, cols) array as a layer of its own, never an alias of `value`."""
+    data = as_array(value, np.float32, f"layer {name!r}")
+    if data.ndim and data.shape != size:
+        raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}")
+    layer: Layer = np.empty(size, dtype=np.float32, order="F")
+    layer[...] = data
+    return layer
+
+
+def as_text(values: npt.ArrayLike) -> str:
+    """Return a pair of numbers as the text of a tuple, for messages."""
+    return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
+
+
+def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
+    integers = as_numbers(values, name)
+    if integers.size and integers.dtype.kind not in "iu":
+        raise GeometryError(f"{name}: expected integers, got {values!r}")
+    return integers.astype(np.int64, copy=False)

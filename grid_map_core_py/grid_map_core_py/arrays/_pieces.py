@@ -1,0 +1,74 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Work on arrays in pieces: the temporaries of a piece stay small and in the cache."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._checks import Positions
+
+_PIECE = 2**15
+"""Elements of a piece of a large array."""
+
+_SMALL_PIECE = 2**10
+"""Elements of the smallest piece that is worth its overhead."""
+
+CHUNK = 2**13
+"""Points of a chunk."""
+
+
+def elementwise(
+    function: Callable[..., npt.NDArray[Any]], dtype: npt.DTypeLike, *arrays: npt.NDArray[Any]
+) -> npt.NDArray[Any]:
+    """Return `function(*arrays)` computed piece by piece.
+
+    Args:
+        function: takes and returns (n,) arrays of equal length.
+        dtype: of the result.
+        arrays: of shapes that broadcast.
+
+    Returns:
+        An array of the broadcast shape, in the memory order of the arrays.
+    """
+    iterator = np.nditer(
+        (*arrays, None),
+        flags=("external_loop", "buffered", "zerosize_ok"),
+        op_flags=(*(("readonly",) for _ in arrays), ("writeonly", "allocate")),
+        op_dtypes=(*(None for _ in arrays), np.dtype(dtype)),
+        order="K",
+        buffersize=piece_of(max(array.size for array in arrays)),
+    )
+    with iterator:
+        for *pieces, piece in iterator:
+            piece[...] = function(*pieces)
+        result: npt.NDArray[Any] = iterator.operands[-1]
+    return result
+
+
+def piece_of(count: int) -> int:
+    """Return how many of `count` elements make a piece.
+
+    In a small array a piece is a small part of it, so that its temporaries do not outweigh it.
+    """
+    return max(_SMALL_PIECE, min(_PIECE, count // 16))
+
+
+def slices(count: int, step: int) -> Iterator[slice]:
+    """Yield the slices of `step` items, the last one shorter, that `count` items fall into."""
+    for first in range(0, count, max(1, step)):
+        yield slice(first, min(first + max(1, step), count))
+
+
+def chunks(points: npt.NDArray[Any]) -> Iterator[slice]:
+    """Yield slices of up to `CHUNK` points that cover the first axis."""
+    return slices(len(points), CHUNK)
+
+
+def interleaved(pair: Sequence[float] | Positions, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return a, b, a, b, ... for a `pair` a, b, as long as a chunk of (N, 2) `points`."""
+    values = np.empty(2 * min(len(points), CHUNK), points.dtype)
+    values[0::2], values[1::2] = pair
+    return values

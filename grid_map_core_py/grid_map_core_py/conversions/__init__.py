@@ -1,0 +1,85 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers from and to images, colors, costmaps, point clouds and triangle meshes."""
+
+from ._color import (
+    color_channels_to_value,
+    color_value_to_bytes,
+    color_value_to_vector,
+    color_vector_to_value,
+)
+from ._costmap import (
+    CENTURY,
+    DIRECT,
+    FREE,
+    LETHAL,
+    CostCodec,
+    Costmap,
+    CostRange,
+    CostTable,
+    from_costmap,
+    to_costmap,
+)
+from ._image import (
+    COLOR_LAYER,
+    Image,
+    Order,
+    add_color_layer_from_image,
+    add_layer_from_image,
+    change_resolution,
+    from_image,
+    to_color_image,
+    to_image,
+)
+from ._mesh import from_mesh, rasterize_triangles
+from ._pipeline import (
+    CloudTransform,
+    ClusterExtraction,
+    Downsampling,
+    Grid,
+    OutlierRemoval,
+    PointCloudPipeline,
+    remove_outliers,
+)
+from ._points import COLOR_FIELDS, fitting_geometry, from_points, rasterize
+from ._voxels import downsample
+
+__all__ = [
+    "CENTURY",
+    "COLOR_FIELDS",
+    "COLOR_LAYER",
+    "DIRECT",
+    "FREE",
+    "LETHAL",
+    "CloudTransform",
+    "ClusterExtraction",
+    "CostCodec",
+    "CostRange",
+    "CostTable",
+    "Costmap",
+    "Downsampling",
+    "Grid",
+    "Image",
+    "Order",
+    "OutlierRemoval",
+    "PointCloudPipeline",
+    "add_color_layer_from_image",
+    "add_layer_from_image",
+    "change_resolution",
+    "color_channels_to_value",
+    "color_value_to_bytes",
+    "color_value_to_vector",
+    "color_vector_to_value",
+    "downsample",
+    "fitting_geometry",
+    "from_costmap",
+    "from_image",
+    "from_mesh",
+    "from_points",
+    "rasterize",
+    "rasterize_triangles",
+    "remove_outliers",
+    "to_color_image",
+    "to_costmap",
+    "to_image",
+]

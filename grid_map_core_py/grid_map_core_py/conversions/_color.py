@@ -1,0 +1,113 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Colours in layers: one float32 whose bits are 0x00RRGGBB."""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import as_numbers
+from ..arrays._pieces import elementwise
+from ..errors import GeometryError
+
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+
+_NAN = np.float32(np.nan).view(np.uint32)
+
+
+def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Pack colours into layer values.
+
+    Args:
+        rgb: (..., 3) red, green, blue; floats in [0, 1], or integers in [0, 255]. Values beyond are
+            clamped, fractions of 1/255 are cut off.
+
+    Returns:
+        (...) float32; NaN where a component is NaN.
+
+    Raises:
+        GeometryError: the last axis does not hold three components.
+    """
+    components = as_numbers(rgb, "rgb")
+    if components.ndim == 0 or components.shape[-1] != 3:
+        raise GeometryError(f"rgb: expected shape (..., 3), got {components.shape}")
+    return color_channels_to_value(components[..., 0], components[..., 1], components[..., 2])
+
+
+def color_channels_to_value(
+    red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]
+) -> npt.NDArray[np.float32]:
+    """Pack colours, given as three arrays, into layer values.
+
+    Args:
+        red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in
+            `color_vector_to_value`.
+
+    Returns:
+        (...) float32, in the memory order of the arrays; NaN where a component is NaN.
+    """
+    pack = _pack_floats if np.result_type(red, green, blue).kind == "f" else _pack
+    bits = elementwise(pack, np.uint32, red, green, blue)
+    values: npt.NDArray[np.float32] = bits.view(np.float32)
+    return values
+
+
+def color_value_to_vector(value: npt.ArrayLike) -> npt.NDArray[np.float32]:
+    """Unpack layer values into colours.
+
+    Args:
+        value: (...) float32 colour values, of which NaN means no colour; or integers 0xRRGGBB.
+
+    Returns:
+        (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
+    """
+    values = as_numbers(value, "value")
+    rgb = np.empty((*values.shape, 3), np.float32)
+    for channel, component in enumerate(color_value_to_bytes(values)):
+        rgb[..., channel] = component
+    rgb /= np.float32(255)
+    if values.dtype.kind == "f":
+        rgb[np.isnan(values)] = np.nan
+    return rgb
+
+
+def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
+    """Unpack layer values, as in `color_value_to_vector`, into red, green, blue in [0, 255].
+
+    Returns:
+        three arrays (...); what they hold where `value` is NaN has no meaning.
+    """
+    if value.dtype.kind == "f":
+        bits = value.astype(np.float32, copy=False).view(np.uint32)
+    else:
+        bits = value.astype(np.uint32, copy=False)
+    red, green, blue = ((bits >> np.uint32(shift)).astype(np.uint8) for shift in (16, 8, 0))
+    return red, green, blue
+
+
+def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return the bits of colours in [0, 1]."""
+    with np.errstate(invalid="ignore"):
+        bits = _pack(*(255 * channel for channel in channels))
+    for channel in channels:
+        bits[np.isnan(channel)] = _NAN
+    return bits
+
+
+def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return the bits of colours in [0, 255]; fractions are cut off."""
+    bits = np.zeros(channels[0].shape, np.uint32)
+    for channel in channels:
+        bits <<= np.uint32(8)
+        bits |= _clamped(channel).astype(np.uint32)
+    return bits
+
+
+def _clamped(channel: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    if channel.dtype == np.uint8:
+        return channel
+    if channel.dtype.kind != "f":
+        # Not every integer type holds 255.
+        channel = channel.astype(np.float64)
+    return np.asarray(np.clip(channel, 0, 255))

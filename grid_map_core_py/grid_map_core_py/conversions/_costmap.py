@@ -1,0 +1,249 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Costs of navigation: one byte per cell, 255 where nothing is known.
+
+A codec turns values of a layer into costs and back. `CostTable` speaks the language of ROS 1's
+costmap_2d and of nav2's costs with a meaning (free, inscribed, lethal, unknown), `CostRange` maps a
+range of values to 0..254, as the nav2 costmap messages of the C++ library have it. With either,
+NaN becomes 255, never free.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
+from ..arrays._pieces import elementwise
+from ..errors import GeometryError
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+
+Costs: TypeAlias = npt.NDArray[np.uint8]
+"""Costs 0 to 254, 255 where unknown."""
+
+FREE = 0
+INSCRIBED = 253
+"""The robot's centre here means a collision, whatever its heading."""
+LETHAL = 254
+UNKNOWN = 255
+
+
+class CostCodec(Protocol):
+    """Turns layer values into costs and back."""
+
+    def to_costs(self, values: npt.ArrayLike) -> Costs:
+        """Return the costs (...) uint8 of values (...); 255 for NaN."""
+
+    def to_values(self, costs: npt.ArrayLike) -> Layer:
+        """Return the values (...) float32 of costs (...) uint8."""
+
+
+@dataclass(frozen=True)
+class CostTable:
+    """Values that stand for the costs with a meaning; between free and inscribed it is linear.
+
+    Attributes:
+        free: value of cost 0.
+        inscribed: value of cost 253.
+        lethal: value of cost 254.
+        unknown: value of cost 255; may be NaN.
+
+    Raises:
+        GeometryError: the first three do not ascend, or `unknown` is one of the values of a cost.
+    """
+
+    free: float
+    inscribed: float
+    lethal: float
+    unknown: float
+    _values: Layer = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("free", "inscribed", "lethal", "unknown"):
+            object.__setattr__(self, name, as_number(getattr(self, name), name))
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = np.append(np.linspace(self.free, self.inscribed, LETHAL), self.lethal)
+            values = np.append(known, self.unknown).astype(np.float32)
+        if not (np.isfinite(known).all() and (np.diff(values[:UNKNOWN]) > 0).all()):
+            raise GeometryError(f"expected free < inscribed < lethal, all finite, got {self}")
+        if self.unknown in known:
+            raise GeometryError(f"unknown: {self.unknown:g} is the value of a known cost too")
+        values.flags.writeable = False
+        object.__setattr__(self, "_values", values)
+
+    def to_costs(self, values: npt.ArrayLike) -> Costs:
+        """Return the cost whose value is nearest.
+
+        Args:
+            values: (...); below `free` is free, above `lethal` is lethal.
+
+        Returns:
+            (...) uint8; 255 for NaN and for `unknown`.
+        """
+        return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
+
+    def to_values(self, costs: npt.ArrayLike) -> Layer:
+        """Return the values (...) float32 of costs (...) in [0, 255]."""
+        return elementwise(self._values.take, np.float32, _as_costs(costs))
+
+    @property
+    def _step(self) -> np.float32:
+        """What one cost more than free is worth."""
+        return np.float32((self.inscribed - self.free) / INSCRIBED)
+
+    def _costs(self, values: npt.NDArray[Any]) -> Costs:
+        values = values.astype(np.float32)
+        steps = (values - np.float32(self.free)) / self._step
+        # fmax takes NaN for free, which the last line puts right.
+        nearest = np.rint(np.fmin(np.fmax(steps, FREE), INSCRIBED))
+        costs: Costs = nearest.astype(np.uint8)
+        costs[values >= 0.5 * (self.inscribed + self.lethal)] = LETHAL
+        costs[np.isnan(values) | (values == np.float32(self.unknown))] = UNKNOWN
+        return costs
+
+
+CENTURY = CostTable(free=0, inscribed=99, lethal=100, unknown=-1)
+"""The scale of occupancy grids: 0 free, 99 inscribed, 100 lethal, -1 unknown."""
+
+DIRECT = CostTable(free=FREE, inscribed=INSCRIBED, lethal=LETHAL, unknown=UNKNOWN)
+"""The costs themselves."""
+
+
+@dataclass(frozen=True)
+class CostRange:
+    """A range of values that is spread over the costs 0 to 254.
+
+    Attributes:
+        data_min: the value of cost 0.
+        data_max: the value of cost 254; may be less than `data_min`.
+
+    Raises:
+        GeometryError: the bounds are equal as float32, or not finite.
+    """
+
+    data_min: float = FREE
+    data_max: float = LETHAL
+
+    def __post_init__(self) -> None:
+        for name in ("data_min", "data_max"):
+            object.__setattr__(self, name, as_number(getattr(self, name), name))
+        with np.errstate(over="ignore", invalid="ignore"):
+            extent = self._extent
+        if not np.isfinite(extent) or extent == 0:
+            raise GeometryError(f"expected two different finite float32 numbers, got {self}")
+
+    def to_costs(self, values: npt.ArrayLike) -> Costs:
+        """Return `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`.
+
+        The arithmetic is that of float32, as in the C++ library.
+
+        Args:
+            values: (...), any numbers.
+
+        Returns:
+            (...) uint8; 255 for NaN.
+        """
+        return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
+
+    def to_values(self, costs: npt.ArrayLike) -> Layer:
+        """Return the value (...) float32 at which each cost (...) begins; NaN for 255."""
+        step = float(self._extent) / LETHAL
+        table = np.append(self.data_min + step * np.arange(UNKNOWN), np.nan).astype(np.float32)
+        return elementwise(table.take, np.float32, _as_costs(costs))
+
+    @property
+    def _extent(self) -> np.float32:
+        return np.float32(self.data_max) - np.float32(self.data_min)
+
+    def _costs(self, values: npt.NDArray[Any]) -> Costs:
+        share = values.astype(np.float32)
+        share -= np.float32(self.data_min)
+        share /= self._extent
+        scaled = np.fmin(np.fmax(share, 0), 1) * np.float32(LETHAL)
+        costs: Costs = scaled.astype(np.uint8)
+        costs[np.isnan(share)] = UNKNOWN
+        return costs
+
+
+@dataclass(frozen=True, eq=False)
+class Costmap:
+    """A costmap with the attributes of nav2's `PyCostmap2D`.
+
+    Attributes:
+        costmap: (size_x * size_y,) uint8 costs; x grows fastest, both from the origin.
+        size_x, size_y: cells along x and y.
+        resolution: side of a cell [m].
+        origin_x, origin_y: corner with the smallest x and y [m].
+        global_frame_id: coordinate frame of the origin.
+    """
+
+    costmap: Costs
+    size_x: int
+    size_y: int
+    resolution: float
+    origin_x: float
+    origin_y: float
+    global_frame_id: str = ""
+
+
+def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
+    """Return a layer as a costmap.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        codec: what turns them into costs: `CENTURY`, `DIRECT`, another table or a range.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+    """
+    costs = codec.to_costs(grid_map[layer])
+    costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
+    origin = grid_map.position - 0.5 * grid_map.length
+    return Costmap(
+        # A costmap begins at the smallest x and y, where a map ends.
+        costmap=costs.ravel("F")[::-1].copy(),
+        size_x=grid_map.size[0],
+        size_y=grid_map.size[1],
+        resolution=grid_map.resolution,
+        origin_x=float(origin[0]),
+        origin_y=float(origin[1]),
+        global_frame_id=grid_map.frame_id,
+    )
+
+
+def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: int = 0) -> GridMap:
+    """Return a map with one layer from a costmap.
+
+    Args:
+        costmap: a `Costmap`, or anything with its attributes such as nav2's `PyCostmap2D`.
+        layer: name of the layer.
+        codec: what turns costs into values.
+        timestamp: time of the data [ns].
+
+    Raises:
+        GeometryError: the number of costs does not fit the size, or size or resolution make no
+            sense.
+    """
+    size = as_size((costmap.size_x, costmap.size_y), "size_x, size_y")
+    costs = _as_costs(costmap.costmap)
+    if costs.shape != (math.prod(size),):
+        raise GeometryError(f"costmap: expected {size[0]} x {size[1]} costs, got {costs.shape}")
+    resolution = as_number(costmap.resolution, "resolution")
+    origin = as_pair((costmap.origin_x, costmap.origin_y), "origin_x, origin_y")
+    centre = origin + 0.5 * resolution * np.array(size)
+    geometry = GridGeometry.from_size(size, resolution, centre)
+    values = codec.to_values(costs[::-1].reshape(size, order="F"))
+    return GridMap.from_geometry(
+        geometry, frame_id=costmap.global_frame_id, timestamp=timestamp
+    ).with_layers({layer: values})
+
+
+def _as_costs(costs: npt.ArrayLike) -> npt.NDArray[Any]:
+    array = as_numbers(costs, "costs")
+    if array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() > UNKNOWN)):
+        raise GeometryError(f"costs: expected integers from 0 to {UNKNOWN}, got {costs!r}")
+    return array

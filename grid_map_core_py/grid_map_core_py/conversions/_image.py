@@ -1,0 +1,456 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers as images, images as layers, and maps of another resolution.
+
+Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
+is +x, left is +y. Images of maps that have moved look the same.
+
+**Colour images are BGR unless told otherwise**, as `cv2.imread` returns and `cv2.imwrite` takes
+them. For images from elsewhere (Matplotlib, Pillow, ROS `rgb8`) pass `order="rgb"`; a fourth
+channel is always alpha.
+
+Grey values: in uint8 and uint16 images the range [`lower`, `upper`] of a layer becomes [0, 255] or
+[0, 65535], in float32 and float64 images [0, 1]. When a float image is made without `lower` and
+`upper`, it holds the values themselves.
+
+NaN is 0 in uint8 and uint16 images and NaN in float images; alpha is 0 there, and the largest value
+elsewhere. Infinities become the bounds of the range. When read, pixels whose alpha is less than
+half of the largest value are NaN.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal, TypeAlias
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Size, as_number
+from ..arrays._pieces import piece_of, slices
+from ..arrays._statistics import max_of_finites, min_of_finites
+from ..errors import GeometryError
+from ..map import _ring_buffer as ring_buffer
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ..map._resampling import Axis, resample
+from ._color import color_channels_to_value, color_value_to_bytes
+
+Image: TypeAlias = npt.NDArray[Any]
+"""(rows, cols) or (rows, cols, channels) uint8, uint16, float32 or float64; 1, 3 or 4 channels."""
+
+Order: TypeAlias = Literal["bgr", "rgb"]
+
+COLOR_LAYER = "color"
+"""The layer that holds packed colours by convention."""
+
+_LARGEST = {"uint8": 255, "uint16": 65535, "float32": 1, "float64": 1}
+_TO_GREY = {
+    ("bgr", 3): cv2.COLOR_BGR2GRAY,
+    ("bgr", 4): cv2.COLOR_BGRA2GRAY,
+    ("rgb", 3): cv2.COLOR_RGB2GRAY,
+    ("rgb", 4): cv2.COLOR_RGBA2GRAY,
+}
+_TIE = 1e-9
+"""Cells by which a number of cells may miss a half and still count as one."""
+
+
+# --- from layers to images ------------------------------------------------------------------------
+
+
+def to_image(
+    grid_map: GridMap,
+    layer: str,
+    dtype: npt.DTypeLike = np.uint8,
+    channels: int = 1,
+    lower: float | None = None,
+    upper: float | None = None,
+) -> Image:
+    """Return a layer as a grey image.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        dtype: uint8, uint16, float32 or float64.
+        channels: 1, 3 (the same value thrice) or 4 (and alpha).
+        lower: the value that becomes 0; None means the smallest finite value of the layer.
+        upper: the value that becomes 255, 65535 or 1.0; it may be less than `lower`. None means the
+            largest finite value. Values beyond the bounds are clamped. A float image with neither
+            holds the values themselves.
+
+    Returns:
+        (rows, cols), or (rows, cols, channels) for more than one; C-contiguous.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        GeometryError: the type, the channels or the bounds make no sense.
+    """
+    pixel = _pixel_type(dtype, "dtype")
+    _check(channels in (1, 3, 4), "channels", "1, 3 or 4", channels)
+    grey = _encoder(grid_map[layer], pixel, lower, upper)
+    return _paint(grid_map, layer, pixel, channels, lambda values: 3 * (grey(values),))
+
+
+def to_color_image(
+    grid_map: GridMap,
+    layer: str,
+    dtype: npt.DTypeLike = np.uint8,
+    channels: int = 3,
+    *,
+    order: Order = "bgr",
+) -> Image:
+    """Return a layer of packed colours as a colour image.
+
+    Args:
+        grid_map: the map.
+        layer: a layer of values as `color_vector_to_value` makes them.
+        dtype: uint8, uint16, float32 or float64.
+        channels: 3, or 4 with alpha.
+        order: of the channels; "bgr" suits OpenCV.
+
+    Returns:
+        (rows, cols, channels), C-contiguous.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        GeometryError: the type, the channels or the order make no sense.
+    """
+    pixel = _pixel_type(dtype, "dtype")
+    _check(channels in (3, 4), "channels", "3 or 4", channels)
+    _check_order(order)
+    return _paint(grid_map, layer, pixel, channels, lambda values: _unpack(values, pixel, order))
+
+
+def _paint(
+    grid_map: GridMap,
+    layer: str,
+    pixel: np.dtype[Any],
+    channels: int,
+    paint: Callable[[Layer], Sequence[npt.NDArray[Any]]],
+) -> Image:
+    """Return the image whose channels, but for alpha, `paint` makes of blocks of a layer."""
+    rows, columns = grid_map.size
+    image = np.empty((rows, columns, channels), pixel)
+    for part in slices(rows, piece_of(rows * columns) // columns):
+        block = ring_buffer.block(grid_map[layer], grid_map.start_index, part, slice(0, columns))
+        for channel, values in zip(range(channels), paint(block), strict=False):
+            image[part, :, channel] = values
+        if channels == 4:
+            image[part, :, 3] = _LARGEST[pixel.name] * ~np.isnan(block)
+    return image.reshape(rows, columns) if channels == 1 else image
+
+
+def _encoder(
+    values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
+) -> Callable[[Layer], Layer]:
+    """Return the function from values to grey values, which it leaves as floats."""
+    if pixel.kind == "f" and lower is None and upper is None:
+        return lambda values: values
+    low, high = _value_range(values, lower, upper)
+    # fmax and fmin take NaN for the bound, which becomes 0.
+    clamps = (np.maximum, np.minimum) if pixel.kind == "f" else (np.fmax, np.fmin)
+    first, second = clamps if low <= high else clamps[::-1]
+    extent = high - low if high != low else np.float32(1)
+
+    def grey(values: Layer) -> Layer:
+        # In the order of operations of the C++ library, for the same numbers.
+        share: Layer = second(first(values, low), high)
+        share -= low
+        share /= extent
+        share *= np.float32(_LARGEST[pixel.name])
+        return share
+
+    return grey
+
+
+def _value_range(
+    values: Layer, lower: float | None, upper: float | None
+) -> tuple[np.float32, np.float32]:
+    """Return the bounds, where not given those of the finite values."""
+    if lower is not None and upper is not None:
+        return _given_range(lower, upper)
+    low = min_of_finites(values) if lower is None else _finite(lower, "lower")
+    high = max_of_finites(values) if upper is None else _finite(upper, "upper")
+    # A bound that is given stands; the other is NaN where nothing is finite.
+    if lower is None:
+        low = np.fmin(low, high)
+    else:
+        high = np.fmax(low, high)
+    bounds = np.nan_to_num(np.array([low, high])).astype(np.float32)
+    with np.errstate(over="ignore"):
+        _check(np.isfinite(bounds[1] - bounds[0]), "values", "a range within float32", (low, high))
+    return bounds[0], bounds[1]
+
+
+def _given_range(lower: object, upper: object) -> tuple[np.float32, np.float32]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.float32(as_number(lower, "lower")), np.float32(as_number(upper, "upper"))
+        sensible = np.isfinite(high - low) and low != high
+    expected = "two different finite float32 numbers"
+    _check(sensible, "lower, upper", expected, (lower, upper))
+    return low, high
+
+
+def _finite(bound: object, name: str) -> float:
+    number = as_number(bound, name)
+    _check(abs(number) <= np.finfo(np.float32).max, name, "a finite float32 number", bound)
+    return number
+
+
+def _unpack(values: Layer, pixel: np.dtype[Any], order: Order) -> list[npt.NDArray[Any]]:
+    missing = np.isnan(values)
+    channels = []
+    for color in color_value_to_bytes(values):
+        channel = color.astype(pixel)
+        if pixel.kind == "f":
+            channel /= 255
+        else:
+            channel *= _LARGEST[pixel.name] // 255
+        channel[missing] = np.nan if pixel.kind == "f" else 0
+        channels.append(channel)
+    return channels if order == "rgb" else channels[::-1]
+
+
+# --- from images to layers ------------------------------------------------------------------------
+
+
+def from_image(
+    image: npt.ArrayLike,
+    layer: str,
+    resolution: float,
+    lower: float = 0.0,
+    upper: float = 1.0,
+    *,
+    position: npt.ArrayLike = (0.0, 0.0),
+    alpha_threshold: float = 0.5,
+    order: Order = "bgr",
+    frame_id: str = "",
+    timestamp: int = 0,
+) -> GridMap:
+    """Return a map with one layer that holds the grey values of an image.
+
+    Args:
+        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colours
+            become grey by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
+        layer: name of the layer.
+        resolution: side of a pixel [m].
+        lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
+            holds the values themselves.
+        position: (2,) centre of the map [m].
+        alpha_threshold: pixels with less than this share of full alpha are NaN; in integer images
+            the threshold is rounded down to a whole number.
+        order: of the colour channels; "bgr" is what `cv2.imread` returns.
+        frame_id: coordinate frame of the map.
+        timestamp: time of the data [ns].
+
+    Raises:
+        GeometryError: the image, the bounds, the order or the grid make no sense.
+    """
+    pixels = _as_image(image)
+    values = _read_grey(pixels, lower, upper, alpha_threshold, order)
+    rows, columns = values.shape
+    geometry = GridGeometry.from_size((rows, columns), resolution, position)
+    grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
+    return grid_map.with_layers({layer: values})
+
+
+def add_layer_from_image(
+    grid_map: GridMap,
+    image: npt.ArrayLike,
+    layer: str,
+    lower: float = 0.0,
+    upper: float = 1.0,
+    *,
+    alpha_threshold: float = 0.5,
+    order: Order = "bgr",
+) -> None:
+    """Add a layer that holds the grey values of an image to a map, or replace it.
+
+    Args:
+        grid_map: the map, as many rows and columns as the image; it may have moved.
+        image, layer, lower, upper, alpha_threshold, order: as in `from_image`.
+
+    Raises:
+        GeometryError: the image is not of the size of the map, or as in `from_image`.
+    """
+    pixels = _as_image(image, grid_map.size)
+    _add(grid_map, layer, _read_grey(pixels, lower, upper, alpha_threshold, order))
+
+
+def add_color_layer_from_image(
+    grid_map: GridMap,
+    image: npt.ArrayLike,
+    layer: str = COLOR_LAYER,
+    *,
+    alpha_threshold: float = 0.5,
+    order: Order = "bgr",
+) -> None:
+    """Add a layer that holds the packed colours of an image to a map, or replace it.
+
+    Args:
+        grid_map: the map, as many rows and columns as the image; it may have moved.
+        image: as in `from_image`; 255, 65535 and 1.0 are full intensity.
+        layer: name of the layer.
+        alpha_threshold, order: as in `from_image`.
+
+    Raises:
+        GeometryError: the image is not of the size of the map, or it or the order make no sense.
+    """
+    _check_order(order)
+    pixels = _as_image(image, grid_map.size)
+    _add(grid_map, layer, _read(pixels, lambda part: _pack(part, order), alpha_threshold))
+
+
+def _add(grid_map: GridMap, layer: str, values: Layer) -> None:
+    """Add a layer that is given in map order."""
+    (row, column), (rows, columns) = grid_map.start_index, grid_map.size
+    if (row, column) != (0, 0):
+        back = -row % rows, -column % columns
+        values = ring_buffer.block(values, back, slice(0, rows), slice(0, columns))
+    grid_map.add(layer, values)
+
+
+def _read_grey(
+    pixels: Image, lower: float, upper: float, alpha_threshold: float, order: Order
+) -> Layer:
+    _check_order(order)
+    largest = np.float32(_LARGEST[pixels.dtype.name])
+    low, high = _given_range(lower, upper)
+
+    def values(part: Image) -> Layer:
+        grey = _to_grey(part, order)
+        grey /= largest
+        grey *= high - low
+        grey += low
+        return grey
+
+    return _read(pixels, values, alpha_threshold)
+
+
+def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
+    """Return in map order what `values_of` makes of blocks of an image, NaN by alpha."""
+    rows, columns, channels = pixels.shape
+    values: Layer = np.empty((rows, columns), np.float32, order="F")
+    share = as_number(alpha_threshold, "alpha_threshold")
+    _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
+    threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
+    # Floats may be anything: a float64 beyond float32 is infinite, and so is a sum.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for part in slices(rows, piece_of(rows * columns) // columns):
+            block = np.ascontiguousarray(pixels[part])
+            values[part] = values_of(block)
+            if channels == 4:
+                values[part][block[..., 3] < threshold] = np.nan
+    return values
+
+
+def _to_grey(pixels: Image, order: Order) -> Layer:
+    if pixels.dtype == np.float64:
+        pixels = pixels.astype(np.float32)
+    channels = pixels.shape[2]
+    grey = pixels[..., 0] if channels == 1 else cv2.cvtColor(pixels, _TO_GREY[order, channels])
+    return np.array(grey, dtype=np.float32)
+
+
+def _pack(pixels: Image, order: Order) -> Layer:
+    channels = pixels[..., :3] if order == "rgb" else pixels[..., 2::-1]
+    if pixels.dtype == np.uint16:
+        channels = (channels // 257).astype(np.uint8)
+    red, green, blue = (channels[..., min(index, channels.shape[2] - 1)] for index in range(3))
+    return color_channels_to_value(red, green, blue)
+
+
+# --- resolution -----------------------------------------------------------------------------------
+
+
+def change_resolution(
+    grid_map: GridMap, resolution: float, interpolation: int = cv2.INTER_CUBIC
+) -> GridMap:
+    """Return the map with cells of another size.
+
+    The layers are interpolated as images by OpenCV's `resize`, in floats. A cell whose nearest cell
+    in the given map is NaN or infinite takes that value; all others are interpolated from finite
+    cells only. The layer `color` takes the nearest colours; so should other layers of packed
+    colours, with `cv2.INTER_NEAREST_EXACT`.
+
+    Args:
+        grid_map: the map.
+        resolution: side of a cell of the result [m].
+        interpolation: a flag of `cv2.resize`.
+
+    Returns:
+        A map with `size * old / new` cells, rounded half away from zero, and start index (0, 0).
+        Position, frame, time and basic layers are kept.
+
+    Raises:
+        GeometryError: the resolution is not positive or leaves no cell, or OpenCV does not know the
+            interpolation.
+    """
+    target = as_number(resolution, "resolution")
+    _check(np.isfinite(target) and target > 0, "resolution", "a positive number", resolution)
+    factor = grid_map.resolution / target
+    rows, columns = (int(cells * factor + 0.5 + _TIE) for cells in grid_map.size)
+    expected = f"at most twice the length {tuple(grid_map.length.tolist())} of the map"
+    _check(rows > 0 and columns > 0, "resolution", expected, resolution)
+    geometry = GridGeometry.from_size((rows, columns), target, grid_map.position)
+    result = GridMap.from_geometry(
+        geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
+    ).with_layers(dict(_resampled(grid_map, geometry.size, factor, interpolation)))
+    result.basic_layers = grid_map.basic_layers
+    return result
+
+
+def _resampled(
+    grid_map: GridMap, size: Size, factor: float, interpolation: int
+) -> Iterator[tuple[str, Layer]]:
+    """Yield names and data of the layers in their new size."""
+    axes = _axes(grid_map.size, size, factor, interpolation)
+    for layer in grid_map:
+        if layer == COLOR_LAYER:
+            picking = _axes(grid_map.size, size, factor, cv2.INTER_NEAREST_EXACT)
+            yield layer, resample(grid_map[layer], grid_map.start_index, *picking)
+        else:
+            yield layer, resample(grid_map[layer], grid_map.start_index, *axes)
+
+
+def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis, Axis]:
+    rows, columns = (Axis(*cells, factor, interpolation) for cells in zip(old, new, strict=True))
+    # What is computed for one is kept for the other.
+    return rows, (rows if rows == columns else columns)
+
+
+# --- checks ---------------------------------------------------------------------------------------
+
+
+def _as_image(image: npt.ArrayLike, size: Size | None = None) -> Image:
+    """Return an image as (rows, cols, channels)."""
+    if image is None:
+        raise GeometryError("image: got None, which cv2.imread returns for a file it cannot read")
+    try:
+        pixels = np.asarray(image)
+    except ValueError as error:
+        raise GeometryError(f"image: expected an array of pixels, got {image!r}") from error
+    pixels = pixels.astype(_pixel_type(pixels.dtype, "image"), copy=False)
+    shape = pixels.shape if pixels.ndim != 2 else (*pixels.shape, 1)
+    sensible = len(shape) == 3 and shape[2] in (1, 3, 4) and 0 not in shape
+    _check(sensible, "image", "shape (rows, cols) or (rows, cols, 1, 3 or 4)", pixels.shape)
+    expected = f"{size} pixels, as many as the map has cells"
+    _check(size is None or shape[:2] == size, "image", expected, shape[:2])
+    return pixels.reshape(shape)
+
+
+def _pixel_type(dtype: npt.DTypeLike, name: str) -> np.dtype[Any]:
+    try:
+        pixel = np.dtype(dtype).newbyteorder("=")
+    except TypeError:
+        pixel = np.dtype(object)
+    _check(pixel.name in _LARGEST, name, f"one of {', '.join(_LARGEST)}", dtype)
+    return pixel
+
+
+def _check_order(order: str) -> None:
+    _check(order in ("bgr", "rgb"), "order", "'bgr' or 'rgb'", order)
+
+
+def _check(condition: bool | np.bool_, name: str, expected: str, found: object) -> None:
+    if not condition:
+        raise GeometryError(f"{name}: expected {expected}, got {found!r}")

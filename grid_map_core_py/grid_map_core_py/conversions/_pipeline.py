@@ -1,0 +1,367 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
+
+The parameters are those of upstream's package `grid_map_pcl`, whose files load as they are. What
+upstream calls PCL for is in `voxels`, `clusters` and here, for all cells at once.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from ..arrays._checks import Positions, as_number
+from ..arrays._ragged import Integers
+from ..errors import ConfigError, GridMapError
+from ..map._grid_map import GridMap
+from ..plugins._parameters import build, check
+from ._clusters import euclidean_clusters
+from ._points import fitting_geometry
+from ._voxels import downsample, finite_points
+
+_POINTS = 1 << 16
+"""That are worked on at once, so that memory stays bounded; a cell with more is not divided."""
+
+Triple = tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CloudTransform:
+    """The rigid transform from the cloud to the map: first the rotation, then the translation.
+
+    Attributes:
+        translation: x, y, z [m].
+        rotation: roll, pitch, yaw [rad], intrinsic about x, then the new y, then the new z.
+    """
+
+    translation: Triple = (0.0, 0.0, 0.0)
+    rotation: Triple = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("translation", "rotation"):
+            _check_triple(getattr(self, name), name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutlierRemoval:
+    """Whether and how points far from all others are removed; see `remove_outliers`."""
+
+    is_remove_outliers: bool = False
+    mean_K: int = 10  # noqa: N815  as in upstream's files
+    stddev_threshold: float = 1.0
+
+    def __post_init__(self) -> None:
+        check(self.mean_K >= 1, "mean_K", "an integer >= 1", self.mean_K)
+        limit = self.stddev_threshold
+        check(np.isfinite(limit), "stddev_threshold", "a finite number", limit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Downsampling:
+    """Whether the points in each voxel, of sides x, y, z [m], are replaced by their mean."""
+
+    is_downsample_cloud: bool = False
+    voxel_size: Triple = (0.05, 0.05, 0.05)
+
+    def __post_init__(self) -> None:
+        _check_triple(self.voxel_size, "voxel_size")
+        check(min(self.voxel_size) > 0, "voxel_size", "positive numbers", self.voxel_size)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClusterExtraction:
+    """Which points of a cell form a cluster.
+
+    Attributes:
+        cluster_tolerance: longest step from point to point within a cluster [m].
+        min_num_points, max_num_points: clusters of fewer or more points are ignored.
+        use_max_height_as_cell_elevation: with height type 0, take the highest cluster of a cell
+            instead of the lowest.
+    """
+
+    cluster_tolerance: float = 0.3
+    min_num_points: int = 2
+    max_num_points: int = 1000000
+    use_max_height_as_cell_elevation: bool = False
+
+    def __post_init__(self) -> None:
+        tolerance = self.cluster_tolerance
+        is_length = bool(np.isfinite(tolerance) and tolerance > 0)
+        check(is_length, "cluster_tolerance", "a positive number", tolerance)
+        _check_range(self.min_num_points, self.max_num_points, "num_points")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """The map that is made, and the height of a cell.
+
+    Attributes:
+        min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
+        resolution: side of a cell [m].
+        height_type: 0 takes the smallest of the clusters' mean heights, 1 the mean height of the
+            cluster with the most points, the lower of equals.
+        height_thresh: with height type 1, clusters whose mean height is more than this above that
+            of the lowest [m] are ignored.
+    """
+
+    min_num_points_per_cell: int = 2
+    max_num_points_per_cell: int = 100000
+    resolution: float = 0.1
+    height_type: Literal[0, 1] = 0
+    height_thresh: float = 1.0
+
+    def __post_init__(self) -> None:
+        is_length = bool(np.isfinite(self.resolution) and self.resolution > 0)
+        check(is_length, "resolution", "a positive number", self.resolution)
+        check(self.height_type in (0, 1), "height_type", "0 or 1", self.height_type)
+        check(self.height_thresh >= 0, "height_thresh", "a number >= 0", self.height_thresh)
+        _check_range(
+            self.min_num_points_per_cell, self.max_num_points_per_cell, "num_points_per_cell"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointCloudPipeline:
+    """Makes a map of a raw point cloud; its fields are the sections of upstream's parameter file.
+
+    Outliers are removed and the cloud is downsampled, if so asked, then it is transformed into the
+    map. The points of each cell are clustered, and the height of a cell is the mean height of one
+    of its clusters. Cells without a cluster are NaN.
+
+    Attributes:
+        num_processing_threads: that search for neighbours.
+
+    Example:
+        >>> pipeline = PointCloudPipeline.from_config({"grid_map": {"resolution": 0.5}})
+        >>> ground = [(x, y, 0.0) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+        >>> branch = [(x, y, 2.0) for x in (0.0, 0.1) for y in (0.0, 0.1)]
+        >>> pipeline(ground + branch)["elevation"].tolist()
+        [[0.0]]
+    """
+
+    num_processing_threads: int = 4
+    cloud_transform: CloudTransform = field(default_factory=CloudTransform)
+    cluster_extraction: ClusterExtraction = field(default_factory=ClusterExtraction)
+    outlier_removal: OutlierRemoval = field(default_factory=OutlierRemoval)
+    downsampling: Downsampling = field(default_factory=Downsampling)
+    grid_map: Grid = field(default_factory=Grid)
+
+    def __post_init__(self) -> None:
+        threads = self.num_processing_threads
+        check(threads >= 1, "num_processing_threads", "an integer >= 1", threads)
+
+    @classmethod
+    def from_config(cls, config: Mapping[str, Any]) -> "PointCloudPipeline":
+        """Return the pipeline that a parameter file describes.
+
+        Args:
+            config: what YAML made of the file, with or without `pcl_grid_map_extraction` around it.
+                What is not in it has the default that upstream has in its code.
+
+        Raises:
+            ConfigError: a parameter is unknown, of the wrong type or makes no sense.
+        """
+        config = _as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config))
+        sections = {
+            name: _section(name, kind, config[name])
+            for name, kind in _SECTIONS.items()
+            if name in config
+        }
+        return build(cls, {**config, **sections})
+
+    def __call__(
+        self,
+        points: npt.ArrayLike,
+        *,
+        layer: str = "elevation",
+        frame_id: str = "",
+        timestamp: int = 0,
+    ) -> GridMap:
+        """Return a map that covers the cloud.
+
+        Args:
+            points: (N, 3) or wider, x, y, z [m]; those that are not finite are left out.
+            layer: name of the layer with the heights [m].
+            frame_id: frame of the map.
+            timestamp: of the map [ns].
+
+        Raises:
+            GeometryError: the points have the wrong shape or are no numbers.
+            GridMapError: no point is finite, or the cloud takes too many cells.
+        """
+        cloud = self.prepared(points)
+        if not len(cloud):
+            raise GridMapError("points: none is finite, and no outlier, to make a map of")
+        lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
+        geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
+        rows, columns = geometry.cells_at(cloud[:, :2])[0].T
+        heights = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
+        for cells, part in self._occupied(rows + geometry.size[0] * columns):
+            self._fill(heights, cells, cloud[part])
+        grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
+        return grid_map.with_layers({layer: heights.reshape(geometry.size, order="F")})
+
+    def prepared(self, points: npt.ArrayLike) -> Positions:
+        """Return the cloud (M, 3) [m] as it is clustered: cleaned and in the frame of the map."""
+        cloud = finite_points(points)
+        outliers, voxels = self.outlier_removal, self.downsampling
+        if outliers.is_remove_outliers:
+            cloud = remove_outliers(
+                cloud,
+                outliers.mean_K,
+                outliers.stddev_threshold,
+                workers=self.num_processing_threads,
+            )
+        if voxels.is_downsample_cloud:
+            cloud = downsample(cloud, voxels.voxel_size)
+        transform = self.cloud_transform
+        rotation = Rotation.from_euler("XYZ", transform.rotation).as_matrix()
+        moved: Positions = cloud @ rotation.T + transform.translation
+        return moved
+
+    def _occupied(self, cells: Integers) -> Iterator[tuple[Integers, Integers]]:
+        """Yield cells (n,) and their points (n,), in portions of entire cells that count."""
+        order = np.argsort(cells, kind="stable")
+        sizes = np.unique(cells, return_counts=True)[1]
+        limits = self.grid_map
+        counts = (sizes >= limits.min_num_points_per_cell) & (
+            sizes <= limits.max_num_points_per_cell
+        )
+        order, sizes = order[np.repeat(counts, sizes)], sizes[counts]
+        ends = np.cumsum(sizes)
+        first = 0
+        while first < len(order):
+            last = int(ends[np.searchsorted(ends, min(first + _POINTS, len(order)))])
+            yield cells[order[first:last]], order[first:last]
+            first = last
+
+    def _fill(self, heights: npt.NDArray[np.float32], cells: Integers, points: Positions) -> None:
+        """Set the heights of the cells that these points are in."""
+        extraction = self.cluster_extraction
+        clusters = euclidean_clusters(
+            points,
+            np.unique(cells, return_inverse=True)[1],
+            extraction.cluster_tolerance,
+            workers=self.num_processing_threads,
+        )
+        sizes = np.bincount(clusters)
+        means = points[0, 2] + np.bincount(clusters, points[:, 2] - points[0, 2]) / sizes
+        cell_of = np.empty(len(sizes), np.int64)
+        cell_of[clusters] = cells
+        valid = (sizes >= extraction.min_num_points) & (sizes <= extraction.max_num_points)
+        chosen, values = self._chosen(cell_of[valid], sizes[valid], means[valid])
+        heights[chosen] = values
+
+    def _chosen(
+        self, cells: Integers, sizes: Integers, means: npt.NDArray[np.float64]
+    ) -> tuple[Integers, npt.NDArray[np.float64]]:
+        """Return the cells (m,) that have clusters, and the mean height (m,) that is theirs."""
+        highest = self.cluster_extraction.use_max_height_as_cell_elevation
+        order = np.lexsort((-means if highest and self.grid_map.height_type == 0 else means, cells))
+        cells, sizes, means = cells[order], sizes[order], means[order]
+        occupied, first, numbers = np.unique(cells, return_index=True, return_inverse=True)
+        if self.grid_map.height_type == 1:
+            near = means - means[first[numbers]] <= self.grid_map.height_thresh
+            order = np.lexsort((means, -sizes, ~near, cells))
+            means = means[order]
+        return occupied, means[first]
+
+
+def remove_outliers(
+    points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
+) -> Positions:
+    """Return the points (M, 3), in order, without those that lie far from their neighbours.
+
+    A point is removed when its mean distance to its nearest `mean_k` neighbours is above the mean
+    of all these distances by more than `stddev_threshold` sample standard deviations of them (PCL's
+    statistical outlier removal).
+
+    Args:
+        points: (N, 3) or wider, x, y, z [m]; those that are not finite are removed.
+        mean_k: number of neighbours; all others where there are fewer.
+        stddev_threshold: may be negative, which removes more.
+        workers: threads that search for neighbours.
+
+    Raises:
+        GeometryError: the points have the wrong shape or are no numbers.
+        ConfigError: `mean_k` or `stddev_threshold` makes no sense.
+    """
+    deviations = as_number(stddev_threshold, "stddev_threshold")
+    check(np.isfinite(deviations), "stddev_threshold", "a finite number", stddev_threshold)
+    check(as_number(mean_k, "mean_k") >= 1, "mean_k", "an integer >= 1", mean_k)
+    cloud = finite_points(points)
+    neighbours = min(int(mean_k), len(cloud) - 1)
+    if neighbours < 1:
+        return cloud
+    distances = _mean_distances(cloud, neighbours, workers)
+    limit = distances.mean() + deviations * distances.std(ddof=1)
+    kept: Positions = cloud[distances <= limit]
+    return kept
+
+
+def _mean_distances(cloud: Positions, neighbours: int, workers: int) -> npt.NDArray[np.float64]:
+    """Return the mean distance (N,) of each point to its nearest neighbours."""
+    # A search tree cannot divide points at the same place, of which sensors may give thousands.
+    places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
+    # In place of a neighbour whose distance is infinite, one beyond the last is named.
+    copies = np.append(copies, neighbours)
+    tree, means = cKDTree(places), np.empty(len(places))
+    nearest_ones = np.arange(1, min(neighbours + 1, len(places)) + 1)
+    for first in range(0, len(places), _POINTS):
+        part = slice(first, first + _POINTS)
+        distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
+        others = np.cumsum(copies[found], axis=1) - 1
+        counts = np.diff(np.minimum(others, neighbours), axis=1, prepend=0)
+        # An infinite distance that does not count would be NaN.
+        distances[counts == 0] = 0.0
+        means[part] = (distances * counts).sum(axis=1) / neighbours
+    return means[numbers.reshape(-1)]
+
+
+_SECTIONS: Mapping[str, type[Any]] = {
+    "cloud_transform": CloudTransform,
+    "cluster_extraction": ClusterExtraction,
+    "outlier_removal": OutlierRemoval,
+    "downsampling": Downsampling,
+    "grid_map": Grid,
+}
+
+_TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
+"""Parameters that are mappings of three letters to numbers, as upstream writes them."""
+
+
+def _as_mapping(parameters: object) -> Mapping[str, Any]:
+    if not isinstance(parameters, Mapping):
+        raise ConfigError(f"expected a mapping of parameters, found {parameters!r}")
+    return parameters
+
+
+def _section(name: str, kind: type[Any], section: object) -> object:
+    try:
+        parameters = _as_mapping(section).items()
+        return build(kind, {key: _in_order(key, value) for key, value in parameters})
+    except ConfigError as error:
+        raise ConfigError(f"{name}: {error}") from error
+
+
+def _in_order(name: str, value: object) -> object:
+    """Return the numbers of a mapping as a list, anything else as it is."""
+    letters = _TRIPLES.get(name)
+    if letters is None or not isinstance(value, Mapping):
+        return value
+    check(set(value) == set(letters), name, f"numbers {', '.join(letters)}", dict(value))
+    return [value[letter] for letter in letters]
+
+
+def _check_triple(values: Triple, name: str) -> None:
+    check(len(values) == 3 and bool(np.isfinite(values).all()), name, "three numbers", values)
+
+
+def _check_range(least: int, most: int, name: str) -> None:
+    check(least >= 0, f"min_{name}", "an integer >= 0", least)
+    check(most >= least, f"max_{name}", f"an integer >= min_{name}, which is {least}", most)

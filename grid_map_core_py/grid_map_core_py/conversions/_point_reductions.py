@@ -1,0 +1,238 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Many points per cell reduced to one value.
+
+A reducer is fed with chunks of points and then asked, once, for one float32 value per cell: NaN
+without points. Chunks keep temporaries small, and a reducer needs memory for cells only, except for
+the median. All rest on `ufunc.at`, which takes a few nanoseconds per point and honours cells that
+occur more than once.
+"""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Cells
+
+Flat = npt.NDArray[np.float32]
+"""(cells,) one value per cell."""
+
+Values = npt.NDArray[np.float64]
+"""(n,) values of a chunk of points, all finite, or colours."""
+
+
+class Reducer(Protocol):
+    """Points in, one value per cell out."""
+
+    def add(self, cells: Cells, values: Values) -> None:
+        """Take the values of (n,) points and the numbers (n,) of the cells that they fall into."""
+
+    def result(self) -> Flat:
+        """Return one value per cell. Nothing can be added afterwards."""
+
+
+class Extreme:
+    """The largest value with `np.fmax`, the smallest with `np.fmin`."""
+
+    def __init__(self, cells: int, choose: np.ufunc) -> None:
+        self._choose = choose
+        self._layer = np.full(cells, np.nan, np.float32)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        # Rounding to float32 keeps the order of values, so that it may come first.
+        self._choose.at(self._layer, cells, values.astype(np.float32))
+
+    def result(self) -> Flat:
+        return self._layer
+
+
+class Last:
+    """The value of the last point."""
+
+    def __init__(self, cells: int) -> None:
+        self._layer = np.full(cells, np.nan, np.float32)
+        self._chosen = np.empty(cells, np.int32)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        # A plain assignment promises no order where a cell occurs more than once.
+        numbers = np.arange(len(cells), dtype=np.int32)
+        self._chosen[cells] = -1
+        np.maximum.at(self._chosen, cells, numbers)
+        chosen = self._chosen[cells] == numbers
+        self._layer[cells[chosen]] = values[chosen]
+
+    def result(self) -> Flat:
+        return self._layer
+
+
+class First(Last):
+    """The value of the first point, which is the last one when they come the other way round."""
+
+    def add(self, cells: Cells, values: Values) -> None:
+        new = np.isnan(self._layer[cells])
+        super().add(cells[new][::-1], values[new][::-1])
+
+
+class Count:
+    """The number of points; 0 without points."""
+
+    def __init__(self, cells: int) -> None:
+        self.numbers = np.zeros(cells, np.int32)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        np.add.at(self.numbers, cells, np.ones(len(values), np.int32))
+
+    def result(self) -> Flat:
+        return self.numbers.astype(np.float32)
+
+
+class Mean:
+    """The mean."""
+
+    def __init__(self, cells: int) -> None:
+        self._sums = np.zeros(cells)
+        self._count = Count(cells)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        np.add.at(self._sums, cells, values)
+        self._count.add(cells, values)
+
+    def result(self) -> Flat:
+        self._sums /= self._count.numbers
+        del self._count
+        return self._sums.astype(np.float32)
+
+
+class Variance:
+    """The population variance: the mean squared deviation from the mean.
+
+    Deviations are counted from some value of the same cell, so that a height common to all takes no
+    digits from them (Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance",
+    1983).
+    """
+
+    def __init__(self, cells: int) -> None:
+        self._references = np.full(cells, np.nan, np.float32)
+        self._sums, self._squares = np.zeros(cells), np.zeros(cells)
+        self._count = Count(cells)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        new = np.isnan(self._references[cells])
+        self._references[cells[new]] = values[new]
+        deviations = values - self._references[cells]
+        np.add.at(self._sums, cells, deviations)
+        np.add.at(self._squares, cells, deviations * deviations)
+        self._count.add(cells, values)
+
+    def result(self) -> Flat:
+        del self._references
+        self._sums /= self._count.numbers
+        self._squares /= self._count.numbers
+        self._sums *= self._sums
+        self._squares -= self._sums
+        # Rounding may leave a little less than nothing.
+        return np.maximum(self._squares, 0.0, out=self._squares).astype(np.float32)
+
+
+class Median:
+    """The median of the values as float32, of an even number of them the mean of the middle two.
+
+    A key of 64 bits per point, its cell above its value, sorts points by cell and by value in one
+    go, more than ten times as fast as `np.lexsort`.
+    """
+
+    def __init__(self, cells: int, points: int) -> None:
+        self._count = Count(cells)
+        self._keys = np.empty(points, np.uint64)
+        self._seen = 0
+
+    def add(self, cells: Cells, values: Values) -> None:
+        keys = self._keys[self._seen : self._seen + len(cells)]
+        self._seen += len(cells)
+        keys[...] = cells
+        keys <<= np.uint64(32)
+        keys |= _sortable(values.astype(np.float32))
+        self._count.add(cells, values)
+
+    def result(self) -> Flat:
+        keys = self._keys[: self._seen]
+        keys.sort()
+        numbers = self._count.numbers
+        occupied = np.flatnonzero(numbers)
+        counts = numbers[occupied].astype(np.int64)
+        ends = np.cumsum(counts)
+        upper = _unsortable(keys[ends - counts + counts // 2])
+        lower = _unsortable(keys[ends - (counts + 2) // 2])
+        layer = np.full(numbers.size, np.nan, np.float32)
+        layer[occupied] = 0.5 * (lower.astype(np.float64) + upper)
+        return layer
+
+
+class MeanColor:
+    """The mean of each channel of packed colours, rounded."""
+
+    def __init__(self, cells: int) -> None:
+        self._channels = [np.zeros(cells, np.uint32) for _ in _SHIFTS]
+        self._count = Count(cells)
+
+    def add(self, cells: Cells, values: Values) -> None:
+        bits = values.astype(np.float32).view(np.uint32)
+        for sums, shift in zip(self._channels, _SHIFTS, strict=True):
+            np.add.at(sums, cells, (bits >> shift) & np.uint32(0xFF))
+        self._count.add(cells, values)
+
+    def result(self) -> Flat:
+        numbers = self._count.numbers.astype(np.uint32)
+        packed = np.zeros(numbers.size, np.uint32)
+        for shift in _SHIFTS:
+            sums = self._channels.pop(0)
+            sums += numbers // 2
+            sums //= numbers
+            sums <<= shift
+            packed |= sums
+        packed[numbers == 0] = np.float32(np.nan).view(np.uint32)
+        return packed.view(np.float32)
+
+
+_SHIFTS = np.array([16, 8, 0], np.uint32)
+"""Where red, green and blue begin in a packed colour."""
+
+_SIGN = np.uint32(1 << 31)
+
+
+def _sortable(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
+    """Return integers that are in the same order as the values."""
+    bits = values.view(np.uint32)
+    return np.where(bits & _SIGN, ~bits, bits | _SIGN)
+
+
+def _unsortable(keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.float32]:
+    """Return the values in the lower half of keys."""
+    bits = keys.astype(np.uint32)
+    return np.where(bits & _SIGN, bits ^ _SIGN, ~bits).view(np.float32)
+
+
+REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
+    {
+        "max": lambda cells, _: Extreme(cells, np.fmax),
+        "min": lambda cells, _: Extreme(cells, np.fmin),
+        "mean": lambda cells, _: Mean(cells),
+        "median": Median,
+        "first": lambda cells, _: First(cells),
+        "last": lambda cells, _: Last(cells),
+        "count": lambda cells, _: Count(cells),
+        "variance": lambda cells, _: Variance(cells),
+    }
+)
+"""Makes a reducer by name, for so many cells and at most so many points."""
+
+COLOR_REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
+    {
+        "mean": lambda cells, _: MeanColor(cells),
+        **{name: REDUCERS[name] for name in ("first", "last", "count")},
+    }
+)
+"""Those of packed colours, whose bits mean nothing as numbers."""

@@ -1,0 +1,340 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers from point clouds: the points in each cell reduced to one value.
+
+Points are arrays (N, 3) or wider; columns beyond x, y, z are ignored. Points that are not finite,
+lie beside the map or beyond the height limits are left out.
+
+Reductions, of heights as of other fields:
+
+- `max`, `min`, `mean`, `median`: of the values; the median of an even number of values is the mean
+  of the middle two.
+- `first`, `last`: the value of the point that comes first or last in the cloud.
+- `variance`: the mean squared deviation from the mean (population variance; 0 for one point).
+- `count`: the number of points, 0 where there are none. All others are NaN there.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Mask, Positions, as_number, as_numbers, as_pair
+from ..errors import ConfigError, GeometryError, GridMapError
+from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._grid_map import GridMap
+from ..plugins._parameters import check
+from ._point_reductions import COLOR_REDUCERS, REDUCERS, Reducer
+
+HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
+"""The layer that is made unless others are asked for."""
+
+COLOR_FIELDS = ("rgb", "rgba", "color")
+"""Fields of these names hold packed colours: 0x00RRGGBB, as an integer or as a float32's bits."""
+
+_RGB = np.uint32(0xFFFFFF)
+_NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
+
+_CHUNK = 1 << 16
+"""Points that are worked on at once, so that what is computed of them stays in the cache."""
+
+_MOST_CELLS = 2**26
+"""Of a map made to fit: a quarter of a gigabyte per layer. A stray point far away asks for more."""
+
+
+def rasterize(
+    points: npt.ArrayLike,
+    grid_map: GridMap,
+    layers: Mapping[str, str] = HIGHEST,
+    *,
+    fields: Mapping[str, npt.ArrayLike] | None = None,
+    field_reductions: Mapping[str, str] | None = None,
+    min_height: float = -np.inf,
+    max_height: float = np.inf,
+) -> GridMap:
+    """Return the map with layers made of the points that fall into its cells.
+
+    Args:
+        points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
+        layers: names of layers, each with the reduction of heights [m] that it is to hold.
+        fields: (N,) values of the points by name; each becomes a layer of that name. Values that
+            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colours,
+            of which alpha is dropped.
+        field_reductions: reductions of fields that are not to be reduced by `mean`. The mean of
+            colours is that of each channel; their other reductions are `first`, `last`, `count`.
+        min_height, max_height: points below or above are left out [m]; the limits are within.
+
+    Returns:
+        A map with these layers, which replace those of the same names. It shares the others with
+        `grid_map` as described at `GridMap.with_layers`.
+
+    Raises:
+        GeometryError: an array has the wrong shape or holds no numbers.
+        ConfigError: a reduction is unknown or does not suit colours, or a limit makes no sense.
+        GridMapError: a layer is to be made both from heights and from a field.
+    """
+    cloud = _Cloud.of(points, min_height, max_height)
+    columns = _columns(cloud, layers, fields or {}, field_reductions or {})
+    made = _reduce(cloud, columns, grid_map.geometry)
+    if grid_map.start_index != (0, 0):
+        for name, layer in made.items():
+            made[name] = np.roll(layer, grid_map.start_index, axis=(0, 1))
+    return grid_map.with_layers(made)
+
+
+def from_points(
+    points: npt.ArrayLike,
+    resolution: float,
+    layers: Mapping[str, str] = HIGHEST,
+    *,
+    length: npt.ArrayLike | None = None,
+    position: npt.ArrayLike | None = None,
+    fields: Mapping[str, npt.ArrayLike] | None = None,
+    field_reductions: Mapping[str, str] | None = None,
+    min_height: float = -np.inf,
+    max_height: float = np.inf,
+    frame_id: str = "",
+    timestamp: int = 0,
+) -> GridMap:
+    """Return a map made of points. What is not named here is as in `rasterize`.
+
+    Args:
+        resolution: side of a cell [m].
+        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points
+            which are not left out.
+        position: (2,) centre of the map [m]; None takes the middle of the extent of those points.
+        frame_id: frame of the points and of the map.
+        timestamp: of the map [ns].
+
+    Raises:
+        GridMapError: no point is left to take the extent from, or the extent takes too many cells;
+            and all that `rasterize` raises.
+    """
+    cloud = _Cloud.of(points, min_height, max_height)
+    columns = _columns(cloud, layers, fields or {}, field_reductions or {})
+    geometry = _geometry(cloud, resolution, length, position)
+    grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
+    return grid_map.with_layers(_reduce(cloud, columns, geometry))
+
+
+def as_points(points: npt.ArrayLike, name: str = "points") -> npt.NDArray[Any]:
+    """Return `points` as a float32 or float64 array (N, 3) or wider; no copy if they are one.
+
+    Masked values become NaN.
+
+    Raises:
+        GeometryError: they are not numbers, or not of this shape.
+    """
+    values = _as_floats(points, name)
+    if values.ndim != 2 or values.shape[1] < 3:
+        raise GeometryError(f"{name}: expected x, y, z of shape (N, 3), got {values.shape}")
+    return values
+
+
+def as_colors(values: npt.ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
+    """Return packed colours without alpha, as `color` packs them.
+
+    Args:
+        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no colour.
+        name: of the values, for the error.
+
+    Raises:
+        GeometryError: they are not numbers.
+    """
+    given = np.asarray(values if isinstance(values, np.ndarray) else as_numbers(values, name))
+    if given.dtype.kind in "iu":
+        return (given.astype(np.uint32) & _RGB).view(np.float32)
+    floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
+    colors = floats.view(np.uint32) & _RGB
+    # Opaque colours are NaN as well, but of other bits.
+    missing = np.isnan(floats) & (colors == _NO_COLOR)
+    return np.where(missing, np.float32(np.nan), colors.view(np.float32))
+
+
+def fitting_geometry(
+    lower: Positions, upper: Positions, resolution: float, *, hold_edges: bool
+) -> GridGeometry:
+    """Return the smallest grid around the middle of a rectangle that covers it.
+
+    Args:
+        lower, upper: (2,) smallest and largest x, y [m].
+        resolution: side of a cell [m].
+        hold_edges: whether positions on the -x and -y edges have to be on the map, for which a
+            rectangle of whole cells takes one row and one column more.
+
+    Raises:
+        GridMapError: there would be more cells than anybody could work with.
+        GeometryError: the resolution is not positive and finite.
+    """
+    resolution = as_number(resolution, "resolution")
+    if not (np.isfinite(resolution) and resolution > 0):
+        raise GeometryError(f"resolution: expected a positive number, got {resolution!r}")
+    rounding = BORDER_TOLERANCE + 4 * np.spacing(np.abs([lower, upper]).max())
+    with np.errstate(over="ignore"):
+        cells, tolerance = (upper - lower) / resolution, rounding / resolution
+        size = np.floor(cells + tolerance) + 1 if hold_edges else np.ceil(cells - tolerance)
+        size = np.maximum(size, 1)
+        if not size.prod() <= _MOST_CELLS:
+            raise GridMapError(
+                f"an extent from {tuple(lower.tolist())} to {tuple(upper.tolist())} m takes too "
+                f"many cells of {resolution} m; give length and position of the map"
+            )
+    return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Points (N, 3), and the limits of the heights that count."""
+
+    points: npt.NDArray[Any]
+    lowest: float
+    highest: float
+
+    @classmethod
+    def of(cls, points: npt.ArrayLike, min_height: float, max_height: float) -> "_Cloud":
+        lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
+        if not lowest <= highest:
+            raise ConfigError(f"expected min_height <= max_height, found {lowest} and {highest}")
+        return cls(as_points(points), lowest, highest)
+
+    def chunks(self) -> Iterator[tuple[slice, Mask]]:
+        """Yield slices of points, and which of them have a finite height within the limits."""
+        for first in range(0, len(self.points), _CHUNK):
+            part = slice(first, first + _CHUNK)
+            z = np.ascontiguousarray(self.points[part, 2])
+            counts = np.isfinite(z)
+            counts &= z >= self.lowest
+            counts &= z <= self.highest
+            yield part, counts
+
+    def extent(self) -> tuple[Positions, Positions]:
+        """Return the smallest and largest x, y (2,) of the points that count."""
+        lower, upper = np.full(2, np.inf), np.full(2, -np.inf)
+        for part, counts in self.chunks():
+            for axis in (0, 1):
+                counts &= np.isfinite(self.points[part, axis])
+            for axis in (0, 1):
+                values = self.points[part, axis][counts]
+                lower[axis] = values.min(initial=lower[axis])
+                upper[axis] = values.max(initial=upper[axis])
+        if not np.isfinite(lower).all():
+            raise GridMapError("points: none is finite and within the height limits")
+        return lower, upper
+
+
+@dataclass(frozen=True)
+class _Column:
+    """What a layer is made from: (N,) values and a kind of reducer."""
+
+    values: npt.NDArray[Any]
+    make: Callable[[int, int], Reducer]
+    all_count: bool
+    """Whether every value does, because its point does."""
+
+
+def _columns(
+    cloud: _Cloud,
+    layers: Mapping[str, str],
+    fields: Mapping[str, npt.ArrayLike],
+    field_reductions: Mapping[str, str],
+) -> dict[str, _Column]:
+    """Return the columns of the layers by their names; everything is checked."""
+    _check_names(layers, fields, field_reductions)
+    heights = cloud.points[:, 2]
+    columns = {
+        name: _Column(heights, _chosen(REDUCERS, name, reduction), all_count=True)
+        for name, reduction in layers.items()
+    }
+    for name, field in fields.items():
+        reduction = field_reductions.get(name, "mean")
+        columns[name] = _field_column(name, field, reduction, len(heights))
+    return columns
+
+
+def _check_names(
+    layers: Mapping[str, str],
+    fields: Mapping[str, npt.ArrayLike],
+    field_reductions: Mapping[str, str],
+) -> None:
+    given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
+    for name, mapping in given.items():
+        check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
+    for name in layers.keys() & fields.keys():
+        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
+    for name in field_reductions.keys() - fields.keys():
+        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
+
+
+def _field_column(name: str, field: npt.ArrayLike, reduction: str, points: int) -> _Column:
+    is_color = name in COLOR_FIELDS
+    read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
+    values = read(field, f"field {name!r}")
+    if values.shape != (points,):
+        raise GeometryError(f"field {name!r}: expected shape {(points,)}, got {values.shape}")
+    return _Column(values, _chosen(kinds, name, reduction), all_count=False)
+
+
+def _chosen(
+    kinds: Mapping[str, Callable[[int, int], Reducer]], layer: str, reduction: str
+) -> Callable[[int, int], Reducer]:
+    known = isinstance(reduction, str) and reduction in kinds
+    check(known, f"reduction of {layer}", f"one of {', '.join(kinds)}", reduction)
+    return kinds[reduction]
+
+
+def _reduce(
+    cloud: _Cloud, columns: Mapping[str, _Column], geometry: GridGeometry
+) -> dict[str, Layer]:
+    """Return the layers (rows, cols) in map order."""
+    rows, cols = geometry.size
+    reducers = {
+        name: column.make(rows * cols, len(cloud.points)) for name, column in columns.items()
+    }
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        for part, counts in cloud.chunks():
+            cells, inside = geometry.cells_at(cloud.points[part, :2])
+            counts &= inside
+            flat = (cells[:, 0] + rows * cells[:, 1])[counts]
+            for name, column in columns.items():
+                _feed(reducers[name], flat, column.values[part][counts], column.all_count)
+        return {
+            name: reducers.pop(name).result().reshape(geometry.size, order="F") for name in columns
+        }
+
+
+def _feed(
+    reducer: Reducer, cells: npt.NDArray[np.int64], values: npt.NDArray[Any], all_count: bool
+) -> None:
+    values = values.astype(np.float64)
+    if not all_count and not (finite := np.isfinite(values)).all():
+        cells, values = cells[finite], values[finite]
+    reducer.add(cells, values)
+
+
+def _geometry(
+    cloud: _Cloud,
+    resolution: float,
+    length: npt.ArrayLike | None,
+    position: npt.ArrayLike | None,
+) -> GridGeometry:
+    """Return the given geometry, with what is not given taken from the points."""
+    centre = None if position is None else as_pair(position, "position")
+    if length is None:
+        lower, upper = cloud.extent()
+        if centre is not None:
+            reach = np.maximum(upper - centre, centre - lower)
+            lower, upper = centre - reach, centre + reach
+        return fitting_geometry(lower, upper, resolution, hold_edges=True)
+    if centre is None:
+        lower, upper = cloud.extent()
+        centre = lower + 0.5 * (upper - lower)
+    return GridGeometry(as_pair(length, "length"), resolution, centre)
+
+
+def _as_floats(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return numbers as an array of float32, if they are, or float64."""
+    numbers = as_numbers(values, name)
+    return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)

@@ -1,0 +1,197 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A map that is made of one point cloud after the other, and moves with a robot."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import GridGeometry, GridMap
+from ..arrays._checks import Layer
+from ..conversions._points import rasterize
+from ..plugins._parameters import check
+
+VARIANCE_LAYER = "variance"
+COUNT_LAYER = "count"
+
+REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
+"""How the heights of one cloud in a cell may become one."""
+
+Columns = Mapping[str, npt.NDArray[Any]]
+Layers = dict[str, Layer]
+
+_NO_COLUMNS: Columns = MappingProxyType({})
+
+
+class RollingMap:
+    """Fuses the heights of successive point clouds, in a window that can move over the ground.
+
+    Args:
+        geometry: the window, where it is at first.
+        frame_id: frame of the points and of the map.
+        layer: name of the layer that holds heights [m]; the only basic layer.
+        fusion: `max` and `min` keep the highest or lowest height of all clouds, `last` that of the
+            last cloud with points in the cell. `mean` weighs all points of all clouds alike, and
+            makes the layers `variance` (population variance [m^2]) and `count` (points, 0 without)
+            too.
+        reduction: which height a cell takes from one cloud: `max`, `min`, `mean`, `median`, `first`
+            or `last`. Plays no part in the fusion `mean`.
+        max_count: for the fusion `mean`, the number of points that the past counts for at most, so
+            that the map follows the ground when it changes; 0 is no limit.
+        min_height, max_height: points below or above are left out [m], map frame.
+
+    Raises:
+        ConfigError: fusion, reduction or a limit is none of these.
+        GridMapError: the layer has no name, or that of another one.
+    """
+
+    def __init__(
+        self,
+        geometry: GridGeometry,
+        frame_id: str = "",
+        *,
+        layer: str = "elevation",
+        fusion: str = "max",
+        reduction: str = "max",
+        max_count: int = 0,
+        min_height: float = -np.inf,
+        max_height: float = np.inf,
+    ) -> None:
+        check(fusion in FUSIONS, "fusion", f"one of {', '.join(FUSIONS)}", fusion)
+        check(reduction in REDUCTIONS, "reduction", f"one of {', '.join(REDUCTIONS)}", reduction)
+        check(max_count >= 0, "max_count", "a number of points, or 0", max_count)
+        self._layers = {layer: reduction}
+        if fusion == "mean":
+            check(layer not in (VARIANCE_LAYER, COUNT_LAYER), "layer", "another name", layer)
+            self._layers = {layer: "mean", VARIANCE_LAYER: "variance", COUNT_LAYER: "count"}
+        self._fusion = FUSIONS[fusion]
+        self._max_count = max_count or np.inf
+        self._min_height, self._max_height = min_height, max_height
+        # Without points it has all layers, and everything has been checked.
+        self._map = self._rasterized(geometry, np.empty((0, 3)), {})
+        self._map.frame_id = frame_id
+        self._map.basic_layers = [layer]
+
+    @property
+    def grid_map(self) -> GridMap:
+        """The map as it is now; `copy()` of it stays as it is."""
+        return self._map
+
+    def move(self, position: npt.ArrayLike) -> None:
+        """Move the window by whole cells to a new centre (2,) [m]; what leaves it is forgotten.
+
+        Raises:
+            GeometryError: the position is not finite, or too far away to count the cells.
+        """
+        for region in self._map.move(position):
+            if COUNT_LAYER in self._layers:
+                self._map[COUNT_LAYER][region.slices] = 0.0
+
+    def fuse(
+        self,
+        points: npt.ArrayLike,
+        columns: Columns = _NO_COLUMNS,
+        *,
+        position: npt.ArrayLike | None = None,
+        timestamp: int | None = None,
+    ) -> None:
+        """Take the points of a cloud into the map; if that fails the map is what it was.
+
+        Args:
+            points: (N, 3) x, y, z [m], map frame. Those that are not finite, and those beside the
+                map, are left out.
+            columns: (N,) further values of the points by the names of their layers. These hold the
+                mean over the last cloud with values in the cell.
+            position: (2,) where the map moves first [m]; None leaves it where it is.
+            timestamp: time of the cloud [ns], which becomes that of the map.
+
+        Raises:
+            GridMapError: a column is called like a layer of heights, or an array or the position
+                makes no sense.
+        """
+        geometry = self._map.geometry
+        if position is not None:
+            geometry = geometry.shifted(geometry.index_shift(position))
+        # All that can fail comes before the map moves.
+        new = self._rasterized(geometry, points, columns)
+        if position is not None:
+            self.move(position)
+        self._take(new.stored_from(self._map.start_index))
+        if timestamp is not None:
+            self._map.timestamp = timestamp
+
+    def _rasterized(
+        self, geometry: GridGeometry, points: npt.ArrayLike, columns: Columns
+    ) -> GridMap:
+        return rasterize(
+            points,
+            GridMap.from_geometry(geometry),
+            self._layers,
+            fields=columns,
+            min_height=self._min_height,
+            max_height=self._max_height,
+        )
+
+    def _take(self, new: GridMap) -> None:
+        old = self._map
+        # Absurd heights become infinities.
+        with np.errstate(over="ignore", invalid="ignore"):
+            fused = self._fusion(
+                {name: old[name] for name in self._layers},
+                {name: new[name] for name in self._layers},
+                self._max_count,
+            )
+        for name in new:
+            if name not in fused:
+                fused[name] = _newer(old[name], new[name]) if name in old else new[name]
+        self._map = old.with_layers(fused)
+
+
+def _highest(old: Layers, new: Layers, _max_count: float) -> Layers:
+    return {name: np.fmax(old[name], new[name]) for name in new}
+
+
+def _lowest(old: Layers, new: Layers, _max_count: float) -> Layers:
+    return {name: np.fmin(old[name], new[name]) for name in new}
+
+
+def _last(old: Layers, new: Layers, _max_count: float) -> Layers:
+    return {name: _newer(old[name], new[name]) for name in new}
+
+
+def _newer(old: Layer, new: Layer) -> Layer:
+    return np.where(np.isnan(new), old, new)
+
+
+def _mean(old: Layers, new: Layers, max_count: float) -> Layers:
+    """Return mean, variance and number of the points of both.
+
+    Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
+    """
+    fused = {name: old[name].copy("F") for name in new}
+    seen = np.flatnonzero(_flat(new[COUNT_LAYER]))
+    mean_1, variance_1, count_1 = (_flat(new[name])[seen].astype(np.float64) for name in new)
+    mean_0, variance_0, count_0 = (_flat(old[name])[seen].astype(np.float64) for name in new)
+    # What is not known counts nothing, but as NaN it would spoil the sums.
+    mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
+    total = np.minimum(count_0, max_count) + count_1
+    share, step = count_1 / total, mean_1 - mean_0
+    mean = mean_0 + share * step
+    variance = (1 - share) * (variance_0 + share * step**2) + share * variance_1
+    for name, values in zip(new, (mean, variance, total), strict=True):
+        _flat(fused[name])[seen] = values
+    return fused
+
+
+def _flat(layer: Layer) -> npt.NDArray[np.float32]:
+    """Return the cells of a layer in one row: a view."""
+    return layer.reshape(-1, order="F")
+
+
+FUSIONS: Mapping[str, Callable[[Layers, Layers, float], Layers]] = MappingProxyType(
+    {"max": _highest, "min": _lowest, "mean": _mean, "last": _last}
+)
+"""How the heights of clouds become one, by name: from what is known, and a new cloud."""

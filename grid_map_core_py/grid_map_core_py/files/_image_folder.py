@@ -1,0 +1,310 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps as a folder of PNG images, one per layer, and a YAML file beside them.
+
+The YAML file is one of nav2's `map_server`, too: it shows the first layer as occupancies, the
+smallest value free, the largest occupied, NaN unknown. As there, up in the images is +y and right
+is +x, which differs from the images of `grid_map_core_py.conversions._image`.
+
+What is lost: a value comes back less than one step below, at most one step of (`upper` - `lower`) /
+65535 with 16 bits, / 255 with 8, and infinities become the bounds. NaN comes back as NaN: an image
+with NaN has an alpha channel. Colours are kept, without bits that are no colour. For no loss at all
+there is `grid_map_core_py.files._npz`.
+"""
+
+import re
+import struct
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+
+from ..arrays._statistics import max_of_finites, min_of_finites
+from ..conversions._image import (
+    COLOR_LAYER,
+    Image,
+    add_color_layer_from_image,
+    add_layer_from_image,
+    to_color_image,
+    to_image,
+)
+from ..errors import GridMapError
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ._atomic import find_folder, new_folder
+from ._npz import storage_errors
+from ._yaml_files import load_yaml
+
+YAML_NAME = "map.yaml"
+VERSION = 1
+
+_DTYPES = {8: np.uint8, 16: np.uint16}
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+
+
+def save_images(
+    grid_map: GridMap,
+    folder: str | PathLike[str],
+    layers: Iterable[str] | None = None,
+    *,
+    bits: int = 16,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    color_layers: Iterable[str] = (COLOR_LAYER,),
+) -> Path:
+    """Write layers as images, and the rest of the map as YAML.
+
+    The folder appears complete, or not at all. One that was written so before is replaced; anything
+    else is not.
+
+    Args:
+        grid_map: the map; it may have moved, which the images do not show.
+        folder: where to write; the folder above it must exist.
+        layers: names of the layers; None means all. The first one is what `map_server` shows.
+        bits: 16 or 8, per pixel.
+        ranges: `lower` and `upper` by layer, the values of black and white, beyond which values are
+            clamped; for other layers the smallest and the largest finite value.
+        color_layers: layers of packed colours, which become colour images.
+
+    Returns:
+        The path of the YAML file.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        GeometryError: a range makes no sense.
+        GridMapError: there are no layers, `bits` is neither, or the folder cannot be written.
+    """
+    if bits not in _DTYPES:
+        raise GridMapError(f"bits: expected 8 or 16, got {bits!r}")
+    names = list(dict.fromkeys(grid_map.layers if layers is None else layers))
+    if not names:
+        raise GridMapError(f"{folder}: cannot be written: there are no layers")
+    colors, given = {*color_layers}, ranges or {}
+    for name in given:
+        grid_map[name]  # raises where it is misspelt
+    pictures = [
+        _color_picture(grid_map, name)
+        if name in colors
+        else _value_picture(grid_map, name, bits, given.get(name) or _range(grid_map, name))
+        for name in names
+    ]
+    entries = [
+        {"name": name, "image": file, **mode}
+        for name, file, (mode, _) in zip(names, _file_names(names), pictures, strict=True)
+    ]
+    target = Path(folder)
+    with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
+        for entry, (_, image) in zip(entries, pictures, strict=True):
+            (temporary / entry["image"]).write_bytes(_encoded(image))
+        (temporary / YAML_NAME).write_text(_document(grid_map, entries), encoding="utf-8")
+    return target / YAML_NAME
+
+
+def load_images(path: str | PathLike[str]) -> GridMap:
+    """Return the map that `save_images` has written.
+
+    Args:
+        path: the folder, or the YAML file in it.
+
+    Raises:
+        GridMapError: a file is missing, damaged or of another format.
+    """
+    given = Path(path)
+    with storage_errors(given, "read"):
+        is_file = given.suffix == ".yaml" and not given.is_dir()
+        file = given if is_file else find_folder(given) / YAML_NAME
+    document = load_yaml(file)
+    with storage_errors(file, "read"):
+        found = _part_of_maps(document)
+        if found is None:
+            raise ValueError("no file of a map: 'grid_map' is missing")
+        if found.get("version") != VERSION:
+            raise ValueError(f"version {found.get('version')!r}, only {VERSION} is known")
+        grid_map = _empty_map(found, document["resolution"])
+        entries = list(found["layers"])
+    for entry in entries:
+        with storage_errors(file, "read"):
+            image = file.parent / Path(entry["image"]).name
+        with storage_errors(image, "read"):
+            _add(grid_map, entry, _decoded(image, grid_map.size[::-1]))
+    with storage_errors(file, "read"):
+        _set_basic_layers(grid_map, found["basic_layers"])
+    return grid_map
+
+
+# --- images ---------------------------------------------------------------------------------------
+
+
+def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
+    """Return the smallest and the largest finite value; with some distance if there is none."""
+    low = np.float32(min_of_finites(grid_map[layer]))
+    high = np.float32(max_of_finites(grid_map[layer]))
+    if np.isnan(low):
+        return 0.0, 1.0
+    if low == high:
+        high = low + np.float32(1) if abs(low) < 1e6 else np.nextafter(low, np.float32(0))
+    return float(low), float(high)
+
+
+def _value_picture(
+    grid_map: GridMap, layer: str, bits: int, bounds: tuple[float, float]
+) -> tuple[dict[str, Any], Image]:
+    """Return how to read the image of a layer, and the image."""
+    lower, upper = bounds
+    channels = 4 if np.isnan(grid_map[layer]).any() else 1
+    image = to_image(grid_map, layer, _DTYPES[bits], channels, lower, upper)
+    mode = {"mode": "values", "lower": float(lower), "upper": float(upper)}
+    return mode, _to_map_server(image)
+
+
+def _color_picture(grid_map: GridMap, layer: str) -> tuple[dict[str, Any], Image]:
+    channels = 4 if np.isnan(grid_map[layer]).any() else 3
+    image = to_color_image(grid_map, layer, np.uint8, channels)
+    return {"mode": "color"}, _to_map_server(image)
+
+
+def _add(grid_map: GridMap, entry: Mapping[str, Any], image: Image) -> None:
+    name, pixels = entry["name"], _from_map_server(image)
+    if entry["mode"] == "color":
+        add_color_layer_from_image(grid_map, pixels, name)
+    elif entry["mode"] == "values":
+        add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
+    else:
+        raise ValueError(f"mode {entry['mode']!r} of layer {name!r}, expected 'values' or 'color'")
+
+
+def _to_map_server(image: Image) -> Image:
+    """Return an image whose rows run along -x with rows along -y and columns along +x."""
+    return np.ascontiguousarray(image.swapaxes(0, 1)[:, ::-1])
+
+
+def _from_map_server(image: Image) -> Image:
+    return np.ascontiguousarray(image[:, ::-1].swapaxes(0, 1))
+
+
+def _encoded(image: Image) -> bytes:
+    done, data = cv2.imencode(".png", image)
+    if not done:
+        raise ValueError("OpenCV cannot encode the image")
+    return data.tobytes()
+
+
+def _decoded(file: Path, size: tuple[int, int]) -> Image:
+    """Return the pixels of a PNG file, after checking that it is complete and of the right size."""
+    data = file.read_bytes()
+    _check_png(data, size)
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError("a damaged PNG image")
+    return pixels
+
+
+def _check_png(data: bytes, size: tuple[int, int]) -> None:
+    rows, columns = size
+    if not data.startswith(_PNG_MAGIC):
+        raise ValueError("no PNG image")
+    kinds = []
+    for kind, content in _png_chunks(data):
+        kinds.append(kind)
+        if kind == b"IHDR" and struct.unpack(">II", content[:8]) != (columns, rows):
+            width, height = struct.unpack(">II", content[:8])
+            raise ValueError(f"expected {columns} x {rows} pixels, found {width} x {height}")
+    if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:
+        raise ValueError("a PNG image that is cut off")
+
+
+def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    start = len(_PNG_MAGIC)
+    while start < len(data):
+        length, kind = struct.unpack_from(">I4s", data, start)
+        content = data[start + 8 : start + 8 + length]
+        (checksum,) = struct.unpack_from(">I", data, start + 8 + length)
+        if zlib.crc32(content, zlib.crc32(kind)) != checksum:
+            raise ValueError("a damaged PNG image: a checksum is wrong")
+        yield kind, content
+        start += 12 + length
+
+
+# --- YAML -----------------------------------------------------------------------------------------
+
+
+def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
+    # YAML can escape half a character, but no reader takes it.
+    "".join([grid_map.frame_id, *(entry["name"] for entry in entries)]).encode()
+    origin = (grid_map.position - 0.5 * grid_map.length).tolist()
+    document = {
+        # What map_server reads.
+        "image": entries[0]["image"],
+        "mode": "scale",
+        "resolution": grid_map.resolution,
+        "origin": [*origin, 0.0],
+        "negate": 1,
+        "occupied_thresh": 1.0,
+        "free_thresh": 0.0,
+        "grid_map": {
+            "version": VERSION,
+            "size": list(grid_map.size),
+            "position": grid_map.position.tolist(),
+            "frame_id": grid_map.frame_id,
+            "timestamp": grid_map.timestamp,
+            "basic_layers": _stored(grid_map.basic_layers, entries),
+            "layers": entries,
+        },
+    }
+    text: str = yaml.safe_dump(document, sort_keys=False)
+    return text
+
+
+def _set_basic_layers(grid_map: GridMap, names: list[str]) -> None:
+    for name in names:
+        if name not in grid_map:
+            raise ValueError(f"basic layer {name!r} is not among the layers")
+    grid_map.basic_layers = names
+
+
+def _stored(names: Iterable[str], entries: list[dict[str, Any]]) -> list[str]:
+    stored = {entry["name"] for entry in entries}
+    return [name for name in names if name in stored]
+
+
+def _empty_map(found: Mapping[str, Any], resolution: float) -> GridMap:
+    rows, columns = found["size"]
+    geometry = GridGeometry.from_size((rows, columns), resolution, found["position"])
+    return GridMap.from_geometry(geometry, frame_id=found["frame_id"], timestamp=found["timestamp"])
+
+
+def _file_names(names: Iterable[str]) -> Iterator[str]:
+    """Yield for every layer a name that all file systems take, no two alike."""
+    taken: set[str] = set()
+    for name in names:
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80] or "layer"
+        number = 1
+        while (file := stem if number == 1 else f"{stem}_{number}").lower() in taken:
+            number += 1
+        taken.add(file.lower())
+        yield f"{file}.png"
+
+
+def _check_old(folder: Path) -> None:
+    """Let a folder be replaced that holds what `save_images` has written, or nothing."""
+    if not folder.is_dir():
+        raise ValueError("it is a file, and the images go to a folder")
+    foreign = {path.name for path in folder.iterdir()} - _written(folder / YAML_NAME)
+    if foreign:
+        raise ValueError(f"it holds {min(foreign)}, which is no part of a saved map")
+
+
+def _written(file: Path) -> set[str]:
+    """Return the names of all files that `save_images` wrote with a YAML file, if it did."""
+    found = _part_of_maps(load_yaml(file)) if file.is_file() else None
+    return {file.name, *(entry["image"] for entry in found["layers"])} if found else set()
+
+
+def _part_of_maps(document: Any) -> Mapping[str, Any] | None:
+    """Return what is not for map_server in a YAML file of images, None where there is none."""
+    found = document.get("grid_map") if isinstance(document, dict) else None
+    return found if isinstance(found, dict) else None

@@ -1,0 +1,205 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps in NumPy's `.npz` files, exactly.
+
+Such a file is of use without this package, too: `np.load("map.npz")["layers/elevation"]` is a layer
+in map order, and `metadata` is a text in JSON with everything else.
+"""
+
+import json
+import math
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Size
+from ..errors import GridMapError, LayerNotFoundError
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ._atomic import new_file
+
+FORMAT = "grid_map"
+VERSION = 1
+
+_METADATA = "metadata"
+_LAYERS = "layers/"
+
+_LARGEST_METADATA = 2**24
+"""Bytes."""
+
+_LARGEST_RATIO = 1040
+"""Deflate packs at most 1032 bytes into one."""
+
+
+def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = False) -> None:
+    """Write a map to an `.npz` file.
+
+    Layers are stored in map order: a map that has moved comes back with start index (0, 0). The
+    file appears complete, or not at all; one that is there is replaced.
+
+    Args:
+        grid_map: the map.
+        path: the file; its name is taken as it is.
+        compress: make the file smaller, which takes many times as long.
+
+    Raises:
+        GridMapError: the file cannot be written, or cannot hold the name of a layer.
+    """
+    for name in grid_map:
+        _check_name(name)
+    arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}
+    arrays[_METADATA] = np.array(json.dumps(_metadata(grid_map)))
+    save = np.savez_compressed if compress else np.savez
+    with (
+        storage_errors(Path(path), "written"),
+        new_file(path) as temporary,
+        temporary.open("wb") as file,
+    ):
+        save(file, **arrays)  # type: ignore[arg-type]
+
+
+def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
+    """Return the map in an `.npz` file that `save_npz` has written.
+
+    Nothing is allocated before it is sure that the file holds so much.
+
+    Args:
+        path: the file.
+        layers: names of the layers to read; None means all.
+
+    Raises:
+        GridMapError: the file is missing, damaged, or not of this format.
+        LayerNotFoundError: it lacks a layer.
+    """
+    file = Path(path)
+    with storage_errors(file, "read"), zipfile.ZipFile(file) as archive:
+        _check_sizes(archive, file.stat().st_size)
+        metadata = _read_metadata(archive)
+        grid_map = _empty_map(metadata)
+        names = [_text(name) for name in metadata["layers"]]
+        wanted = _wanted(names, layers)
+        found = {name: _read_layer(archive, name, grid_map.size) for name in wanted}
+        grid_map = grid_map.with_layers(found)
+        grid_map.basic_layers = [name for name in metadata["basic_layers"] if name in found]
+    return grid_map
+
+
+@contextmanager
+def storage_errors(file: Path, doing: str) -> Iterator[None]:
+    """Raise one GridMapError that names the file for whatever goes wrong with it."""
+    try:
+        yield
+    except LayerNotFoundError:
+        raise
+    except OSError as error:
+        raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
+    # A file may be damaged in any way, and what reads it fails in as many.
+    except Exception as error:
+        missing = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        text = " ".join(missing.split()) or type(error).__name__
+        raise GridMapError(f"{file}: cannot be {doing}: {text}") from error
+
+
+def _metadata(grid_map: GridMap) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "size": grid_map.size,
+        "resolution": grid_map.resolution,
+        "position": grid_map.position.tolist(),
+        "frame_id": grid_map.frame_id,
+        "timestamp": grid_map.timestamp,
+        "layers": grid_map.layers,
+        "basic_layers": grid_map.basic_layers,
+    }
+
+
+def _check_name(name: str) -> None:
+    storable = "\0" not in name
+    try:
+        storable = storable and len(name.encode()) < 2**15
+    except UnicodeEncodeError:
+        storable = False
+    if not storable:
+        raise GridMapError(f"layer {name[:80]!r}: a file cannot hold this name")
+
+
+def _check_sizes(archive: zipfile.ZipFile, available: int) -> None:
+    """Refuse an archive whose members claim more than so many bytes can hold."""
+    for member in archive.infolist():
+        largest = member.compress_size
+        if member.compress_type != zipfile.ZIP_STORED:
+            largest = _LARGEST_RATIO * largest + 1000
+        if member.file_size > largest:
+            raise ValueError(f"{member.filename!r} claims more bytes than it has")
+        available -= member.compress_size
+    if available < 0:
+        raise ValueError("its members claim more bytes than it has")
+
+
+def _read_metadata(archive: zipfile.ZipFile) -> dict[str, Any]:
+    if f"{_METADATA}.npy" not in archive.namelist():
+        raise ValueError("no file of a map: 'metadata' is missing")
+    text = _read_array(archive, _METADATA, lambda dtype, shape: dtype.kind == "U" and shape == ())
+    metadata = json.loads(str(text))
+    if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+        raise ValueError("no file of a map: 'metadata' has another format")
+    if metadata.get("version") != VERSION:
+        raise ValueError(f"version {metadata.get('version')!r}, only {VERSION} is known")
+    return metadata
+
+
+def _empty_map(metadata: dict[str, Any]) -> GridMap:
+    rows, columns = metadata["size"]
+    geometry = GridGeometry.from_size((rows, columns), metadata["resolution"], metadata["position"])
+    return GridMap.from_geometry(
+        geometry, frame_id=metadata["frame_id"], timestamp=metadata["timestamp"]
+    )
+
+
+def _text(name: object) -> str:
+    if not isinstance(name, str):
+        raise ValueError(f"expected the name of a layer, found {name!r}")
+    return name
+
+
+def _wanted(names: list[str], layers: Iterable[str] | None) -> list[str]:
+    if layers is None:
+        return names
+    wanted = [layers] if isinstance(layers, str) else list(layers)
+    for name in wanted:
+        if name not in names:
+            raise LayerNotFoundError(name, names)
+    return wanted
+
+
+def _read_layer(archive: zipfile.ZipFile, name: str, size: Size) -> Layer:
+    layer: Layer = _read_array(
+        archive, _LAYERS + name, lambda dtype, shape: dtype == np.float32 and shape == size
+    )
+    return layer
+
+
+def _read_array(archive: zipfile.ZipFile, name: str, is_expected: Any) -> npt.NDArray[Any]:
+    """Return an array after checking what its head announces."""
+    info = archive.getinfo(f"{name}.npy")
+    if name == _METADATA and info.file_size > _LARGEST_METADATA:
+        raise ValueError(f"'metadata' has {info.file_size} bytes, which is absurd")
+    with archive.open(info) as member:
+        version = np.lib.format.read_magic(member)
+        if version != (1, 0):
+            raise ValueError(f"{name!r} is an array of another version: {version}")
+        shape, _, dtype = np.lib.format.read_array_header_1_0(member)
+        if not is_expected(dtype, shape):
+            raise ValueError(f"{name!r} is an unexpected array: {dtype} {shape}")
+        if info.file_size != member.tell() + math.prod(shape) * dtype.itemsize:
+            raise ValueError(f"{name!r} has too few or too many bytes")
+    with archive.open(info) as member:
+        array: npt.NDArray[Any] = np.lib.format.read_array(member, allow_pickle=False)
+        return array

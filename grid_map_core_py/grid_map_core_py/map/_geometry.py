@@ -1,0 +1,396 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where the cells of a map lie: the arithmetic between positions and cells.
+
+Cells are counted here from the corner with the largest x and y, rows towards -x and columns towards
+-y, as if the map had never moved. Where a cell is stored is the business of `ring_buffer`.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import (
+    Cells,
+    Mask,
+    Positions,
+    Size,
+    as_cells,
+    as_number,
+    as_pair,
+    as_positions,
+    as_size,
+    as_text,
+)
+from ..arrays._pieces import chunks, interleaved
+from ..errors import GeometryError, OutOfMapError
+from . import _ring_buffer as ring_buffer
+
+BORDER_TOLERANCE = 1e-9
+"""Metres by which an edge or a rim may miss a border or a cell centre and still count as on it."""
+
+_SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
+"""Metres; below it, numbers lose their digits."""
+
+_LARGEST_SIDE = 2**31
+"""Cells; beyond it, layers could not be addressed anyway."""
+
+_LARGEST_SHIFT = 2.0**52
+"""Cells; beyond it, single cells make no difference to a coordinate any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class GridGeometry:
+    """Size, resolution and place of a grid; an immutable value.
+
+    Args:
+        length: (2,) side lengths along x and y [m]; rounded to whole cells.
+        resolution: side of a cell [m].
+        position: (2,) centre of the map [m], map frame.
+
+    Raises:
+        GeometryError: a length or the resolution is not positive and finite, or a side has no cell.
+    """
+
+    length: Positions
+    resolution: float
+    position: Positions = field(default_factory=lambda: np.zeros(2))
+    size: Size = field(init=False)
+
+    def __post_init__(self) -> None:
+        length = as_pair(self.length, "length")
+        resolution = as_number(self.resolution, "resolution")
+        if not _SMALLEST_RESOLUTION <= resolution < math.inf:
+            raise GeometryError(f"resolution: expected a positive number, got {self.resolution!r}")
+        # For two numbers NumPy takes several times as long.
+        x, y = sides = tuple(length.tolist())
+        if not min(sides) > 0:
+            raise GeometryError(f"length: expected positive numbers, got {sides}")
+        # The quotient is positive: adding a half and truncating rounds half away from zero.
+        rows, columns = x / resolution + 0.5, y / resolution + 0.5
+        if not min(rows, columns) >= 1:
+            raise GeometryError(f"length {sides} m is less than half a cell of {resolution} m")
+        if not max(rows, columns) < _LARGEST_SIDE + 1:
+            raise GeometryError(f"length {sides} m has too many cells of {resolution} m")
+        size = int(rows), int(columns)
+        self._set("resolution", resolution)
+        self._set("size", size)
+        self._set("length", _frozen(np.multiply(size, resolution)))
+        self._set("position", _frozen(as_pair(self.position, "position")))
+
+    @classmethod
+    def from_size(
+        cls, size: Size, resolution: float, position: npt.ArrayLike = (0.0, 0.0)
+    ) -> "GridGeometry":
+        """Return the geometry with `size` rows and columns of cells."""
+        length = np.multiply(as_size(size, "size"), as_number(resolution, "resolution"))
+        return cls(length, resolution, as_pair(position, "position"))
+
+    def at(self, position: npt.ArrayLike) -> "GridGeometry":
+        """Return the same grid centred on another position."""
+        return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
+
+    @property
+    def place(self) -> str:
+        """Where the map lies, for messages."""
+        return f"centre {as_text(self.position)}, length {as_text(self.length)}"
+
+    @property
+    def corner(self) -> Positions:
+        """(2,) the corner with the largest x and y [m], where cell (0, 0) lies."""
+        return self.position + 0.5 * self.length
+
+    def is_inside(self, positions: npt.ArrayLike) -> Mask:
+        """Tell which positions lie on the map.
+
+        The +x and +y borders belong to the map, the -x and -y borders do not.
+
+        Args:
+            positions: (..., 2) x, y [m], map frame; NaN is outside.
+
+        Returns:
+            (...) bool.
+        """
+        positions = as_positions(positions)
+        points = positions.reshape(-1, 2)
+        inside = np.empty(len(points), dtype=np.bool_)
+        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        for part in chunks(points):
+            inside[part] = self._contains(points[part].reshape(-1), half, centre)
+        return inside.reshape(positions.shape[:-1])
+
+    def cells_at(self, positions: npt.ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
+        """Return the cell under each position and whether the position is on the map.
+
+        Args:
+            positions: (..., 2) x, y [m], map frame.
+            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
+
+        Returns:
+            cells: (..., 2) row, column; for a position outside, the border cell nearest along each
+                axis.
+            inside: (...) bool.
+        """
+        positions = as_positions(positions)
+        points = positions.reshape(-1, 2)
+        cells = np.empty(points.shape, dtype=np.int64)
+        inside = np.ones(len(points), dtype=np.bool_)
+        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        start, size = interleaved(start_index, cells), interleaved(self.size, cells)
+        nearly_size = size - self._rounding
+        steps = np.empty(half.size)
+        # The largest coordinates may become infinite, which is outside as well.
+        with np.errstate(over="ignore"):
+            for part in chunks(points):
+                pairs, found = points[part].reshape(-1), cells[part].reshape(-1)
+                steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
+                steps /= -self.resolution
+                # One look at all is faster than to find the few that lie outside.
+                if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
+                    inside[part] = self._contains(pairs, half, centre)
+                    self._bound(steps)
+                found[...] = steps
+                if start_index != (0, 0):
+                    ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
+        return cells.reshape(positions.shape), inside.reshape(positions.shape[:-1])
+
+    def centres(self, cells: npt.ArrayLike, start_index: Size = (0, 0)) -> Positions:
+        """Return the centres of cells.
+
+        Args:
+            cells: (..., 2) row, column.
+            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
+
+        Returns:
+            (..., 2) x, y [m], map frame.
+
+        Raises:
+            OutOfMapError: a cell lies outside the map.
+        """
+        cells = as_cells(cells)
+        if cells.size > sum(self.size):
+            return self._looked_up(cells, start_index)
+        self.check_cells(cells)
+        steps = ring_buffer.unwrap(cells, start_index, self.size)
+        return self.position + 0.5 * (self.length - self.resolution) - self.resolution * steps
+
+    def all_centres(self, start_index: Size = (0, 0)) -> Positions:
+        """Return the centres (N, 2) [m] of all cells, column after column of the buffer."""
+        x, y = self.axes(start_index)
+        positions: Positions = np.empty((x.size * y.size, 2))
+        positions[:, 0] = np.tile(x, y.size)
+        positions[:, 1] = np.repeat(y, x.size)
+        return positions
+
+    def axes(self, start_index: Size = (0, 0)) -> tuple[Positions, Positions]:
+        """Return the x of every row (rows,) and the y of every column (cols,) [m].
+
+        Both descend, but for the place in a circular buffer where they go on from the other border.
+        """
+        first = self.position + 0.5 * (self.length - self.resolution)
+        x, y = (
+            np.roll(first[axis] - self.resolution * np.arange(self.size[axis]), start_index[axis])
+            for axis in (0, 1)
+        )
+        return x, y
+
+    def check_cells(self, cells: Cells) -> None:
+        """Raise `OutOfMapError` naming the first of the (..., 2) cells that is not on the map."""
+        rows, columns = cells[..., 0], cells[..., 1]
+        if cells.size == 0 or (
+            cells.min() >= 0 and rows.max() < self.size[0] and columns.max() < self.size[1]
+        ):
+            return
+        outside = ((cells < 0) | (cells >= self.size)).any(axis=-1)
+        found = tuple(cells.reshape(-1, 2)[outside.reshape(-1)][0].tolist())
+        raise OutOfMapError(f"index {found} is outside the map of {self.size} cells")
+
+    def box(self, lower: npt.ArrayLike, upper: npt.ArrayLike) -> tuple[slice, slice]:
+        """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
+
+        An edge within 1e-9 m of a cell border takes no further cell; a rectangle without area takes
+        the cell that it lies in. Outside the map both slices are empty.
+
+        Args:
+            lower: (2,) smallest x, y of the rectangle [m].
+            upper: (2,) largest x, y of the rectangle [m].
+        """
+        low, high = as_pair(lower, "lower").tolist(), as_pair(upper, "upper").tolist()
+        rows, columns = (self._span(axis, low[axis], high[axis]) for axis in (0, 1))
+        if rows.start >= rows.stop or columns.start >= columns.stop:
+            return slice(0, 0), slice(0, 0)
+        return rows, columns
+
+    def cropped(self, rows: slice, columns: slice) -> "GridGeometry":
+        """Return the geometry of a block of cells of this grid."""
+        first = np.array([rows.start, columns.start])
+        size = (rows.stop - rows.start, columns.stop - columns.start)
+        return self._derived(size, self.corner - self.resolution * (first + 0.5 * np.array(size)))
+
+    def closest_position(self, positions: npt.ArrayLike) -> Positions:
+        """Return each position itself when it is on the map, else the nearest one that is.
+
+        Args:
+            positions: (..., 2) x, y [m], map frame.
+
+        Returns:
+            (..., 2); every one passes `is_inside` and has a cell.
+        """
+        positions = as_positions(positions)
+        if np.isnan(positions).any():
+            raise GeometryError("position: NaN has no closest position in the map")
+        lower, upper = self._innermost_bounds()
+        clamped = np.clip(positions, lower, upper)
+        return np.where(self.is_inside(positions)[..., None], positions, clamped)
+
+    def bound_position_to_range(self, positions: npt.ArrayLike) -> Positions:
+        """Clamp positions onto the border, then nudge them inside.
+
+        The nudge is 10 machine epsilons times the larger of 1 and the magnitude of the coordinate.
+        """
+        positions = as_positions(positions)
+        epsilon = 10 * np.finfo(np.float64).eps * np.maximum(1.0, np.abs(positions))
+        shifted = positions - self.position + 0.5 * self.length
+        low, high = shifted <= 0, shifted >= self.length
+        bounded = np.where(low, epsilon, np.where(high, self.length - epsilon, shifted))
+        return bounded + self.position - 0.5 * self.length
+
+    def index_shift(self, position: npt.ArrayLike) -> Size:
+        """Return by how many rows and columns the map moves to come nearest to `position`.
+
+        Rounded half away from zero per axis; positive towards +row, that is towards -x.
+        """
+        cells = (as_pair(position, "position") - self.position) / self.resolution
+        shift = -np.copysign(np.floor(np.abs(cells) + 0.5), cells)
+        if not (np.abs(shift) < _LARGEST_SHIFT).all():
+            raise GeometryError(f"position {tuple(np.asarray(position).tolist())} is too far away")
+        return int(shift[0]), int(shift[1])
+
+    def shifted(self, shift: Size) -> "GridGeometry":
+        """Return the grid moved by whole cells, as counted by `index_shift`."""
+        return self._derived(self.size, self.position - self.resolution * np.array(shift))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Otherwise the arrays of a copy could be written into.
+        return GridGeometry, (self.length, self.resolution, self.position)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, GridGeometry) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __repr__(self) -> str:
+        return (
+            f"GridGeometry(length={tuple(self.length.tolist())}, resolution={self.resolution}, "
+            f"position={tuple(self.position.tolist())}, size={self.size})"
+        )
+
+    def _key(self) -> tuple[Size, float, tuple[float, ...]]:
+        return self.size, self.resolution, tuple(self.position.tolist())
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _derived(self, size: Size, position: Positions) -> "GridGeometry":
+        """Return a grid of the same cells, unchecked: checks would take most of the time."""
+        result = object.__new__(GridGeometry)
+        result._set("resolution", self.resolution)
+        result._set("size", size)
+        result._set("length", _frozen(np.multiply(size, self.resolution)))
+        result._set("position", _frozen(position))
+        return result
+
+    def _span(self, axis: int, lower: float, upper: float) -> slice:
+        """Return the cells along an axis that an interval overlaps; maybe none."""
+        half, centre, size = self._half[axis], self.position[axis], self.size[axis]
+        tolerance = BORDER_TOLERANCE / self.resolution
+        # Far away, counts of cells may be infinite.
+        near = max((upper - half - centre) / -self.resolution + tolerance, -1.0)
+        far = min((lower - half - centre) / -self.resolution - tolerance, size + 1.0)
+        first = math.floor(min(near, size + 1.0))
+        stop = max(math.ceil(max(far, -1.0)), first + 1)
+        return slice(min(max(first, 0), size), min(max(stop, 0), size))
+
+    # A position on a cell border must fall to the same side as in the C++ library, which rounds
+    # the next two differences in different orders. Both take one x, y or an array x, y, x, y, ...
+    # with `half` and `centre` interleaved likewise and at least as long.
+
+    def _from_corner(
+        self,
+        pairs: Positions,
+        half: Positions,
+        centre: Positions,
+        out: Positions | None = None,
+    ) -> Positions:
+        """Metres from the corner to positions; negative on the map."""
+        offsets: Positions = np.subtract(pairs, half[: pairs.size], out=out)
+        offsets -= centre[: pairs.size]
+        return offsets
+
+    def _within(self, pairs: Positions, half: Positions, centre: Positions) -> tuple[Mask, Mask]:
+        """Whether each coordinate keeps the +x, +y border, and the -x, -y border."""
+        half = half[: pairs.size]
+        offsets = half - (pairs - centre[: pairs.size])
+        return offsets >= 0.0, offsets < 2.0 * half
+
+    def _contains(self, pairs: Positions, half: Positions, centre: Positions) -> Mask:
+        """Whether each x, y of x, y, x, y, ... is inside."""
+        with np.errstate(over="ignore"):
+            keeps = np.logical_and(*self._within(pairs, half, centre))
+        return keeps[0::2] & keeps[1::2]
+
+    @cached_property
+    def _rounding(self) -> float:
+        """More cells than by which the two differences can differ."""
+        return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
+
+    def _looked_up(self, cells: Cells, start_index: Size) -> Positions:
+        """Return what `centres` does, faster for more cells than there are rows and columns."""
+        table = np.concatenate(self.axes(start_index))
+        points = cells.reshape(-1, 2)
+        positions = np.empty(points.shape)
+        offsets, size = interleaved((0, self.size[0]), points), interleaved(self.size, points)
+        for part in chunks(points):
+            pairs = points[part].reshape(-1)
+            # Without sign, negative numbers are too large as well.
+            if not (pairs.view(np.uint64) < size.view(np.uint64)[: pairs.size]).all():
+                self.check_cells(points[part])
+            # Checked already; any other mode would copy the results.
+            entries = pairs + offsets[: pairs.size]
+            np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
+        return positions.reshape(cells.shape)
+
+    def _bound(self, steps: Positions) -> None:
+        """Replace the fractional rows and columns outside by those of the nearest border cells."""
+        for axis in (0, 1):
+            along = steps[axis::2]
+            # NaN becomes 0. A position within rounding of the far border can lie beyond it.
+            np.fmax(along, 0.0, out=along)
+            np.minimum(along, self.size[axis] - 1, out=along)
+
+    @cached_property
+    def _half(self) -> Positions:
+        return 0.5 * self.length
+
+    def _innermost_bounds(self) -> tuple[Positions, Positions]:
+        """Return about the smallest and largest coordinates that are inside on each axis.
+
+        They miss the borders by what rounding takes from a sum of position and length. The step
+        inwards is of that size too: the next number after a border at 0 would change no such sum.
+        """
+        lower, upper = self.position - self._half, self.corner
+        step = np.spacing(np.abs(self.position) + self.length)
+        while not (inside := self._within(lower, self._half, self.position)[1]).all():
+            lower = np.where(inside, lower, lower + step)
+        while not (inside := self._within(upper, self._half, self.position)[0]).all():
+            upper = np.where(inside, upper, upper - step)
+        return lower, upper
+
+
+def _frozen(values: Positions) -> Positions:
+    values.flags.writeable = False
+    return values

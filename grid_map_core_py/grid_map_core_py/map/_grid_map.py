@@ -1,0 +1,644 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The map: named layers over one grid."""
+
+import operator
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import (
+    Cells,
+    Layer,
+    Mask,
+    Positions,
+    Size,
+    as_cells,
+    as_layer,
+    as_pair,
+    as_point,
+    as_size,
+    as_text,
+)
+from ..errors import GridMapError, LayerNotFoundError, OutOfMapError
+from . import _merge as merge
+from . import _notebook as notebook
+from . import _ring_buffer as ring_buffer
+from ._geometry import GridGeometry
+from ._interpolation import Interpolation, interpolate
+from ._ring_buffer import BufferRegion
+from ._submap import submap_block
+from ._transform import transformed_map
+
+
+class GridMap:
+    """A rectangular grid of cells with any number of float32 layers.
+
+    `map[layer]` is the live (rows, cols) array of a layer: writing into it changes the map. Row 0,
+    column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
+    -x, columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
+    rotated (a circular buffer that begins at `start_index`); `unwrapped(layer)` gives map order.
+
+    Args:
+        length: (2,) side lengths along x and y [m], rounded to whole cells.
+        resolution: side of a cell [m].
+        position: (2,) centre of the map [m], in `frame_id`.
+        layers: names of layers to add without data, or a mapping of names to values.
+        basic_layers: names of the layers that must be finite for a cell to be valid.
+        frame_id: coordinate frame that all positions refer to.
+        timestamp: time of the data [ns].
+
+    Raises:
+        GeometryError: the grid would have no cells, or a value has the wrong shape.
+        LayerNotFoundError: a basic layer is not among the layers.
+
+    Example:
+        >>> grid_map = GridMap(length=(2.0, 1.0), resolution=0.5, layers=["elevation"])
+        >>> grid_map["elevation"][grid_map.get_index((0.6, 0.1))] = 0.3
+        >>> grid_map
+        GridMap(4 x 2 cells of 0.5 m at (0.0, 0.0) in '', layers: elevation)
+    """
+
+    def __init__(
+        self,
+        length: npt.ArrayLike,
+        resolution: float,
+        position: npt.ArrayLike = (0.0, 0.0),
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        *,
+        basic_layers: Iterable[str] = (),
+        frame_id: str = "",
+        timestamp: int = 0,
+    ) -> None:
+        geometry = GridGeometry(
+            as_pair(length, "length"), resolution, as_pair(position, "position")
+        )
+        self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+
+    @classmethod
+    def from_geometry(
+        cls,
+        geometry: GridGeometry,
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        *,
+        basic_layers: Iterable[str] = (),
+        frame_id: str = "",
+        timestamp: int = 0,
+    ) -> "GridMap":
+        """Return a map over `geometry`; the other arguments are those of the constructor."""
+        # The geometry has been checked where it was made.
+        grid_map = cls.__new__(cls)
+        grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
+        return grid_map
+
+    def _set_up(
+        self,
+        geometry: GridGeometry,
+        layers: Iterable[str] | Mapping[str, npt.ArrayLike],
+        basic_layers: Iterable[str],
+        frame_id: str,
+        timestamp: int,
+    ) -> None:
+        self._geometry = geometry
+        self._start: Size = (0, 0)
+        self._layers: dict[str, Layer] = {}
+        self._basic_layers: tuple[str, ...] = ()
+        self.frame_id = frame_id
+        self.timestamp = timestamp
+        self._add_all(layers)
+        self.basic_layers = _names(basic_layers)
+
+    # Properties
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Size, resolution and place of the grid, without the layers."""
+        return self._geometry
+
+    @property
+    def size(self) -> Size:
+        """Rows (along x) and columns (along y)."""
+        return self._geometry.size
+
+    @property
+    def length(self) -> Positions:
+        """(2,) side lengths along x and y [m]."""
+        return self._geometry.length
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell [m]."""
+        return self._geometry.resolution
+
+    @property
+    def position(self) -> Positions:
+        """(2,) centre of the map [m].
+
+        Setting it shifts the map and its data in the frame; `move` leaves the data where it is.
+        """
+        return self._geometry.position
+
+    @position.setter
+    def position(self, position: npt.ArrayLike) -> None:
+        self._geometry = self._geometry.at(position)
+
+    @property
+    def start_index(self) -> Size:
+        """Row and column of the buffer where cell (0, 0) of the map is stored.
+
+        Setting it reinterprets the stored data; no data is copied.
+        """
+        return self._start
+
+    @start_index.setter
+    def start_index(self, index: npt.ArrayLike) -> None:
+        start = as_size(index, "start_index")
+        self._geometry.check_cells(as_cells(start))
+        self._start = start
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers in the order in which they were added."""
+        return tuple(self._layers)
+
+    @property
+    def basic_layers(self) -> tuple[str, ...]:
+        """Names of the layers that must be finite for a cell to be valid."""
+        return self._basic_layers
+
+    @basic_layers.setter
+    def basic_layers(self, names: Iterable[str]) -> None:
+        names = tuple(dict.fromkeys(_names(names)))
+        self._check_layers(names)
+        self._basic_layers = names
+
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame that all positions refer to."""
+        return self._frame_id
+
+    @frame_id.setter
+    def frame_id(self, frame_id: str) -> None:
+        if not isinstance(frame_id, str):
+            raise GridMapError(f"frame_id: expected a string, got {frame_id!r}")
+        self._frame_id = frame_id
+
+    @property
+    def timestamp(self) -> int:
+        """Time of the data [ns]."""
+        return self._timestamp
+
+    @timestamp.setter
+    def timestamp(self, timestamp: int) -> None:
+        try:
+            self._timestamp = operator.index(timestamp)
+        except TypeError:
+            raise GridMapError(
+                f"timestamp: expected an integer of nanoseconds, got {timestamp!r}"
+            ) from None
+
+    # Layers
+
+    def __getitem__(self, layer: str) -> Layer:
+        try:
+            return self._layers[layer]
+        except (KeyError, TypeError):
+            raise LayerNotFoundError(layer, self._layers) from None
+
+    def __setitem__(self, layer: str, value: npt.ArrayLike) -> None:
+        _check_name(layer)
+        # `map[layer] += 1` has already written into the layer.
+        if layer not in self._layers or value is not self._layers[layer]:
+            self._layers[layer] = as_layer(value, self.size, layer)
+
+    def __delitem__(self, layer: str) -> None:
+        self._check_layers((layer,))
+        del self._layers[layer]
+        self._basic_layers = tuple(name for name in self._basic_layers if name != layer)
+
+    def __contains__(self, layer: object) -> bool:
+        return isinstance(layer, str) and layer in self._layers
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._layers)
+
+    def add(self, layer: str, value: npt.ArrayLike = np.nan) -> None:
+        """Add a layer, or replace it: `map[layer] = value`.
+
+        Args:
+            layer: name of the layer.
+            value: a number for all cells, or (rows, cols) in the order of the buffer; copied.
+        """
+        self[layer] = value
+
+    def with_layers(self, layers: Mapping[str, npt.ArrayLike]) -> "GridMap":
+        """Return a map with these layers added or replaced.
+
+        The other layers are shared with this map: neither should be written into afterwards.
+        Float32 arrays in Fortran order are adopted without a copy.
+        """
+        return self._with({**self._layers, **self._adopted(layers)})
+
+    def without_layers(self, names: Iterable[str]) -> "GridMap":
+        """Return a map without the named layers; the others are shared as in `with_layers`."""
+        dropped = _names(names)
+        self._check_layers(dropped)
+        return self._with({n: data for n, data in self._layers.items() if n not in dropped})
+
+    def clear(self, layer: str) -> None:
+        """Set a layer to NaN."""
+        self[layer][...] = np.nan
+
+    def clear_basic(self) -> None:
+        """Set the basic layers to NaN."""
+        for name in self._basic_layers:
+            self.clear(name)
+
+    def clear_all(self) -> None:
+        """Set all layers to NaN."""
+        for name in self._layers:
+            self.clear(name)
+
+    def copy(self) -> "GridMap":
+        """Return a map with data of its own."""
+        return self._with({name: data.copy("F") for name, data in self._layers.items()})
+
+    def stored_from(self, start_index: npt.ArrayLike) -> "GridMap":
+        """Return a copy of the same world that is stored from another start index.
+
+        `stored_from((0, 0))` has every layer in map order.
+
+        Args:
+            start_index: where in the buffer cell (0, 0) of the map is to be stored.
+        """
+        result = self._with({})
+        result.start_index = start_index
+        # Seen from the new start, the old data begins so many cells later.
+        first = ring_buffer.unwrap(self._start, result.start_index, self.size)
+        start = int(first[0]), int(first[1])
+        whole = slice(0, self.size[0]), slice(0, self.size[1])
+        for name, data in self._layers.items():
+            result._layers[name] = ring_buffer.block(data, start, *whole)
+        result._basic_layers = self._basic_layers
+        return result
+
+    def __copy__(self) -> "GridMap":
+        return self.copy()
+
+    # Positions and indices
+
+    def is_inside(self, positions: npt.ArrayLike) -> bool | Mask:
+        """Tell whether (2,) or (N, 2) positions [m] lie on the map.
+
+        The +x and +y borders belong to the map, the -x and -y borders do not.
+        """
+        inside = self._geometry.is_inside(positions)
+        return bool(inside) if inside.ndim == 0 else inside
+
+    def get_index(self, position: npt.ArrayLike) -> Size:
+        """Return the buffer row and column of the cell under a (2,) position [m].
+
+        Raises:
+            OutOfMapError: the position is not on the map.
+        """
+        index, inside = self.get_indices(as_point(position, "position"))
+        if not inside:
+            raise OutOfMapError(
+                f"position {as_text(position)} is outside the map: {self._geometry.place}"
+            )
+        return int(index[0]), int(index[1])
+
+    def get_indices(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
+        """Return the cell under each position and whether the position is on the map.
+
+        Args:
+            positions: (N, 2) x, y [m].
+
+        Returns:
+            indices: (N, 2) buffer indices; for a position outside, those of the nearest border
+                cell.
+            inside: (N,) bool.
+        """
+        return self._geometry.cells_at(positions, self._start)
+
+    def get_position(self, index: npt.ArrayLike) -> Positions:
+        """Return the centre (2,) [m] of the cell at a buffer index.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        return self.get_positions(as_size(index, "index"))
+
+    def get_positions(self, indices: npt.ArrayLike | None = None) -> Positions:
+        """Return the centres (N, 2) [m] of cells.
+
+        Args:
+            indices: (N, 2) buffer indices; None means every cell, column after column of the
+                buffer.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        if indices is None:
+            return self._geometry.all_centres(self._start)
+        return self._geometry.centres(indices, self._start)
+
+    def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
+        """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
+        return self._geometry.closest_position(positions)
+
+    def at_position(
+        self,
+        layer: str,
+        positions: npt.ArrayLike,
+        interpolation: Interpolation | str = Interpolation.NEAREST,
+    ) -> float | npt.NDArray[np.float64]:
+        """Return the values of a layer at positions.
+
+        Where a method needs a cell that is not finite, the next simpler one takes over for that
+        position: cubic, linear, nearest. `NEAREST` returns NaN or an infinity as it finds them.
+        Near the border the missing neighbours repeat the border cell.
+
+        Args:
+            layer: name of the layer.
+            positions: (2,) or (N, 2) x, y [m].
+            interpolation: the method, or its value as a string such as "linear".
+
+        Returns:
+            A float for one position, else (N,) float64.
+
+        Raises:
+            LayerNotFoundError: there is no such layer.
+            OutOfMapError: a position is NaN or not on the map, whatever the method.
+        """
+        return interpolate(self, layer, positions, interpolation)
+
+    # Validity and vectors
+
+    def is_valid(
+        self, index: npt.ArrayLike, layers: str | Iterable[str] | None = None
+    ) -> bool | Mask:
+        """Tell whether the cell at a (2,) buffer index, or each at (N, 2), holds finite data.
+
+        Args:
+            index: buffer index or indices.
+            layers: names of the layers that must be finite; None means the basic layers, and
+                without basic layers no cell is valid.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        cells = as_cells(index)
+        self._geometry.check_cells(cells)
+        rows, columns = cells[..., 0], cells[..., 1]
+        names = self._validity_layers(layers)
+        valid = np.full(rows.shape, bool(names))
+        for name in names:
+            valid &= np.isfinite(self._layers[name][rows, columns])
+        return bool(valid) if valid.ndim == 0 else valid
+
+    def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
+        """Return for every cell of the buffer (rows, cols) what `is_valid` tells of it."""
+        names = self._validity_layers(layers)
+        valid: Mask = np.full(self.size, bool(names), order="F")
+        for name in names:
+            valid &= np.isfinite(self._layers[name])
+        return valid
+
+    def get_position3(self, layer: str, index: npt.ArrayLike) -> Positions:
+        """Return (3,) x, y and the value of a layer as z [m]; NaN where the value is not finite."""
+        position = self.get_position(index)
+        value = float(self[layer][as_size(index, "index")])
+        return _finite_or_nan(np.array([*position, value]))
+
+    def get_vector(self, prefix: str, index: npt.ArrayLike) -> Positions:
+        """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
+        self._geometry.check_cells(as_cells(index))
+        cell = as_size(index, "index")
+        vector = [self[f"{prefix}{axis}"][cell] for axis in "xyz"]
+        return _finite_or_nan(np.array(vector, np.float64))
+
+    # Moving and cutting
+
+    def move(self, position: npt.ArrayLike) -> list[BufferRegion]:
+        """Move the map while its data stays where it is in the frame.
+
+        Only whole cells move, so that the centre comes within half a cell of `position`. Cells that
+        leave the map are dropped, newly covered cells are NaN in all layers, no data is copied.
+
+        Args:
+            position: (2,) new centre [m].
+
+        Returns:
+            The newly covered regions of the buffer, empty when nothing moved.
+        """
+        shift = self._geometry.index_shift(position)
+        if shift == (0, 0):
+            return []
+        regions = ring_buffer.uncovered(self._start, self.size, shift)
+        for region in regions:
+            for data in self._layers.values():
+                data[region.slices] = np.nan
+        self._start = (
+            (self._start[0] + shift[0]) % self.size[0],
+            (self._start[1] + shift[1]) % self.size[1],
+        )
+        self._geometry = self._geometry.shifted(shift)
+        return regions
+
+    def convert_to_default_start_index(self) -> None:
+        """Reorder the stored data so that `start_index` is (0, 0)."""
+        if self._start == (0, 0):
+            return
+        self._layers = {name: self.unwrapped(name) for name in self._layers}
+        self._start = (0, 0)
+
+    def unwrapped(self, layer: str) -> Layer:
+        """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
+
+        It is the live layer when `start_index` is (0, 0), else a copy.
+        """
+        data = self[layer]
+        if self._start == (0, 0):
+            return data
+        return ring_buffer.block(data, self._start, slice(0, self.size[0]), slice(0, self.size[1]))
+
+    def get_submap(self, position: npt.ArrayLike, length: npt.ArrayLike) -> "GridMap":
+        """Return a copy of the cells that a rectangle overlaps.
+
+        The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further
+        cell.
+
+        Args:
+            position: (2,) centre of the rectangle [m].
+            length: (2,) side lengths along x and y [m].
+
+        Returns:
+            A map with the same layers, basic layers, frame and time, and start index (0, 0).
+
+        Raises:
+            OutOfMapError: the rectangle does not overlap the map.
+            GeometryError: a length is negative, or a number is not finite.
+        """
+        rows, columns = submap_block(self._geometry, position, length)
+        result = GridMap.from_geometry(
+            self._geometry.cropped(rows, columns), frame_id=self.frame_id, timestamp=self.timestamp
+        )
+        result._layers = {
+            name: ring_buffer.block(data, self._start, rows, columns)
+            for name, data in self._layers.items()
+        }
+        result._basic_layers = self._basic_layers
+        return result
+
+    def extend_to_include(self, other: "GridMap") -> None:
+        """Grow so that the map covers another one, by whole cells at the borders.
+
+        The cells keep their places and values, new cells are NaN. A map that already covers the
+        other one (within 1e-9 m) does not change; one that grows is stored anew, from start index
+        (0, 0). The data of the other map plays no part, see `add_data_from`.
+
+        Raises:
+            GridMapError: both maps name a frame and the frames differ.
+            GeometryError: the maps are so far apart that there would be too many cells.
+        """
+        extended = merge.extended_map(self, other)
+        self._geometry, self._start = extended._geometry, extended._start
+        self._layers = extended._layers
+
+    def add_data_from(
+        self,
+        other: "GridMap",
+        *,
+        extend_map: bool,
+        overwrite_data: bool,
+        layers: Iterable[str] | None = None,
+    ) -> None:
+        """Copy the data of another map to where it lies in this one.
+
+        Every cell takes the finite values of the cell of the other map that its centre lies in. The
+        maps may differ in size, place and resolution.
+
+        Args:
+            other: the map to copy from; in the same frame, or one of the two names no frame.
+            extend_map: whether to grow first, as `extend_to_include` does.
+            overwrite_data: whether to replace finite values of this map; judged layer by layer.
+            layers: names of the layers to copy, None for all of the other map. Those that this map
+                lacks are added without data first.
+
+        Raises:
+            LayerNotFoundError: the other map lacks one of the layers.
+            GridMapError: both maps name a frame and the frames differ.
+            GeometryError: the maps are so far apart that there would be too many cells.
+        """
+        names = None if layers is None else _names(layers)
+        merge.add_data_from(
+            self, other, extend_map=extend_map, overwrite_data=overwrite_data, layers=names
+        )
+
+    def get_transformed_map(
+        self,
+        transform: npt.ArrayLike,
+        height_layer: str,
+        frame_id: str,
+        sample_ratio: float = 0.0,
+    ) -> "GridMap":
+        """Return the map in another frame, as a surface of 3-D points seen from above.
+
+        Each cell with a finite height is a point that is rotated and shifted. Where several come
+        down on the same cell the highest one stays, of equally high ones that of the last column
+        and row. The other layers take their values along unchanged. Points that come down beside
+        the new map are lost.
+
+        Args:
+            transform: (4, 4) rotation and translation [m] from the frame of this map to the new
+                one. Scales, shears and mirrors are refused.
+            height_layer: name of the layer that holds z [m].
+            frame_id: the new frame.
+            sample_ratio: for more than 0, four more points per cell are taken beside its centre,
+                along x and y by this fraction of the resolution, at the same height; this closes
+                gaps.
+
+        Returns:
+            A map of the same resolution, layers, basic layers and time, and start index (0, 0).
+            It is centred on the moved corners (at z = 0) and covers them.
+
+        Raises:
+            LayerNotFoundError: there is no such height layer.
+            GeometryError: the transform is not rigid or the ratio not finite.
+        """
+        return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
+
+    def __repr__(self) -> str:
+        return (
+            f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
+            f"{as_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the layers for notebooks."""
+        return notebook.to_html(self)
+
+    def _repr_png_(self) -> bytes | None:
+        """Return a picture for notebooks that show no tables."""
+        return notebook.to_png(self)
+
+    def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
+        values = layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)
+        for name, value in values.items():
+            self.add(name, value)
+
+    def _adopted(self, layers: Mapping[str, npt.ArrayLike]) -> dict[str, Layer]:
+        if not isinstance(layers, Mapping):
+            raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
+        return {name: self._adopt(name, data) for name, data in layers.items()}
+
+    def _adopt(self, name: str, data: npt.ArrayLike) -> Layer:
+        _check_name(name)
+        if (
+            isinstance(data, np.ndarray)
+            and data.dtype == np.float32
+            and data.shape == self.size
+            and data.flags.f_contiguous
+        ):
+            return data
+        return as_layer(data, self.size, name)
+
+    def _with(self, layers: dict[str, Layer]) -> "GridMap":
+        result = GridMap.from_geometry(
+            self._geometry, frame_id=self.frame_id, timestamp=self.timestamp
+        )
+        result._start = self._start
+        result._layers = layers
+        result._basic_layers = tuple(name for name in self._basic_layers if name in layers)
+        return result
+
+    def _check_layers(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self:
+                raise LayerNotFoundError(name, self._layers)
+
+    def _validity_layers(self, layers: str | Iterable[str] | None) -> tuple[str, ...]:
+        if layers is None:
+            return self._basic_layers
+        names = _names(layers)
+        self._check_layers(names)
+        return names
+
+
+def _check_name(layer: object) -> None:
+    if not isinstance(layer, str) or not layer:
+        raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
+
+
+def _names(names: Iterable[str]) -> tuple[str, ...]:
+    """Guard against a single name taken for a sequence of one-letter names."""
+    try:
+        return (names,) if isinstance(names, str) else tuple(names)
+    except TypeError:
+        raise GridMapError(f"expected names of layers, got {names!r}") from None
+
+
+def _finite_or_nan(vector: Positions) -> Positions:
+    return vector if np.isfinite(vector).all() else np.full(3, np.nan)

@@ -1,0 +1,291 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values of a layer between the centres of its cells.
+
+All methods but `NEAREST` are separable: the value is a weighted sum over the cells in a few rows
+and columns around the position, and the weight of a cell is that of its row times that of its
+column. An axis therefore gives for every position the places of its cells in the buffer and their
+weights; beyond the border it repeats the border cell.
+"""
+
+from enum import Enum
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
+from ..arrays._pieces import CHUNK, chunks
+from ..errors import GridMapError, OutOfMapError
+from ._geometry import GridGeometry
+
+if TYPE_CHECKING:
+    from ._grid_map import GridMap
+
+Numbers: TypeAlias = npt.NDArray[np.float64]
+Places: TypeAlias = npt.NDArray[np.intp]
+
+_PADDING = 2
+"""Cells beyond the border for which an axis knows a place."""
+
+
+class Interpolation(Enum):
+    """How a value between cell centres is computed, in the order of increasing effort."""
+
+    NEAREST = "nearest"
+    """The value of the cell that contains the position."""
+
+    LINEAR = "linear"
+    """Bilinear between the 4 nearest cell centres."""
+
+    CUBIC_CONVOLUTION = "cubic_convolution"
+    """Cubic convolution over 4 x 4 cells; R. Keys, 1981, with a = -1/2."""
+
+    CUBIC = "cubic"
+    """Bicubic Hermite polynomial between the 4 nearest cell centres.
+
+    Its slopes are central differences, at the border with the border cell repeated. It differs from
+    `CUBIC_CONVOLUTION` only within half a cell of the border, where it goes on with these slopes.
+    """
+
+
+_FALLBACKS = {
+    Interpolation.LINEAR: Interpolation.NEAREST,
+    Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
+    Interpolation.CUBIC: Interpolation.LINEAR,
+}
+"""Which method takes over where one meets a cell that is not finite."""
+
+
+def interpolate(
+    grid_map: "GridMap", layer: str, positions: npt.ArrayLike, interpolation: Interpolation | str
+) -> float | Numbers:
+    """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
+    method = _as_interpolation(interpolation)
+    surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
+    positions = as_positions(positions)
+    points = positions.reshape(-1, 2)
+    values, scratch = np.empty(len(points)), _Scratch(min(len(points), CHUNK))
+    # An infinite cell makes NaN where its weight is zero; the next method then takes over.
+    with np.errstate(invalid="ignore"):
+        for part in chunks(points):
+            xy = surface.coordinates(points[part])
+            values[part] = surface.values(xy, method, scratch)
+    return float(values[0]) if positions.ndim == 1 else values.reshape(positions.shape[:-1])
+
+
+class _Around(NamedTuple):
+    """What belongs to the K x K cells around N positions.
+
+    Attributes:
+        places: (2, K, N) where in the flat buffer the rows and the columns begin.
+        weights: (K, 2, N) of the rows and the columns.
+        indices: (K, K, N) of the cells in the flat buffer, column by column.
+        cells: (K, K, N) their values.
+    """
+
+    places: Places
+    weights: Numbers
+    indices: Places
+    cells: npt.NDArray[np.float32]
+
+
+class _Scratch:
+    """Memory for the cells around a chunk of positions, in one piece, used for all the chunks.
+
+    Allocated for every chunk, it may go back to the system each time, and to get it again can take
+    several times as long as all arithmetic.
+    """
+
+    def __init__(self, positions: int) -> None:
+        self._positions = positions
+
+    @cached_property
+    def _memory(self) -> Numbers:
+        return np.empty((2 * 4 + 4 * 2 + 4 * 4 + 4 * 4 // 2) * self._positions)
+
+    def around(self, reach: int, positions: int) -> _Around:
+        """Return arrays for `reach` x `reach` cells; they overlay those returned before."""
+        along, across = reach * positions, reach * reach * positions
+        memory = self._memory
+        return _Around(
+            places=memory[: 2 * along].view(np.intp).reshape(2, reach, positions),
+            weights=memory[2 * along : 4 * along].reshape(reach, 2, positions),
+            indices=memory[4 * along :][:across].view(np.intp).reshape(reach, reach, positions),
+            cells=memory[4 * along + across :][: across // 2]
+            .view(np.float32)
+            .reshape(reach, reach, positions),
+        )
+
+
+class _Surface:
+    """A layer as a function of coordinates (2, N): of x in the first row, of y in the second."""
+
+    def __init__(self, geometry: GridGeometry, start: Size, layer: Layer) -> None:
+        rows, columns = geometry.size
+        self._geometry = geometry
+        self._data = layer.ravel(order="F")
+        self._places = _places(rows, start[0], 1), _places(columns, start[1], rows)
+        self._centre = geometry.position[:, np.newaxis]
+        self._half = 0.5 * geometry.length[:, np.newaxis]
+        # For single numbers Python is faster than NumPy.
+        self._sides = list(zip(geometry.position.tolist(), geometry.length.tolist(), strict=True))
+
+    def coordinates(self, points: Positions) -> Numbers:
+        """Return (N, 2) positions as coordinates (2, N); one that is not on the map raises."""
+        xy = np.ascontiguousarray(points.T)
+        # Rounding keeps the order: where the extremes are inside, so is all between them.
+        lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
+        for low, high, (centre, length) in zip(lowest, highest, self._sides, strict=True):
+            half = 0.5 * length
+            if not (half - (high - centre) >= 0.0 and half - (low - centre) < length):
+                self._refuse(points)
+        return xy
+
+    def values(
+        self, xy: Numbers, method: Interpolation, scratch: _Scratch
+    ) -> npt.NDArray[np.floating[Any]]:
+        """Return the values (N,) at coordinates (2, N) on the map."""
+        if method is Interpolation.NEAREST:
+            return self._nearest(xy)
+        values = self._weighted_sums(xy, method, scratch)
+        missing = np.flatnonzero(~np.isfinite(values))
+        if missing.size:
+            rest = xy.take(missing, axis=1)
+            values[missing] = self.values(rest, _FALLBACKS[method], scratch)
+        return values
+
+    def _nearest(self, xy: Numbers) -> npt.NDArray[np.float32]:
+        rows, columns = self._cells(xy).astype(np.intp)
+        places = self._places[0][_PADDING:].take(rows, mode="clip")
+        places += self._places[1][_PADDING:].take(columns, mode="clip")
+        values: npt.NDArray[np.float32] = self._data.take(places, mode="clip")
+        return values
+
+    def _weighted_sums(self, xy: Numbers, method: Interpolation, scratch: _Scratch) -> Numbers:
+        # On a line of centres, a hole on one side counts and one on the other does not: as in C++.
+        below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
+        around = scratch.around(2 if method is Interpolation.LINEAR else 4, xy.shape[1])
+        _set_weights(around.weights, t)
+        if method is Interpolation.CUBIC:
+            _continue_slopes(around.weights, below, self._geometry.size)
+        for axis in (0, 1):
+            _set_places(around.places[axis], self._places[axis], below[axis])
+        rows, columns = around.places
+        np.add(rows, columns[:, np.newaxis], out=around.indices)
+        self._data.take(around.indices, mode="clip", out=around.cells)
+        sums = np.einsum("crn,rn->cn", around.cells, around.weights[:, 0])
+        values: Numbers = np.einsum("cn,cn->n", sums, around.weights[:, 1])
+        return values
+
+    def _cells(self, xy: Numbers) -> Numbers:
+        """Return (2, N) rows and columns from the corner, rounded as `GridGeometry` rounds them."""
+        cells = xy - self._half
+        cells -= self._centre
+        cells /= -self._geometry.resolution
+        return cells
+
+    def _between(self, xy: Numbers, *, closed_above: bool) -> tuple[Places, Numbers]:
+        """Return between which rows and columns of cell centres coordinates (2, N) lie.
+
+        Args:
+            closed_above: whether a coordinate on a centre belongs to the interval below it, with
+                t = 1, and not to the one above it, with t = 0.
+
+        Returns:
+            below: (2, N) row and column with the smaller coordinate, 0 ... count; the other ones
+                have the number before.
+            t: (2, N) where in between, from 0 at the smaller to 1 at the larger coordinate.
+        """
+        length, resolution = self._geometry.length[:, np.newaxis], self._geometry.resolution
+        cells = self._cells(xy)
+        np.trunc(cells, out=cells)
+        # Rounded as the map's own centres, so that at a centre t is exactly 0.
+        t = cells * -resolution
+        t += self._centre + 0.5 * (length - resolution)
+        np.subtract(xy, t, out=t)
+        t /= resolution
+        above = np.ceil(t) - 1.0 if closed_above else np.floor(t)
+        t -= above
+        cells -= above
+        return cells.astype(np.intp), t
+
+    def _refuse(self, points: Positions) -> None:
+        outside = points[~self._geometry.is_inside(points)][0]
+        raise OutOfMapError(
+            f"position {as_text(outside)} is outside the map: {self._geometry.place}"
+        )
+
+
+def _set_weights(weights: Numbers, t: Numbers) -> None:
+    """Set the weights (K, ...) of K neighbours in a row, the lowest one first.
+
+    Args:
+        weights: of 2 cells, linear, or of 4, cubic.
+        t: (...) where between the two inner ones, from 0 at the lower to 1 at the higher.
+    """
+    rest = 1.0 - t
+    if len(weights) == 2:
+        weights[0], weights[1] = rest, t
+        return
+    # Keys's kernel with a = -1/2; the Hermite polynomial with central differences for slopes is
+    # the same.
+    lowest, below, above, highest = weights
+    outer = -0.5 * t
+    outer *= rest
+    np.multiply(outer, rest, out=lowest)
+    np.multiply(outer, t, out=highest)
+    # With these inner ones constants and straight lines are reproduced.
+    bend = np.subtract(highest, lowest, out=outer)
+    np.subtract(rest, lowest, out=below)
+    below += bend
+    np.subtract(t, highest, out=above)
+    above -= bend
+
+
+def _continue_slopes(weights: Numbers, below: Places, size: Size) -> None:
+    """Give a corner beyond the border the slope of the border cell, in cubic weights (4, 2, N).
+
+    With repeated cells alone its slope would be zero.
+    """
+    for beyond, near, far in (
+        (below >= np.array(size)[:, np.newaxis], 0, 3),
+        (below <= 0, 3, 0),
+    ):
+        if beyond.any():
+            weights[far][beyond] -= weights[near][beyond]
+            weights[near][beyond] *= 2.0
+
+
+def _set_places(around: Places, places: Places, below: Places) -> None:
+    """Set the places (K, N) of K neighbours along an axis, half of them below each position.
+
+    Args:
+        around: where to.
+        places: of all cells of the axis, from `_places`.
+        below: (N,) numbers of the nearest cells below the positions.
+    """
+    for step, row in enumerate(around, start=1 - len(around) // 2):
+        places[_PADDING - step :].take(below, mode="clip", out=row)
+
+
+@lru_cache(maxsize=8)
+def _places(count: int, start: int, stride: int) -> Places:
+    """Return where in the flat buffer the cells -2 ... count + 1 of an axis lie.
+
+    Beyond the map they repeat the border cell, which at the far border also serves positions that
+    rounding takes one cell too far.
+    """
+    cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
+    return (cells + start) % count * stride
+
+
+def _as_interpolation(interpolation: Interpolation | str) -> Interpolation:
+    try:
+        return Interpolation(interpolation)
+    except ValueError:
+        known = ", ".join(method.value for method in Interpolation)
+        raise GridMapError(
+            f"interpolation: expected one of {known}, got {interpolation!r}"
+        ) from None

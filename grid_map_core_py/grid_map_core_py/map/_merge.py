@@ -1,0 +1,137 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Growing a map, and filling it with the data of another one."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Mask, Positions
+from ..errors import GridMapError
+from ._geometry import BORDER_TOLERANCE, GridGeometry
+
+if TYPE_CHECKING:
+    from ._grid_map import GridMap
+
+_BLOCK = 1 << 15
+"""Cells copied at a time, so that they stay in the cache."""
+
+
+def add_data_from(
+    grid_map: "GridMap",
+    other: "GridMap",
+    *,
+    extend_map: bool,
+    overwrite_data: bool,
+    layers: tuple[str, ...] | None,
+) -> None:
+    """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
+    _check_frames(grid_map, other)
+    sources = {name: other[name] for name in (other.layers if layers is None else layers)}
+    if extend_map:
+        grid_map.extend_to_include(other)
+    rows, rows_inside = _lines_under(grid_map, other, axis=0)
+    columns, columns_inside = _lines_under(grid_map, other, axis=1)
+    for name, source in sources.items():
+        if name not in grid_map:
+            grid_map.add(name)
+        for block in _blocks(rows_inside, columns_inside):
+            # Column after column, as layers are stored: one index is faster than two.
+            cells = columns[block[1], None] * source.shape[0] + rows[block[0]]
+            _fill(grid_map[name][block].T, source.ravel("F")[cells], overwrite_data)
+
+
+def extended_map(grid_map: "GridMap", other: "GridMap") -> "GridMap":
+    """Return a map that covers `other` as well, `grid_map` itself if it does so already."""
+    _check_frames(grid_map, other)
+    before, after = _missing_cells(grid_map.geometry, other.geometry)
+    if not (before.any() or after.any()):
+        return grid_map
+    shift = 0.5 * grid_map.resolution * (before - after)
+    result = grid_map.from_geometry(
+        GridGeometry(
+            grid_map.length + grid_map.resolution * (before + after),
+            grid_map.resolution,
+            grid_map.position + shift,
+        ),
+        grid_map.layers,
+        basic_layers=grid_map.basic_layers,
+        frame_id=grid_map.frame_id,
+        timestamp=grid_map.timestamp,
+    )
+    (row, column), (rows, columns) = before.astype(int), grid_map.size
+    for name in grid_map:
+        result[name][row : row + rows, column : column + columns] = grid_map.unwrapped(name)
+    return result
+
+
+def _check_frames(grid_map: "GridMap", other: "GridMap") -> None:
+    if not isinstance(getattr(other, "geometry", None), GridGeometry):
+        raise GridMapError(f"other: expected a map, got {other!r}")
+    if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
+        raise GridMapError(
+            f"the other map is in frame {other.frame_id!r}, this one in {grid_map.frame_id!r}: "
+            f"bring it there with get_transformed_map"
+        )
+
+
+def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions, Positions]:
+    """Return how many rows and columns take `inner` to where `outer` ends.
+
+    Returns:
+        before: (2,) whole numbers >= 0 of rows and columns towards +x, +y.
+        after: (2,) likewise towards -x, -y.
+    """
+    ahead = outer.corner - inner.corner
+    # Far from the origin, coordinates have fewer digits than the usual tolerance asks for.
+    tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
+    behind = (inner.corner - inner.length) - (outer.corner - outer.length)
+    before, after = (
+        np.maximum(np.ceil((overhang - tolerance) / inner.resolution), 0.0)
+        for overhang in (ahead, behind)
+    )
+    return before, after
+
+
+def _lines_under(
+    grid_map: "GridMap", other: "GridMap", axis: int
+) -> tuple[npt.NDArray[np.int64], Mask]:
+    """Return which row (axis 0) or column (axis 1) of `other` lies under each one of `grid_map`.
+
+    Both grids are parallel, so that this does not depend on the other axis.
+
+    Returns:
+        lines: buffer indices of `other` in the order of the buffer of `grid_map`.
+        inside: whether the centres lie on `other` along this axis.
+    """
+    centres = np.roll(grid_map.geometry.axes()[axis], grid_map.start_index[axis])
+    positions = np.tile(other.position, (centres.size, 1))
+    positions[:, axis] = centres
+    lines, inside = other.get_indices(positions)
+    return lines[:, axis], inside
+
+
+def _blocks(rows_inside: Mask, columns_inside: Mask) -> Iterator[tuple[slice, slice]]:
+    """Yield blocks that cover what is inside, small enough for the cache."""
+    for rows in _runs(rows_inside):
+        step = max(1, _BLOCK // (rows.stop - rows.start))
+        for columns in _runs(columns_inside):
+            for first in range(columns.start, columns.stop, step):
+                yield rows, slice(first, min(first + step, columns.stop))
+
+
+def _runs(inside: Mask) -> list[slice]:
+    """Return the slices in which a mask is true: at most two round the end of a buffer."""
+    padded = np.concatenate(([False], inside, [False]))
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _fill(target: Layer, values: Layer, overwrite: bool) -> None:
+    """Write the finite values into a view of a layer, over finite ones only if so wanted."""
+    written = np.isfinite(values)
+    if not overwrite:
+        written &= ~np.isfinite(target)
+    np.copyto(target, values, where=written)

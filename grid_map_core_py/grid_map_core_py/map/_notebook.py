@@ -1,0 +1,101 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How maps look in notebooks: a table of the layers with small pictures, and a picture by itself.
+
+Pictures show the map from above, x to the right and y upwards, from the smallest finite value (dark
+blue) to the largest (yellow); cells that are NaN are transparent. Layers whose name ends in `color`
+are taken for packed colours.
+"""
+
+import base64
+import html
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, as_text
+from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
+from ..conversions._color import color_value_to_bytes
+
+if TYPE_CHECKING:
+    from ._grid_map import GridMap
+
+THUMBNAIL = 96
+"""Pixels of the longer side of a layer's picture in the table."""
+
+PICTURE = 480
+"""Pixels of the longer side of the picture by itself."""
+
+_COLUMNS = ("layer", "min", "max", "mean", "NaN", "")
+_OPAQUE = 255
+
+
+def to_html(grid_map: "GridMap") -> str:
+    """Return a table of the layers, with pictures that are part of the text."""
+    rows, columns = grid_map.size
+    title = (
+        f"GridMap: {rows} x {columns} cells of {grid_map.resolution:g} m, "
+        f"{as_text(grid_map.length)} m around {as_text(grid_map.position)} "
+        f"in {grid_map.frame_id!r}, {grid_map.timestamp} ns"
+    )
+    head = "".join(f"<th>{name}</th>" for name in _COLUMNS)
+    body = "".join(_row(grid_map, layer) for layer in grid_map)
+    return f"<p>{html.escape(title)}</p><table><tr>{head}</tr>{body}</table>"
+
+
+def to_png(grid_map: "GridMap") -> bytes | None:
+    """Return a picture of the first basic layer, or of the first layer; None without layers."""
+    layers = (*grid_map.basic_layers, *grid_map.layers)
+    return _png(grid_map, layers[0], PICTURE) if layers else None
+
+
+def _row(grid_map: "GridMap", layer: str) -> str:
+    name = html.escape(layer)
+    values = grid_map[layer]
+    shown = [f"<b>{name}</b>" if layer in grid_map.basic_layers else name]
+    if _is_color(layer):
+        shown += 3 * [""]
+    else:
+        numbers = (min_of_finites(values), max_of_finites(values), mean_of_finites(values))
+        shown += [f"{number:.4g}" for number in numbers]
+    shown.append(f"{np.isnan(values).mean():.1%}")
+    picture = base64.b64encode(_png(grid_map, layer, THUMBNAIL)).decode()
+    shown.append(f'<img alt="{name}" src="data:image/png;base64,{picture}">')
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in shown) + "</tr>"
+
+
+def _png(grid_map: "GridMap", layer: str, side: int) -> bytes:
+    """Return a picture whose longer side has so many pixels."""
+    # Layers begin with the largest x and y: that is at the top, but to the left.
+    values = grid_map.unwrapped(layer).T[:, ::-1]
+    height, width = values.shape
+    scale = side / max(height, width)
+    shape = max(1, round(scale * width)), max(1, round(scale * height))
+    resized = cv2.resize(np.ascontiguousarray(values), shape, interpolation=cv2.INTER_NEAREST)
+    seen = np.asarray(resized, np.float32)
+    pixels = _packed_bgr(seen) if _is_color(layer) else _bgr(seen, grid_map[layer])
+    alpha = np.where(np.isnan(seen), 0, _OPAQUE).astype(np.uint8)
+    _, data = cv2.imencode(".png", np.dstack([pixels, alpha]))
+    return data.tobytes()
+
+
+def _bgr(values: Layer, layer: Layer) -> npt.NDArray[np.uint8]:
+    """Return the colours (height, width, 3) of values, which are some of those of the layer."""
+    low, high = min_of_finites(layer), max_of_finites(layer)
+    factor = _OPAQUE / (high - low) if high > low else 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = (values - np.float32(low)) * np.float32(factor)
+    # These two take NaN for the bound.
+    steps = np.fmin(np.fmax(steps, 0), _OPAQUE)
+    colors: npt.NDArray[np.uint8] = cv2.applyColorMap(steps.astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+    return colors
+
+
+def _packed_bgr(values: Layer) -> npt.NDArray[np.uint8]:
+    return np.stack(color_value_to_bytes(values)[::-1], axis=-1)
+
+
+def _is_color(layer: str) -> bool:
+    return layer.endswith("color")

@@ -1,0 +1,192 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Layers with holes, interpolated to other numbers of rows and columns.
+
+All interpolations of OpenCV's `resize` are linear in the pixels and separable. Resizing single
+pixels of value 1 gives their weights. With the weights, holes can be left out of every sum, and
+any block of the result can be computed from the part of the layer that it needs.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from ..arrays._checks import Layer, Size
+from ..arrays._pieces import slices
+from ..errors import GeometryError
+from . import _ring_buffer as ring_buffer
+
+_REACH = 5
+"""Cells from the nearest that kernels reach, Lanczos' the farthest; half a target more by area."""
+
+_CHANNELS = 4
+"""Of an image that OpenCV resizes whatever the interpolation."""
+
+_BLOCK = 2**16
+"""Source and target cells that are worked on at once in a large layer."""
+
+_SMALL_BLOCK = 2**14
+"""So many where the layer is small, so that it outweighs what is computed of them."""
+
+_TIE = 1e-9
+"""Cells by which a target cell may miss the middle between two source cells."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What the target cells along one axis are made from.
+
+    Args:
+        sources: number of source cells.
+        targets: number of target cells.
+        factor: target cells per source cell; both begin at the same border.
+        interpolation: a flag of OpenCV's `resize`.
+    """
+
+    sources: int
+    targets: int
+    factor: float
+    interpolation: int
+
+    @property
+    def picks(self) -> bool:
+        """Whether every target cell takes the value of one source cell."""
+        return self.interpolation in (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT)
+
+    @cached_property
+    def nearest(self) -> npt.NDArray[np.intp]:
+        """(targets,) the source cell whose centre is nearest, or that is picked."""
+        if self.picks:
+            return self._resized(np.arange(self.sources)[:, None])[:, 0].astype(np.intp)
+        centres = (np.arange(self.targets) + 0.5) / self.factor
+        # In the middle between two cells it is the first.
+        cells = np.ceil(centres - 1.0 - _TIE)
+        return np.asarray(np.clip(cells, 0, self.sources - 1), dtype=np.intp)
+
+    @cached_property
+    def weights(self) -> "Weights":
+        """The weights of the source cells in the target cells."""
+        # Sources so far apart that no target is made from two of them may share a line.
+        by_area = self.interpolation == cv2.INTER_AREA
+        reach = _REACH + (math.ceil(0.5 / self.factor) if by_area else 0)
+        apart = 2 * reach + 1
+        combs = np.arange(self.sources)[:, None] % apart == np.arange(apart)
+        weights = self._resized(combs)
+        first = self.nearest[:, None] - reach
+        sources = first + (np.arange(apart) - first) % apart
+        used = weights != 0
+        ends = np.concatenate(([0], np.cumsum(np.count_nonzero(used, axis=1))))
+        shape = self.targets, self.sources
+        matrix = sparse.csr_array((weights[used], sources[used], ends), shape)
+        # SciPy sorts when it likes to, and would then reorder the values that parts share.
+        matrix.sort_indices()
+        return Weights(matrix)
+
+    def _resized(self, lines: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+        """Return N lines of pixels (sources, N) resized to (targets, N)."""
+        # OpenCV rounds a half to an even number of cells, which may be one too few.
+        is_short = np.rint(self.sources * self.factor) < self.targets
+        margin = math.ceil(1.0 / self.factor) if is_short else 0
+        padded = np.pad(lines.astype(np.float32), ((0, margin), (0, 0)), mode="edge")
+        # As channels of one line of pixels, none of them can leak into another.
+        parts = [self._resize(padded[None, :, part]) for part in slices(lines.shape[1], _CHANNELS)]
+        return np.concatenate(parts, axis=1)[: self.targets]
+
+    def _resize(self, line: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Return (1, pixels, channels) resized to (targets, channels), which may be too many."""
+        try:
+            resized = cv2.resize(line, None, fx=self.factor, fy=1, interpolation=self.interpolation)
+        except cv2.error as error:
+            raise GeometryError(
+                f"interpolation: OpenCV cannot resize with {self.interpolation!r}: {error.err}"
+            ) from error
+        return np.asarray(resized, dtype=np.float32).reshape(-1, line.shape[2])
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of source cells in target cells.
+
+    Args:
+        matrix: (targets, sources) float32.
+    """
+
+    matrix: "sparse.csr_array"
+
+    @cached_property
+    def magnitudes(self) -> "sparse.csr_array":
+        """(targets, sources) the weights without signs."""
+        return abs(self.matrix)
+
+    @cached_property
+    def sums(self) -> npt.NDArray[np.float32]:
+        """(targets,) sums of the magnitudes."""
+        return np.asarray(self.magnitudes.sum(axis=1))
+
+    def part(self, targets: slice) -> tuple[slice, "Weights"]:
+        """Return the sources that some targets are made from, and their weights."""
+        ends = self.matrix.indptr[targets.start : targets.stop + 1]
+        used = slice(ends[0], ends[-1])
+        sources = self.matrix.indices[used]
+        first, last = int(sources.min()), int(sources.max())
+        values = self.matrix.data[used], sources - first, ends - ends[0]
+        shape = targets.stop - targets.start, last + 1 - first
+        return slice(first, last + 1), Weights(sparse.csr_array(values, shape))
+
+
+def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
+    """Interpolate a layer.
+
+    A target cell whose nearest source cell is not finite takes its value, NaN or an infinity. All
+    other target cells are finite: source cells that are not finite have no part in them.
+
+    Args:
+        layer: (rows, cols) the buffer.
+        start: where cell (0, 0) of the map lies in it.
+        rows, columns: the axes, `rows.sources` by `columns.sources`.
+
+    Returns:
+        (rows.targets, columns.targets) in map order.
+    """
+    result: Layer = np.empty((rows.targets, columns.targets), np.float32, order="F")
+    block = min(_BLOCK, max(_SMALL_BLOCK, result.size // 3))
+    step = int(block / (rows.sources / columns.factor + rows.targets))
+    for targets in slices(columns.targets, step):
+        result[:, targets] = _block(layer, start, rows, columns, targets)
+    return result
+
+
+def _block(layer: Layer, start: Size, rows: Axis, columns: Axis, targets: slice) -> Layer:
+    needed, weights = columns.weights.part(targets)
+    block = ring_buffer.block(layer, start, slice(0, rows.sources), needed)
+    picked: Layer = block[np.ix_(rows.nearest, columns.nearest[targets] - needed.start)]
+    if not rows.picks:
+        finite = np.isfinite(picked)
+        np.copyto(picked, _interpolate(block, rows.weights, weights), where=finite)
+    return picked
+
+
+def _interpolate(block: Layer, rows: Weights, columns: Weights) -> Layer:
+    """Return what the block gives, also where that has no meaning; its holes are overwritten."""
+    missing = ~np.isfinite(block)
+    np.copyto(block, 0, where=missing)
+    result = _product(rows.matrix, block, columns.matrix)
+    if not missing.any():
+        return result
+    # Next to holes a mean without negative weights; with them the sum of weights could vanish.
+    holes = _product(rows.magnitudes, missing.astype(np.float32), columns.magnitudes)
+    known = np.outer(rows.sums, columns.sums) - holes
+    with np.errstate(divide="ignore", invalid="ignore"):
+        means = _product(rows.magnitudes, block, columns.magnitudes) / known
+    return np.where(holes > 0, means, result)
+
+
+def _product(rows: "sparse.csr_array", block: Layer, columns: "sparse.csr_array") -> Layer:
+    product: Layer = rows @ (columns @ block.T).T
+    return product

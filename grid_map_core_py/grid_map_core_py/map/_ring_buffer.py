@@ -1,0 +1,131 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The circular buffer that a map is stored in.
+
+`start` is the place in the buffer where cell (0, 0) of the map lives. Moving the map moves `start`
+and leaves the data where it is, so that a row may run over the end of the buffer to its beginning.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Cells, Integers, Layer, Size
+from ..arrays._pieces import chunks, interleaved
+
+
+@dataclass(frozen=True)
+class BufferRegion:
+    """A rectangle of the buffer.
+
+    Attributes:
+        start_index: first row and column, buffer indices.
+        size: rows and columns.
+    """
+
+    start_index: Size
+    size: Size
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Index of the region in a layer: `layer[region.slices]`."""
+        (row, column), (rows, columns) = self.start_index, self.size
+        return slice(row, row + rows), slice(column, column + columns)
+
+
+def wrap(cells: npt.ArrayLike, start: Size, size: Size) -> Cells:
+    """Return where in the buffer (..., 2) cells lie; beyond the map they go on round the ring."""
+    return _turned(cells, start, size)
+
+
+def unwrap(indices: npt.ArrayLike, start: Size, size: Size) -> Cells:
+    """Return which cells of the map lie at (..., 2) buffer indices."""
+    return _turned(indices, (-start[0] % size[0], -start[1] % size[1]), size)
+
+
+def turn(pairs: Integers, by: Integers, size: Integers, scratch: Integers) -> None:
+    """Shift row, column, row, ... round the ring in place.
+
+    Args:
+        pairs: (2 N,) on the map.
+        by: rows and columns to shift by, `interleaved`; each at least 0 and below the size.
+        size: rows and columns of the map, `interleaved`.
+        scratch: (2 N,) to be overwritten.
+    """
+    pairs += by[: pairs.size]
+    beyond = np.subtract(pairs, size[: pairs.size], out=scratch)
+    # One of the two is on the map; the other is larger, negative numbers being huge without sign.
+    unsigned = pairs.view(np.uint64)
+    np.minimum(unsigned, beyond.view(np.uint64), out=unsigned)
+
+
+def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
+    """Copy a block of map cells out of the buffer, in map order.
+
+    Args:
+        layer: (rows, cols) the whole buffer.
+        start: where cell (0, 0) of the map lies.
+        rows, columns: the block, as cells of the map.
+    """
+    out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
+        for from_columns, to_columns in _pieces(columns, start[1], layer.shape[1]):
+            out[to_rows, to_columns] = layer[from_rows, from_columns]
+    return out
+
+
+def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
+    """Return the buffer regions whose cells leave the map when it moves by `shift` cells.
+
+    They hold the newly covered cells afterwards. At most two strips of rows come first, then at
+    most two strips of columns; a shift by the whole map or more gives one region, the buffer.
+    """
+    if any(abs(step) >= cells for step, cells in zip(shift, size, strict=True)):
+        return [BufferRegion((0, 0), size)]
+    rows = [
+        BufferRegion((first, 0), (count, size[1]))
+        for first, count in _strips(start[0], size[0], shift[0])
+    ]
+    columns = [
+        BufferRegion((0, first), (size[0], count))
+        for first, count in _strips(start[1], size[1], shift[1])
+    ]
+    return rows + columns
+
+
+def _pieces(cells: slice, start: int, size: int) -> Iterator[tuple[slice, slice]]:
+    """Yield (buffer slice, block slice) of the one or two runs that cells take in the buffer."""
+    first = (cells.start + start) % size
+    count = cells.stop - cells.start
+    before_end = min(count, size - first)
+    yield slice(first, first + before_end), slice(0, before_end)
+    if before_end < count:
+        yield slice(0, count - before_end), slice(before_end, count)
+
+
+def _strips(start: int, size: int, shift: int) -> Iterator[tuple[int, int]]:
+    """Yield (first, count) of the buffer lines that a shift along one axis uncovers."""
+    if shift == 0:
+        return
+    first = (start if shift > 0 else start + shift) % size
+    count = abs(shift)
+    before_end = min(count, size - first)
+    yield first, before_end
+    if before_end < count:
+        yield 0, count - before_end
+
+
+def _turned(cells: npt.ArrayLike, by: Size, size: Size) -> Cells:
+    given = np.asarray(cells, dtype=np.int64)
+    points = given.reshape(-1, 2)
+    if (points < 0).any() or (points >= size).any():
+        return (given + by) % size
+    turned = points.copy()
+    bys, sizes = interleaved(by, turned), interleaved(size, turned)
+    scratch = np.empty_like(bys)
+    for part in chunks(turned):
+        pairs = turned[part].reshape(-1)
+        turn(pairs, bys, sizes, scratch[: pairs.size])
+    return turned.reshape(given.shape)

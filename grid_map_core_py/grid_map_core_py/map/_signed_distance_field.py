@@ -1,0 +1,471 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""How far every point above and below a height layer is from its surface."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Positions, as_array, as_number
+from ..arrays._pieces import CHUNK, chunks
+from ..errors import GeometryError, GridMapError
+from ._geometry import BORDER_TOLERANCE, GridGeometry
+
+if TYPE_CHECKING:
+    from ._grid_map import GridMap
+
+Nodes: TypeAlias = npt.NDArray[np.float32]
+"""(rows, cols, levels) float32, or a part of it: one number per node of a field."""
+
+_Coordinates: TypeAlias = list[Positions]
+"""Three (N,) float64: the coordinates of N points along each axis."""
+
+_MOST_NODES = 2**31
+"""8 GiB of distances; a field beyond it is a mistake in its heights."""
+
+_STRIP = 1 << 16
+"""Cells that are worked on at once, so that they stay in the cache."""
+
+
+class SignedDistanceField:
+    """Distances from points in space to the surface of a height layer.
+
+    The surface is stepped: a point is filled when its z is at most the height of its cell. The
+    field holds exact distances at nodes, which lie over the cell centres on horizontal levels one
+    resolution apart. In the air a distance is positive and reaches to the nearest filled point of a
+    column, where a column stands at each cell centre and ends at the height of the cell. In the
+    ground it is negative and reaches to the nearest free point of the lines above the columns. On
+    top of its column a node has distance 0. Beyond the border of the map there is nothing, neither
+    ground nor air.
+
+    Between the nodes distances are interpolated trilinearly, and outside they go on linearly,
+    which is an estimate that gets worse with the distance from the field. Along a side of a single
+    cell they are constant.
+
+    A cell of height +inf is filled at any z, a cell of height -inf at none. In a map without any
+    filled cell all distances are +inf, in one without any free point -inf; gradients are then 0.
+
+    Args:
+        grid_map: the map, which is not kept: later changes of it do not show.
+        layer: name of the layer with the heights [m].
+        min_height: z of the lowest level [m], map frame.
+        max_height: z that the highest level reaches at least [m]; there are two levels or more.
+        unknown: what cells without data (NaN) are; None refuses them, "free" takes them for cells
+            of height -inf.
+
+    Raises:
+        LayerNotFoundError: there is no such layer.
+        GeometryError: a height is not finite, `max_height` is below `min_height`, or there
+            would be more than 2**31 nodes.
+        GridMapError: there are cells without data, or `unknown` is neither None nor "free".
+
+    Example:
+        >>> grid_map = GridMap((1.0, 1.0), 0.1, layers={"elevation": 0.2})
+        >>> field = SignedDistanceField(grid_map, "elevation", 0.0, 1.0)
+        >>> round(field.value((0.0, 0.0, 0.7)), 6)
+        0.5
+    """
+
+    def __init__(
+        self,
+        grid_map: "GridMap",
+        layer: str,
+        min_height: float,
+        max_height: float,
+        *,
+        unknown: Literal["free"] | None = None,
+    ) -> None:
+        self._geometry = grid_map.geometry
+        self._frame_id = grid_map.frame_id
+        self._timestamp = grid_map.timestamp
+        heights = _heights(grid_map, layer, unknown)
+        self._levels = _levels(self._geometry, min_height, max_height)
+        self._distances = _distances(heights, self._levels, self.resolution)
+        self._distances.flags.writeable = False
+        self._base, self._interpolant = self._interpolation()
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Size, resolution and place of the map."""
+        return self._geometry
+
+    @property
+    def resolution(self) -> float:
+        """Distance between neighbouring nodes along each axis [m]."""
+        return self._geometry.resolution
+
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame of all points."""
+        return self._frame_id
+
+    @property
+    def timestamp(self) -> int:
+        """Time of the map [ns]."""
+        return self._timestamp
+
+    @property
+    def levels(self) -> Positions:
+        """(levels,) z of every level [m], ascending; read-only."""
+        return self._levels
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, columns and levels."""
+        return *self._geometry.size, self._levels.size
+
+    @property
+    def distances(self) -> Nodes:
+        """(rows, cols, levels) float32 distance at every node [m]; read-only.
+
+        Rows run towards -x and columns towards -y from the corner with the largest x and y, however
+        the map was stored; levels run upwards.
+        """
+        return self._distances
+
+    def value(self, points: npt.ArrayLike) -> float | Positions:
+        """Return the signed distance at points.
+
+        Args:
+            points: (3,) or (N, 3) x, y, z [m], map frame.
+
+        Returns:
+            A float or (N,) float64 [m]; NaN where a coordinate is not finite.
+
+        Raises:
+            GeometryError: the points have another shape.
+        """
+        given = _as_points(points)
+        values = self._interpolant.values(given.reshape(-1, 3))
+        values += self._base
+        return float(values[0]) if given.ndim == 1 else values
+
+    def nearest_value(self, points: npt.ArrayLike) -> float | Positions:
+        """Return the distance at the node nearest to each point, faster than `value`.
+
+        Args and errors are those of `value`. Outside, the nearest node is one on the border.
+        """
+        given = _as_points(points)
+        values = self._interpolant.nearest_values(given.reshape(-1, 3))
+        values += self._base
+        return float(values[0]) if given.ndim == 1 else values
+
+    def gradient(self, points: npt.ArrayLike) -> Positions:
+        """Return the derivatives of the signed distance along x, y and z.
+
+        They are those of what `value` interpolates. On a plane through nodes, and within 1e-9 m of
+        it, the derivative across the plane jumps: there it is the mean of those on both sides.
+
+        Args:
+            points: (3,) or (N, 3) x, y, z [m], map frame.
+
+        Returns:
+            (3,) or (N, 3) float64; NaN where a coordinate is not finite.
+
+        Raises:
+            GeometryError: the points have another shape.
+        """
+        return self.value_and_gradient(points)[1]
+
+    def value_and_gradient(self, points: npt.ArrayLike) -> tuple[float | Positions, Positions]:
+        """Return what `value` and `gradient` return, for the price of `gradient`."""
+        given = _as_points(points)
+        values, gradients = self._interpolant.values_and_gradients(given.reshape(-1, 3))
+        values += self._base
+        return (float(values[0]), gradients[0]) if given.ndim == 1 else (values, gradients)
+
+    def to_points(self, lower: float = -np.inf, upper: float = np.inf) -> npt.NDArray[np.float32]:
+        """Return the nodes whose distance lies between two limits.
+
+        Args:
+            lower: smallest distance [m].
+            upper: largest distance [m].
+
+        Returns:
+            (N, 4) float32 x, y, z and distance [m] in the order of `distances`: upwards, then
+            towards -y, then towards -x.
+        """
+        least, most = as_number(lower, "lower"), as_number(upper, "upper")
+        chosen = (self._distances >= least) & (self._distances <= most)
+        points = np.empty((np.count_nonzero(chosen), 4), np.float32)
+        for axis, coordinates in enumerate(np.ix_(*self._geometry.axes(), self._levels)):
+            points[:, axis] = np.broadcast_to(coordinates, self.shape)[chosen]
+        points[:, 3] = self._distances[chosen]
+        return points
+
+    def __repr__(self) -> str:
+        rows, columns, levels = self.shape
+        return (
+            f"SignedDistanceField({rows} x {columns} x {levels} nodes of {self.resolution} m, "
+            f"z from {self._levels[0]:g} to {self._levels[-1]:g} m, in {self._frame_id!r})"
+        )
+
+    def _interpolation(self) -> tuple[float, "_Trilinear"]:
+        """Return a number to add to every value, and the rest as a function of the point."""
+        x, y = self._geometry.axes()
+        first = np.array([x[0], y[0], self._levels[0]])
+        steps = self.resolution * np.array([-1.0, -1.0, 1.0])
+        # A field is infinite as a whole or nowhere, and infinities cannot be interpolated.
+        base = float(self._distances[0, 0, 0])
+        if math.isinf(base):
+            return base, _Trilinear(np.zeros((1, 1, 1), np.float32), first, steps)
+        return 0.0, _Trilinear(self._distances, first, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trilinear:
+    """Trilinear interpolation between regular nodes, going on linearly outside.
+
+    Args:
+        nodes: (l, m, n) float32 values, contiguous in any order of the axes; constant along an axis
+            with a single node.
+        first: (3,) where node (0, 0, 0) lies.
+        steps: (3,) from a node to the next one along each axis.
+    """
+
+    nodes: Nodes
+    first: Positions
+    steps: Positions
+
+    def nearest_values(self, points: Positions) -> Positions:
+        """Return the values (N,) of the nodes nearest to points (N, 3)."""
+        values = np.empty(len(points))
+        for part in chunks(points):
+            places, cells = self._located(points[part], np.rint, 1)
+            values[part] = self._flat_nodes.take(self._index(cells))
+            if np.isnan(sum(place.sum() for place in places)):
+                values[part][np.isnan(places).any(axis=0)] = np.nan
+        return values
+
+    def values(self, points: Positions) -> Positions:
+        """Return the values (N,) at points (N, 3)."""
+        values = np.empty(len(points))
+        # Fresh memory for every chunk would have to be mapped again and again.
+        buffer = np.empty((8, min(len(points), CHUNK)), np.float32)
+        for part in chunks(points):
+            places, cells = self._located(points[part], np.floor, 2)
+            corners = self._corners(cells, buffer[:, : cells[0].size])
+            for fraction in _fractions(places, cells):
+                low, high = _halves(corners)
+                high -= low
+                high *= fraction
+                low += high
+                corners = low
+            values[part] = corners[0]
+        return values
+
+    def values_and_gradients(self, points: Positions) -> tuple[Positions, Positions]:
+        """Return the values (N,) and gradients (N, 3) at points (N, 3)."""
+        values, gradients = np.empty(len(points)), np.empty(points.shape)
+        for part in chunks(points):
+            places, cells = self._located(points[part], np.floor, 2)
+            values[part], *slopes = self._values_and_slopes(places, cells)
+            for axis, slope in enumerate(slopes):
+                self._average_at_kinks(slope, axis, places, cells)
+                np.divide(slope, self.steps[axis], out=gradients[part, axis])
+        gradients += 0.0  # Steps are negative along x and y, but no user wants to read -0.
+        gradients[np.isnan(values)] = np.nan
+        return values, gradients
+
+    def _located(
+        self, points: Positions, rounded: Callable[[Positions], Positions], width: int
+    ) -> tuple[_Coordinates, _Coordinates]:
+        """Return where (N, 3) points lie in the grid, and nodes there.
+
+        Args:
+            points: (N, 3).
+            rounded: makes coordinates whole numbers.
+            width: so many nodes must follow along each axis, the first one included.
+
+        Returns:
+            places: counted in nodes; NaN unless finite.
+            cells: whole numbers, `rounded` places moved to existing nodes.
+        """
+        places, cells = [], []
+        for axis, size in enumerate(self.nodes.shape):
+            place = points[:, axis] - self.first[axis]
+            place *= 1 / self.steps[axis]
+            cell, last = rounded(place), max(size - width, 0)
+            # Most often all points are inside, which takes less time to see than to bring about.
+            if not (cell.min() >= 0 and cell.max() <= last):
+                place[~np.isfinite(place)] = np.nan
+                # Unlike np.clip this turns NaN into a number, so that there is a node to look up.
+                np.fmax(np.fmin(cell, last, out=cell), 0, out=cell)
+            places.append(place)
+            cells.append(cell)
+        return places, cells
+
+    def _index(self, cells: _Coordinates) -> npt.NDArray[np.intp]:
+        """Return where in memory cells are, which float64 holds exactly."""
+        first, second, third = self._strides
+        index = cells[0] * first
+        index += cells[1] * second
+        index += cells[2] * third
+        return index.astype(np.intp)
+
+    @cached_property
+    def _strides(self) -> list[int]:
+        """How many nodes further in memory the next one along each axis is; 0 if there is none."""
+        strides = np.floor_divide(self.nodes.strides, self.nodes.itemsize)
+        return [int(stride) for stride in np.where(np.array(self.nodes.shape) > 1, strides, 0)]
+
+    @cached_property
+    def _flat_nodes(self) -> npt.NDArray[np.float32]:
+        """The nodes as they follow each other in memory; a view."""
+        return self.nodes.ravel(order="K")
+
+    def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
+        """Return in `out` the nodes (8, N) around cells; the first axis changes slowest."""
+        index = self._index(cells)
+        for corner, nodes in zip(out, self._shifted_nodes, strict=True):
+            # Every index is in range; any other mode would copy through a buffer.
+            nodes.take(index, out=corner, mode="clip")
+        return out
+
+    @cached_property
+    def _shifted_nodes(self) -> list[npt.NDArray[np.float32]]:
+        """Views of the flat nodes, in which the index of a cell finds each of its eight corners."""
+        offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
+        return [self._flat_nodes[offset:] for offset in offsets]
+
+    def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
+        """Return (4, N) the values, and their derivatives along the three axes per node."""
+        found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
+        for fraction in _fractions(places, cells):
+            low, high = _halves(found)
+            slope = high - low
+            found = np.concatenate([low + slope * fraction, slope[:, :1]], axis=1)
+        jets: Nodes = found[0]
+        return jets
+
+    def _average_at_kinks(
+        self, slope: Nodes, axis: int, places: _Coordinates, cells: _Coordinates
+    ) -> None:
+        """Replace slopes (N,) on planes through inner nodes by the mean of both sides."""
+        nearest = np.rint(places[axis])
+        kink = np.abs(places[axis] - nearest) <= BORDER_TOLERANCE / abs(self.steps[axis])
+        kink &= (nearest > 0) & (nearest < self.nodes.shape[axis] - 1)
+        if kink.any():
+            beyond = [cell[kink] for cell in cells]
+            beyond[axis] = 2 * nearest[kink] - 1 - beyond[axis]
+            there = self._values_and_slopes([place[kink] for place in places], beyond)
+            slope[kink] += there[1 + axis]
+            slope[kink] *= 0.5
+
+
+def _halves(array: Nodes) -> tuple[Nodes, Nodes]:
+    half = len(array) // 2
+    return array[:half], array[half:]
+
+
+def _fractions(places: _Coordinates, cells: _Coordinates) -> list[npt.NDArray[np.float32]]:
+    return [(place - cell).astype(np.float32) for place, cell in zip(places, cells, strict=True)]
+
+
+def _as_points(values: npt.ArrayLike) -> Positions:
+    points: Positions = as_array(values, np.float64, "points")
+    if points.ndim not in {1, 2} or points.shape[-1] != 3:
+        raise GeometryError(f"points: expected x, y, z of shape (3,) or (N, 3), got {points.shape}")
+    return points
+
+
+def _heights(grid_map: "GridMap", layer: str, unknown: str | None) -> Layer:
+    """Return the heights (rows, cols) in map order, C order; -inf where there is no column."""
+    if unknown not in (None, "free"):
+        raise GridMapError(f"unknown: expected None or 'free', got {unknown!r}")
+    heights = np.array(grid_map.unwrapped(layer), order="C")
+    missing = np.isnan(heights)
+    if unknown is None and missing.any():
+        raise GridMapError(
+            f"layer {layer!r}: {np.count_nonzero(missing)} of {missing.size} cells are NaN; "
+            "inpaint them first, or take them for free space with unknown='free'"
+        )
+    heights[missing] = -np.inf
+    return heights
+
+
+def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Positions:
+    """Return the z of the levels (levels,)."""
+    lowest = as_number(min_height, "min_height")
+    highest = as_number(max_height, "max_height")
+    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest):
+        raise GeometryError(
+            "min_height, max_height: expected two finite numbers, the second one not smaller, "
+            f"got {min_height!r}, {max_height!r}"
+        )
+    steps = (highest - lowest - BORDER_TOLERANCE) / geometry.resolution
+    rows, columns = geometry.size
+    if not rows * columns * (steps + 1) <= _MOST_NODES:
+        raise GeometryError(
+            f"a field of {rows} x {columns} x {steps + 1:.0f} nodes is too large: z from {lowest} "
+            f"to {highest} m in steps of {geometry.resolution} m"
+        )
+    count = max(2, math.ceil(steps) + 1)
+    levels: Positions = lowest + geometry.resolution * np.arange(count, dtype=np.float64)
+    levels.flags.writeable = False
+    return levels
+
+
+def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
+    """Return the signed distances (rows, cols, levels) to the columns under `heights`."""
+    distances = np.empty((levels.size, *heights.shape), np.float32)
+    lowest, highest = heights.min(), heights.max()
+    for level, z in zip(distances, levels, strict=True):
+        # In the air the way to the next free point is 0, and in the ground that to a filled one.
+        level[...] = _to_nearest(z, heights, resolution) if z > lowest else 0.0
+        if z < highest:
+            level -= _to_nearest(heights, z, resolution)
+    return np.moveaxis(distances, 0, 2)
+
+
+def _to_nearest(upper: npt.ArrayLike, lower: npt.ArrayLike, resolution: float) -> Layer:
+    """Return how far each cell is from the nearest end of a vertical gap over any cell.
+
+    The gap reaches from `lower` up to `upper`, of which one is a number and one (rows, cols); it
+    has no height where they are the other way round. With its height f(c) the squared distance of a
+    cell is the smallest of (distance to the centre of c)^2 + f(c)^2 over all cells c, the
+    generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
+    Sampled Functions, 2012), for one axis after the other.
+    """
+    squares = _transformed(_transformed(_squared_gaps(upper, lower), resolution), resolution)
+    return np.sqrt(squares, out=squares)
+
+
+def _squared_gaps(upper: npt.ArrayLike, lower: npt.ArrayLike) -> Layer:
+    # The difference of large heights may be small.
+    gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
+    np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")
+    np.maximum(gaps, 0, out=gaps)
+    # Squares beyond float32 become infinite: such a column is out of reach.
+    with np.errstate(over="ignore"):
+        return np.multiply(gaps, gaps, out=gaps)
+
+
+def _transformed(costs: Layer, resolution: float) -> Layer:
+    """Return the transposed distance transform of squared distances along the first axis."""
+    rows, columns = costs.shape
+    result: Layer = np.empty((columns, rows), np.float32)
+    width = max(1, _STRIP // rows)
+    for first in range(0, columns, width):
+        strip = slice(first, first + width)
+        result[strip] = _spread(np.ascontiguousarray(costs[:, strip]), resolution).T
+    return result
+
+
+def _spread(costs: Layer, resolution: float) -> Layer:
+    """Return the smallest of costs[k] + (resolution * (i - k))^2 over k, for every row i."""
+    nearest, shifted = costs.copy(), np.empty_like(costs)
+    least = costs.min()
+    for rows in range(1, len(costs)):
+        square = np.float32((rows * resolution) ** 2)
+        if not least + square < nearest.max():
+            break
+        np.add(costs, square, out=shifted)
+        np.minimum(nearest[rows:], shifted[:-rows], out=nearest[rows:])
+        np.minimum(nearest[:-rows], shifted[rows:], out=nearest[:-rows])
+    return nearest

@@ -1,0 +1,245 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A map seen from another coordinate frame."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Layer, Mask, Size, as_number
+from ..errors import GeometryError
+from ._geometry import BORDER_TOLERANCE, GridGeometry
+
+if TYPE_CHECKING:
+    from ._grid_map import GridMap
+
+ROTATION_TOLERANCE = 1e-3
+"""How far R^T R of a rotation R may be from the identity, so that rounded numbers pass."""
+
+_SMALL_BLOCK, _LARGE_BLOCK = 1 << 13, 1 << 14
+"""Cells transformed at a time, of a small and of a large map.
+
+Fewer cost more in calls than they save in the cache; more would outweigh a small map.
+"""
+
+_Numbers: TypeAlias = npt.NDArray[np.float64]
+_Indices: TypeAlias = npt.NDArray[np.intp]
+
+
+def transformed_map(
+    grid_map: "GridMap",
+    transform: npt.ArrayLike,
+    height_layer: str,
+    frame_id: str,
+    sample_ratio: float = 0.0,
+) -> "GridMap":
+    """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
+    matrix = _as_rigid(transform)
+    steps = _sample_steps(sample_ratio, grid_map.resolution)
+    points = _Points(*grid_map.geometry.axes(), grid_map.unwrapped(height_layer), matrix, steps)
+    others = [name for name in grid_map if name != height_layer]
+    surface = _Surface(_footprint(grid_map.geometry, matrix), with_sources=bool(others))
+    result = grid_map.from_geometry(
+        surface.geometry, frame_id=frame_id, timestamp=grid_map.timestamp
+    )
+    for rows, columns in _blocks(grid_map.size):
+        surface.add(points.moved(rows, columns), points.numbers(rows, columns))
+    # Their heights may be a copy: the layers that follow are to reuse its memory.
+    del points
+    layers = {name: surface.carried(grid_map.unwrapped(name)) for name in others}
+    layers[height_layer] = surface.layer
+    result = result.with_layers({name: layers[name] for name in grid_map})
+    result.basic_layers = grid_map.basic_layers
+    return result
+
+
+def _as_rigid(transform: npt.ArrayLike) -> _Numbers:
+    """Return a transform as (4, 4) float64 after checking that it keeps distances."""
+    try:
+        # By way of objects nothing is converted silently, such as complex numbers.
+        matrix = np.asarray(transform, dtype=object).astype(np.float64)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {transform!r}")
+    if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+        raise GeometryError(
+            f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"
+        )
+    rotation = matrix[:3, :3]
+    error = np.abs(rotation.T @ rotation - np.eye(3)).max()
+    if error > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise GeometryError(
+            f"transform: expected a rotation and a translation, but it scales, shears or mirrors: "
+            f"{rotation.tolist()}"
+        )
+    return matrix
+
+
+def _sample_steps(sample_ratio: float, resolution: float) -> list[tuple[float, float]]:
+    """Return how far along x and y [m] from its centre the points of a cell are taken."""
+    ratio = as_number(sample_ratio, "sample_ratio")
+    if not math.isfinite(ratio):
+        raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
+    if ratio <= 0:
+        return [(0.0, 0.0)]
+    step = ratio * resolution
+    return [(0.0, 0.0), (-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
+
+
+def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
+    """Return the smallest grid round the moved corners, which are taken at height 0."""
+    x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
+    # Taken in this order, their mean rounds as in the C++ library.
+    centre = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
+    # Not from the corners: their differences lose digits far from the origin.
+    length = np.abs(matrix[:2, :2]) @ geometry.length
+    size = np.ceil((length - BORDER_TOLERANCE) / geometry.resolution)
+    # Seen edge-on, the corners span no cell.
+    return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, centre)
+
+
+def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _Numbers:
+    """Return one coordinate (cols, rows) of moved points.
+
+    Args:
+        row: (4,) of the transform, for this coordinate.
+        x: (rows,) before the move.
+        y: (cols,) before the move.
+        lift: what height and translation add, for every point or for all alike.
+    """
+    moved: _Numbers = row[0] * x + (row[1] * y)[:, None]
+    moved += lift
+    return moved
+
+
+def _blocks(size: Size) -> Iterator[tuple[slice, slice]]:
+    """Yield blocks of rows and columns of a map, column after column."""
+    block = min(max(_SMALL_BLOCK, math.prod(size) // 12), _LARGE_BLOCK)
+    height = min(size[0], block)
+    width = max(1, block // height)
+    for column in range(0, size[1], width):
+        columns = slice(column, min(column + width, size[1]))
+        for row in range(0, size[0], height):
+            yield slice(row, min(row + height, size[0])), columns
+
+
+@dataclass(frozen=True)
+class _Points:
+    """The cells of a map as 3-D points that move.
+
+    Attributes:
+        x, y: (rows,) and (cols,) centres of the cells [m].
+        heights: (rows, cols) z [m], in map order.
+        matrix: (4, 4) how they move.
+        steps: (dx, dy) [m] from the centre of a cell to each of its points.
+    """
+
+    x: _Numbers
+    y: _Numbers
+    heights: Layer
+    matrix: _Numbers
+    steps: list[tuple[float, float]]
+
+    def moved(self, rows: slice, columns: slice) -> Iterator[list[_Numbers]]:
+        """Yield, for every step, x, y, z (cols, rows) of the points; -inf in z where is none."""
+        x, y = self.x[rows], self.y[columns]
+        z = self.heights.T[columns, rows].astype(np.float64)
+        missing = ~np.isfinite(z)
+        np.copyto(z, 0.0, where=missing)
+        matrix = self.matrix[:3]
+        lifts = [row[2] * z + row[3] for row in matrix]
+        np.copyto(lifts[2], -np.inf, where=missing)
+        for dx, dy in self.steps:
+            yield [
+                _moved(row, x + dx, y + dy, lift) for row, lift in zip(matrix, lifts, strict=True)
+            ]
+
+    def numbers(self, rows: slice, columns: slice) -> _Indices:
+        """Return the numbers (cols, rows) of cells, counted column after column."""
+        first = np.arange(columns.start, columns.stop)[:, None] * self.x.size
+        return first + np.arange(rows.start, rows.stop)
+
+
+class _Surface:
+    """The highest points that have come down on each cell of a grid.
+
+    Args:
+        geometry: of the grid.
+        with_sources: whether to keep which cell the highest points came from.
+    """
+
+    def __init__(self, geometry: GridGeometry, *, with_sources: bool) -> None:
+        self.geometry = geometry
+        cells = math.prod(geometry.size)
+        # Both column after column, as layers are stored. Maxima with NaN would take twice as long.
+        self._heights = np.full(cells, -np.inf, dtype=np.float32)
+        self._sources = np.zeros(cells, dtype=np.intp) if with_sources else None
+
+    @property
+    def layer(self) -> Layer:
+        """(rows, cols) z of the highest points [m]; NaN where none came down."""
+        self._heights[self._is_empty] = np.nan
+        return self._heights.reshape(self.geometry.size, order="F")
+
+    def carried(self, layer: Layer) -> Layer:
+        """Return the values (rows, cols) of a layer in the cells where the points came from."""
+        values = layer.ravel("F")[self._sources]
+        values[self._is_empty] = np.nan
+        return values.reshape(self.geometry.size, order="F")
+
+    def add(self, points: Iterable[list[_Numbers]], sources: _Indices) -> None:
+        """Let points come down, several from each source.
+
+        Of points of the same height, the one of the last source stays.
+
+        Args:
+            points: x, y, z [m], each of the shape of `sources`; -inf in z is no point.
+            sources: number of the cell that the points came from.
+        """
+        landed = []
+        for point in points:
+            cells, heights = self._landed(*point)
+            np.maximum.at(self._heights, cells, heights)
+            if self._sources is not None:
+                landed.append((cells, heights))
+        if self._sources is not None:
+            # One row per source, so that they keep their order.
+            cells, heights = (np.stack(parts, axis=-1) for parts in zip(*landed, strict=True))
+            highest = self._heights[cells] == heights
+            self._sources[cells[highest]] = sources.reshape(-1)[np.nonzero(highest)[0]]
+
+    @property
+    def _is_empty(self) -> Mask:
+        return ~np.isfinite(self._heights)
+
+    def _landed(
+        self, x: _Numbers, y: _Numbers, z: _Numbers
+    ) -> tuple[_Indices, npt.NDArray[np.float32]]:
+        """Return the cells below points, counted column after column, and the heights there.
+
+        Points beside the grid get the height -inf.
+        """
+        row, column = self._offsets(x, 0), self._offsets(y, 1)
+        rows, columns = self.geometry.size
+        with np.errstate(over="ignore"):
+            heights = z.astype(np.float32)
+        if row.min() < 0 or row.max() >= rows or column.min() < 0 or column.max() >= columns:
+            outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
+            row[outside] = column[outside] = 0
+            heights[outside] = -np.inf
+        cells = np.trunc(column, out=column)
+        cells *= rows
+        cells += np.trunc(row, out=row)
+        return cells.astype(np.intp).reshape(-1), heights.reshape(-1)
+
+    def _offsets(self, values: _Numbers, axis: int) -> _Numbers:
+        """Return the rows or columns, with fractions, that lie between the corner and x or y."""
+        offsets: _Numbers = values - 0.5 * self.geometry.length[axis]
+        offsets -= self.geometry.position[axis]
+        offsets /= -self.geometry.resolution
+        return offsets

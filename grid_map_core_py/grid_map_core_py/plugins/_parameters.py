@@ -1,0 +1,126 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Dataclasses from parameters that somebody wrote in YAML.
+
+Filters and visualizations are dataclasses whose fields are their parameters. `build` checks names
+and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
+"""
+
+import numbers
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from ..errors import ConfigError
+
+T = TypeVar("T")
+
+
+def build(cls: type[T], parameters: Mapping[str, object]) -> T:
+    """Return the dataclass `cls` with the parameters as its fields.
+
+    Fields may be `bool`, `int`, `float`, `str`, a `Literal`, a `tuple[X, ...]` or `list[X]` of
+    those, or optional.
+
+    Raises:
+        ConfigError: a parameter is unknown, missing or of the wrong type, or `cls` itself refused
+            it.
+    """
+    known = {f.name: f for f in fields(cls) if f.init}  # type: ignore[arg-type]
+    for name in parameters:
+        if name not in known:
+            raise ConfigError(f"unknown parameter {name!r}; known: {', '.join(known) or '(none)'}")
+    for name, declared in known.items():
+        if name not in parameters and _is_required(declared):
+            raise ConfigError(f"missing parameter {name!r}")
+    hints = typing.get_type_hints(cls)
+    return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
+
+
+def _is_required(declared: "Field[Any]") -> bool:
+    return declared.default is MISSING and declared.default_factory is MISSING
+
+
+def cast(name: str, value: object, hint: Any) -> Any:
+    """Return the value of a parameter as the type that a field, or anything else, declares.
+
+    Args:
+        name: of the parameter, for the error.
+        value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
+            empty tuple or list where one is wanted.
+        hint: one of the types that `build` knows.
+
+    Raises:
+        ConfigError: the value is of another type.
+    """
+    result = _try_cast(value, hint)
+    if result is MISSING:
+        # ROS reads y, n, yes, no, on and off as truth values.
+        is_text = hint is str or (get_origin(hint) is Literal and str in map(type, get_args(hint)))
+        unquoted = is_text and isinstance(value, bool | int | float)
+        raise mismatch(name, describe(hint) + (" (quote it)" if unquoted else ""), value)
+    return result
+
+
+def mismatch(name: str, expected: str, value: object) -> ConfigError:
+    """Return the error that a parameter's value is not what was expected, in words."""
+    found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+    return ConfigError(f"parameter {name!r}: expected {expected}, found {found}")
+
+
+def check(condition: bool, name: str, expected: str, value: object) -> None:
+    """Raise the `ConfigError` for a parameter's value that makes no sense, unless `condition`."""
+    if not condition:
+        raise mismatch(name, expected, value)
+
+
+def _try_cast(value: object, hint: Any) -> object:
+    """Return the value as the hinted type, or MISSING where it is none."""
+    origin = get_origin(hint)
+    if origin is Literal:
+        return value if value in get_args(hint) else MISSING
+    if origin in (types.UnionType, typing.Union):
+        casts = (_try_cast(value, option) for option in get_args(hint))
+        return next((cast for cast in casts if cast is not MISSING), MISSING)
+    if origin in (tuple, list):
+        return _try_cast_all(value, origin, get_args(hint)[0])
+    return _try_cast_scalar(value, hint)
+
+
+def _try_cast_all(value: object, sequence: Callable[..., object], hint: Any) -> object:
+    if value is None:
+        # ROS parameters have no type for an empty list.
+        return sequence()
+    if not isinstance(value, list | tuple):
+        return MISSING
+    items = [_try_cast(item, hint) for item in value]
+    return MISSING if MISSING in items else sequence(items)
+
+
+def _try_cast_scalar(value: object, hint: Any) -> object:
+    is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    if hint is float and is_number:
+        return float(typing.cast("float", value))
+    # NumPy's integers, too.
+    if hint is int and isinstance(value, numbers.Integral) and is_number:
+        return int(value)
+    if hint is int and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if hint is int and not is_number:
+        return MISSING
+    return value if isinstance(value, hint) else MISSING
+
+
+def describe(hint: Any) -> str:
+    """Return a type that `build` knows in words."""
+    origin = get_origin(hint)
+    if origin is Literal:
+        return "one of " + ", ".join(map(repr, get_args(hint)))
+    if origin in (types.UnionType, typing.Union):
+        return " or ".join(describe(option) for option in get_args(hint))
+    if origin in (tuple, list):
+        return f"a list, each item {describe(get_args(hint)[0])}"
+    names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
+    return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)

@@ -1,0 +1,73 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Classes by the type names that users write in YAML, those of other packages included."""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar
+
+from ..errors import ConfigError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Registry(Generic[T]):
+    """The types that a package has built in, and those that entry points add.
+
+    Attributes:
+        built_in: classes by type name.
+        group: of the entry points; the name of one is the type, its object the class. They are
+            looked up on first request.
+    """
+
+    built_in: Mapping[str, type[T]]
+    group: str
+
+    def __getitem__(self, type_name: str) -> type[T]:
+        """Return the class of a type.
+
+        Raises:
+            ConfigError: there is none, it cannot be loaded, or two share a name.
+        """
+        plugins = self._plugins
+        if type_name in plugins:
+            return _load(plugins[type_name])
+        if type_name not in self.built_in:
+            raise ConfigError(f"unknown type {type_name!r}; {self._suggestion(type_name)}")
+        return self.built_in[type_name]
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """All type names, sorted."""
+        return tuple(sorted({*self.built_in, *self._plugins}))
+
+    @cached_property
+    def _plugins(self) -> dict[str, EntryPoint]:
+        plugins: dict[str, EntryPoint] = {}
+        # A package that is on the path twice shows the same entry point twice.
+        for entry in dict.fromkeys(entry_points(group=self.group)):
+            if entry.name in self.built_in or entry.name in plugins:
+                other = plugins[entry.name].value if entry.name in plugins else "a built-in"
+                raise ConfigError(
+                    f"the type {entry.name!r} is registered twice: as {entry.value} and as {other}"
+                )
+            plugins[entry.name] = entry
+        return plugins
+
+    def _suggestion(self, type_name: str) -> str:
+        close = difflib.get_close_matches(type_name, self.types, n=3, cutoff=0.6)
+        if close:
+            return f"did you mean {' or '.join(close)}?"
+        return f"known: {', '.join(self.types)}"
+
+
+def _load(entry: EntryPoint) -> type[Any]:
+    try:
+        loaded: type[Any] = entry.load()
+    except Exception as error:  # Whatever a plugin's module raises, the user must learn which one.
+        raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
+    return loaded

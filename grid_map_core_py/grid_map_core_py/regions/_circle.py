@@ -1,0 +1,40 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The cells of a disc."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Cells, as_pair
+from ._assembly import cells_of_runs, checked_radius
+
+if TYPE_CHECKING:
+    from ..map._grid_map import GridMap
+
+
+def circle_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
+    """Return the (N, 2) buffer indices of the cells whose centre lies in a disc, row after row.
+
+    The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left
+    out.
+
+    Args:
+        center: (2,) centre of the disc [m]; it may lie outside the map.
+        radius: [m], not negative.
+
+    Raises:
+        GeometryError: the radius is negative, or a number is not finite.
+    """
+    limit, centre = checked_radius(radius), as_pair(center, "center")
+    rows, _ = grid_map.geometry.box(centre - limit, centre + limit)
+    x, y = grid_map.geometry.axes()
+    # In units of the radius, no square is too large for a number.
+    across = (x[rows] - centre[0]) / limit
+    rest = (1.0 - across) * (1.0 + across)
+    # Half the chord of each row; negative where the row misses the disc, whose run is empty then.
+    half = limit * np.copysign(np.sqrt(np.abs(rest)), rest)
+    start = (-y).searchsorted(-(centre[1] + half), side="left")
+    stop = (-y).searchsorted(-(centre[1] - half), side="right")
+    return cells_of_runs(grid_map, rows.start, start, stop)

@@ -1,0 +1,113 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The cells along a straight line."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Cells, Mask, Positions, Size, as_cells, as_pair, as_size, as_text
+from ..errors import OutOfMapError
+from ..map._geometry import GridGeometry
+from ._assembly import empty_cells, place
+
+if TYPE_CHECKING:
+    from ..map._grid_map import GridMap
+
+
+def line_cells(grid_map: "GridMap", start: npt.ArrayLike, end: npt.ArrayLike) -> Cells:
+    """Return the (N, 2) buffer indices of the cells along a line, from its start to its end.
+
+    The line is clipped to the map. It is drawn after Bresenham between the cells of its two ends,
+    both included: neighbouring cells share a side or a corner.
+
+    Args:
+        start, end: (2,) ends of the line [m]; they may lie outside the map.
+
+    Raises:
+        OutOfMapError: the line does not touch the map.
+        GeometryError: a number is not finite.
+    """
+    ends = np.array([as_pair(start, "start"), as_pair(end, "end")])
+    cells, on_map = grid_map.geometry.cells_at(ends)
+    if not on_map.all():
+        cells = _clipped(grid_map.geometry, ends, on_map)
+    first, last = cells.tolist()
+    return _drawn(grid_map, first, last)
+
+
+def line_cells_between(
+    grid_map: "GridMap", start_index: npt.ArrayLike, end_index: npt.ArrayLike
+) -> Cells:
+    """Return the (N, 2) buffer indices of the cells along the line between two cells.
+
+    Both ends are included. See `line_cells`.
+
+    Args:
+        start_index, end_index: buffer indices of the ends.
+
+    Raises:
+        OutOfMapError: there is no such cell.
+    """
+    ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
+    grid_map.geometry.check_cells(as_cells(ends))
+    (row, column), (rows, columns) = grid_map.start_index, grid_map.size
+    first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
+    return _drawn(grid_map, first, last)
+
+
+def _drawn(grid_map: "GridMap", first: Size, last: Size) -> Cells:
+    """Return the buffer indices of Bresenham's line between two cells of the map.
+
+    The axis with more steps takes one per cell. After k of n cells, the other axis has taken
+    (n // 2 + k * steps) // n of its steps: the error term of the usual loop in closed form.
+    """
+    steps = [last[axis] - first[axis] for axis in (0, 1)]
+    longer = max(abs(steps[0]), abs(steps[1]))
+    along = np.arange(longer + 1)
+    cells = empty_cells(along.size)
+    for axis in (0, 1):
+        taken = (longer // 2 + along * abs(steps[axis])) // max(longer, 1)
+        cells[:, axis] = taken if steps[axis] > 0 else -taken
+        place(cells[:, axis], first[axis], grid_map.start_index[axis], grid_map.size[axis])
+    return cells
+
+
+def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
+    """Return the (2, 2) cells of the map where the part of a line that lies on it begins and ends.
+
+    Raises:
+        OutOfMapError: there is no such part.
+    """
+    enters, leaves = _cuts(geometry, ends, on_map)
+    if enters <= leaves:
+        fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
+        cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
+        # The borders on -x and -y are not on the map; a line along them has its middle there too.
+        if found.any():
+            return cells[:2]
+    start, end = map(as_text, ends)
+    raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
+
+
+def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float, float]:
+    """Return the fractions of a line where it enters and leaves the map; swapped if it does not.
+
+    Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
+    """
+    enters, leaves = 0.0, 1.0
+    lower = (geometry.position - 0.5 * geometry.length).tolist()
+    upper = geometry.corner.tolist()
+    for a, b, low, high in zip(*ends.tolist(), lower, upper, strict=True):
+        # Halves, because the difference of two numbers may be too large for a number.
+        extent = 0.5 * b - 0.5 * a
+        if extent:
+            cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))
+            enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
+        elif not (low <= a <= high or on_map.any()):
+            return 1.0, 0.0
+    # Rounding may put an end on the border beyond it.
+    if on_map[0]:
+        return 0.0, max(leaves, 0.0)
+    return (min(enters, 1.0), 1.0) if on_map[1] else (enters, leaves)

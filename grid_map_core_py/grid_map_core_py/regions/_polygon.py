@@ -1,0 +1,364 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Polygons in the plane of the map."""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Mask, Positions, as_number, as_numbers, as_pair, as_positions
+from ..errors import GeometryError
+from ..map._geometry import BORDER_TOLERANCE
+
+_CHUNK = 2**16
+"""Pairs of a point and an edge that are looked at together: their numbers fit into the cache."""
+
+
+class BoundingBox(NamedTuple):
+    """The smallest rectangle along x and y that holds all vertices.
+
+    Attributes:
+        center: (2,) its centre [m].
+        length: (2,) its sides along x and y [m].
+    """
+
+    center: Positions
+    length: Positions
+
+
+class Polygon:
+    """A polygon; an immutable value, of which operations return a new one.
+
+    The last vertex is joined to the first. Edges may cross: what counts is the even-odd rule.
+    Two polygons are equal when they have the same vertices in the same order.
+
+    Args:
+        vertices: (V, 2) x, y [m], map frame.
+
+    Raises:
+        GeometryError: the vertices have another shape or are not finite.
+
+    Example:
+        >>> Polygon([(0, 0), (2, 0), (2, 1), (0, 1)]).area
+        2.0
+    """
+
+    __slots__ = ("_vertices",)
+
+    def __init__(self, vertices: npt.ArrayLike) -> None:
+        given = as_numbers(vertices, "vertices")
+        points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices").copy()
+        if points.ndim != 2 or not np.isfinite(points).all():
+            raise GeometryError(f"vertices: expected finite x, y of shape (V, 2), got {vertices!r}")
+        points.flags.writeable = False
+        self._vertices = points
+
+    @classmethod
+    def of(cls, polygon: "Polygon | npt.ArrayLike") -> "Polygon":
+        """Return a polygon itself, or the one with these (V, 2) vertices [m]."""
+        return polygon if isinstance(polygon, Polygon) else cls(polygon)
+
+    @classmethod
+    def from_circle(cls, center: npt.ArrayLike, radius: float, n: int = 20) -> "Polygon":
+        """Return a circle as `n` vertices, counter-clockwise; the last one lies on the first.
+
+        Args:
+            center: (2,) centre [m].
+            radius: [m], not negative.
+            n: number of vertices, at least 2.
+
+        Raises:
+            GeometryError: there are too few vertices, or a number is negative or not finite.
+        """
+        return cls(as_pair(center, "center") + _arc((_radius(radius), 0.0), _number(n, 2), 1.0))
+
+    @classmethod
+    def convex_hull_of_two_circles(
+        cls, center1: npt.ArrayLike, center2: npt.ArrayLike, radius: float, n: int = 20
+    ) -> "Polygon":
+        """Return the hull of two circles of one radius: half a circle round each, then joined.
+
+        Args:
+            center1, center2: (2,) centres [m]; one circle when they are the same.
+            radius: of both [m], not negative.
+            n: number of vertices, at least 3; one is added if it is odd and the centres differ.
+
+        Raises:
+            GeometryError: there are too few vertices, or a number is negative or not finite.
+        """
+        first, second = as_pair(center1, "center1"), as_pair(center2, "center2")
+        radius, n = _radius(radius), _number(n, 3)
+        if (first == second).all():
+            return cls.from_circle(first, radius, n)
+        x, y = radius * _normalized(second - first)
+        half = (n + 1) // 2
+        # A quarter turn from the line between the centres, half a circle begins.
+        return cls(
+            np.concatenate([first + _arc((-y, x), half, 0.5), second + _arc((y, -x), half, 0.5)])
+        )
+
+    @classmethod
+    def convex_hull(cls, *polygons: "Polygon | npt.ArrayLike") -> "Polygon":
+        """Return the convex hull of polygons, counter-clockwise from the vertex of smallest x, y.
+
+        Vertices in the middle of an edge are left out (Andrew's monotone chain).
+
+        Args:
+            polygons: each a polygon, or its (V, 2) vertices [m].
+
+        Raises:
+            GeometryError: vertices have another shape or are not finite.
+        """
+        vertices = [cls.of(polygon).vertices for polygon in polygons]
+        points = np.unique(np.concatenate([np.empty((0, 2)), *vertices]), axis=0).tolist()
+        if len(points) < 3:
+            return cls(points)
+        return cls(_chain(points)[:-1] + _chain(points[::-1])[:-1])
+
+    @property
+    def vertices(self) -> Positions:
+        """(V, 2) x, y [m]; read-only."""
+        return self._vertices
+
+    @property
+    def area(self) -> float:
+        """Area enclosed [m^2], never negative; where edges cross, parts may cancel each other.
+
+        Raises:
+            GeometryError: there are fewer than 3 vertices.
+        """
+        self._need_vertices(3, "area")
+        return abs(0.5 * float(_doubled_areas(self._vertices).sum()))
+
+    @property
+    def centroid(self) -> Positions:
+        """(2,) centre of the area [m]; NaN where there is no area.
+
+        Raises:
+            GeometryError: there are fewer than 3 vertices.
+        """
+        self._need_vertices(3, "centroid")
+        points = self._vertices - self._vertices[0]
+        areas = _doubled_areas(self._vertices)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            weighted = areas @ (points + _following(points)) / (3.0 * areas.sum())
+        return np.asarray(self._vertices[0] + weighted)
+
+    @property
+    def bounding_box(self) -> BoundingBox:
+        """Centre and sides of the rectangle around all vertices.
+
+        Raises:
+            GeometryError: there are no vertices.
+        """
+        self._need_vertices(1, "bounding_box")
+        lower, upper = self._vertices.min(axis=0), self._vertices.max(axis=0)
+        return BoundingBox(0.5 * (lower + upper), upper - lower)
+
+    def is_inside(self, points: npt.ArrayLike) -> bool | Mask:
+        """Tell which points lie inside, by the even-odd rule.
+
+        A point on an edge on the left or below is inside, on the right or above it is outside.
+
+        Args:
+            points: (2,) or (N, 2) x, y [m]; NaN is outside.
+
+        Returns:
+            bool, or (N,) bool.
+        """
+        points = as_positions(points, "points")
+        flat = points.reshape(-1, 2)
+        inside = np.zeros(len(flat), dtype=bool)
+        step = max(_CHUNK // max(len(self._vertices), 1), 1)
+        for first in range(0, len(flat), step):
+            inside[first : first + step] = self._is_inside(*flat[first : first + step].T)
+        return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
+
+    def thicken_line(self, thickness: float) -> "Polygon":
+        """Return the rectangle that reaches `thickness` [m] to both sides of a line.
+
+        Raises:
+            GeometryError: there are not 2 distinct vertices, or the thickness is not finite.
+        """
+        if len(self._vertices) != 2 or (self._vertices[0] == self._vertices[1]).all():
+            raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {self!r}")
+        start, end = self._vertices
+        x, y = _finite(thickness, "thickness") * _normalized(end - start)
+        across = np.array([y, -x])
+        return Polygon([start + across, start - across, end - across, end + across])
+
+    def offset_inward(self, margin: float) -> "Polygon":
+        """Return the polygon with its edges moved inwards by `margin` [m]; outwards if negative.
+
+        Meant for convex polygons: at a vertex that points inwards the edges move the other way.
+        Vertices less than 1e-9 m apart move as one. A margin that leaves nothing of the polygon
+        turns it inside out.
+
+        Raises:
+            GeometryError: the polygon has no area, or the margin is not finite.
+        """
+        margin = _finite(margin, "margin")
+        if not len(self._vertices):
+            return self
+        corners, of_vertex = self._corners()
+        to_previous = _normalized(np.roll(corners, 1, axis=0) - corners)
+        to_next = _normalized(_following(corners) - corners)
+        sine = np.abs(_cross(to_previous, to_next))
+        straight = sine < 1e-9
+        with np.errstate(invalid="ignore", divide="ignore"):
+            bisector = (to_previous + to_next) / sine[:, None]
+        left = np.stack([-to_next[:, 1], to_next[:, 0]], axis=1)
+        normal = np.sign(_doubled_areas(corners).sum()) * left
+        moved = corners + margin * np.where(straight[:, None], normal, bisector)
+        return Polygon(moved[of_vertex])
+
+    def to_inequality_constraints(self) -> tuple[Positions, Positions]:
+        """Return (A, b) so that `A @ x <= b` (all rows) holds for the points x of the polygon.
+
+        Valid for convex polygons. Every edge gives a row, scaled so that A (x - m) is 1 on the
+        edge, m being the mean of the vertices.
+
+        Returns:
+            A: (E, 2).
+            b: (E,).
+
+        Raises:
+            GeometryError: the polygon has no area.
+        """
+        corners, _ = self._corners()
+        mean = corners.mean(axis=0)
+        start = corners - mean
+        along = _following(start) - start
+        distance = _cross(start, along)
+        # No scale does for an edge in line with the mean, which convex polygons do not have.
+        scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
+        normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
+        a = normals / distance[scaled, None]
+        return a, 1.0 + a @ mean
+
+    def triangulate(self) -> "list[Polygon]":
+        """Return triangles that all have the first vertex in common: a fan.
+
+        They cover a convex polygon. There are none for fewer than 3 vertices.
+        """
+        return [Polygon([self._vertices[0], *pair]) for pair in pairwise(self._vertices[1:])]
+
+    def __len__(self) -> int:
+        return len(self._vertices)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Polygon) and np.array_equal(self._vertices, other._vertices)
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(tuple, self._vertices.tolist())))
+
+    def __repr__(self) -> str:
+        return f"Polygon({self._vertices.tolist()})"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Otherwise the array of a copy could be written into.
+        return Polygon, (self._vertices,)
+
+    def _need_vertices(self, count: int, what: str) -> None:
+        if len(self._vertices) < count:
+            raise GeometryError(f"{what}: expected at least {count} vertices, got {self!r}")
+
+    def _is_inside(self, x: Positions, y: Positions) -> Mask:
+        start, end = self._vertices[:, None], np.roll(self._vertices, 1, axis=0)[:, None]
+        crosses = (start[..., 1] > y) != (end[..., 1] > y)
+        crosses &= x < edge_x(start, end, y)
+        return np.asarray(np.logical_xor.reduce(crosses, axis=0))
+
+    def _corners(self) -> tuple[Positions, npt.NDArray[np.int64]]:
+        """Return the (C, 2) vertices without repetitions, and which of them every vertex is.
+
+        Raises:
+            GeometryError: they enclose no area.
+        """
+        steps = self._vertices - np.roll(self._vertices, 1, axis=0)
+        begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
+        corners = self._vertices[begins]
+        if len(corners) < 3 or not _encloses_area(corners):
+            raise GeometryError(f"expected a polygon with an area, got {self!r}")
+        # Vertices before the first of these repeat the last one, whose index -1 is.
+        return corners, np.cumsum(begins) - 1
+
+
+def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
+    """Return the x at which edges from (..., 2) to (..., 2) reach y (...); without sense if level.
+
+    The order of the operations is that of the C++ library: points on edges go the same way.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rise = end[..., 1] - start[..., 1]
+        return (end[..., 0] - start[..., 0]) * (y - start[..., 1]) / rise + start[..., 0]
+
+
+def _following(points: Positions) -> Positions:
+    return np.roll(points, -1, axis=0)
+
+
+def _cross(a: Positions, b: Positions) -> Positions:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _doubled_areas(vertices: Positions) -> Positions:
+    """Return the (V,) signed areas, doubled, between the first vertex and every edge."""
+    # Far from the origin, the products of coordinates would cancel out to rounding.
+    points = vertices - vertices[0]
+    return _cross(points, _following(points))
+
+
+def _encloses_area(corners: Positions) -> bool:
+    extent = float(np.ptp(corners, axis=0).max())
+    return abs(float(_doubled_areas(corners).sum())) > 1e-12 * extent**2
+
+
+def _normalized(vectors: Positions) -> Positions:
+    return vectors / np.hypot(vectors[..., 0], vectors[..., 1])[..., None]
+
+
+def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
+    """Return (n, 2) vectors: the first one turned counter-clockwise, the last one by `turns`."""
+    angles = np.linspace(0.0, turns * 2.0 * math.pi, n)
+    cosine, sine = np.cos(angles), np.sin(angles)
+    x, y = start
+    return np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=1)
+
+
+def _chain(points: list[list[float]]) -> list[list[float]]:
+    """Return the half of a convex hull to the right of sorted points."""
+    chain: list[list[float]] = []
+    for point in points:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: list[float], b: list[float], c: list[float]) -> float:
+    """Return a number that is positive when the way from a over b to c turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _finite(value: object, name: str) -> float:
+    number = as_number(value, name)
+    if not math.isfinite(number):
+        raise GeometryError(f"{name}: expected a finite number, got {value!r}")
+    return number
+
+
+def _radius(value: object) -> float:
+    radius = _finite(value, "radius")
+    if radius < 0:
+        raise GeometryError(f"radius: expected a finite number >= 0, got {value!r}")
+    return radius
+
+
+def _number(n: int, least: int) -> int:
+    if not isinstance(n, int | np.integer) or n < least:
+        raise GeometryError(f"n: expected at least {least} vertices, got {n!r}")
+    return int(n)

@@ -1,0 +1,174 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A window around every cell."""
+
+import math
+from collections.abc import Iterator
+from itertools import product
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from ..arrays._checks import Layer, Size, as_number
+from ..errors import GeometryError, GridMapError
+
+if TYPE_CHECKING:
+    from ..map._grid_map import GridMap
+
+EdgeHandling: TypeAlias = Literal["inside", "crop", "empty", "mean"]
+"""What becomes of a window that reaches beyond the map: it is left out, cropped to the map, padded
+with NaN, or padded with the mean of its finite values."""
+
+
+def sliding_windows(
+    grid_map: "GridMap",
+    layer: str,
+    edge_handling: EdgeHandling = "crop",
+    window_size: int | None = None,
+    *,
+    window_length: float | None = None,
+) -> Iterator[tuple[Size, Layer]]:
+    """Return an iterator over the windows around all cells, in the order of `map_cells`.
+
+    Each item is the buffer index (row, column) of a cell and the window around it: a float32 array
+    in map order, read-only. The windows show the layer as it is now, also when it is written into
+    later on.
+
+    Args:
+        layer: name of the layer.
+        edge_handling: "inside" gives only cells whose window lies on the map, "crop" the part of
+            the window that does, "empty" pads the window with NaN, "mean" with the mean of its
+            finite values (NaN if there is none).
+        window_size: side of the window in cells, odd.
+        window_length: side of the window [m] instead; rounded to cells, one added if that is even.
+
+    Raises:
+        LayerNotFoundError: there is no such layer.
+        GridMapError: the edge handling is unknown.
+        GeometryError: the size is even or not positive, or not exactly one of size and length is
+            given.
+    """
+    _check_edge_handling(edge_handling, get_args(EdgeHandling))
+    size = _window_cells(grid_map.resolution, window_size, window_length)
+    if edge_handling in ("inside", "crop"):
+        # A larger window shows no more of the map, and its margin would take memory for nothing.
+        size = min(size, 2 * max(grid_map.size) + 1)
+    padded = _padded(grid_map.unwrapped(layer), size // 2)
+    return _windows(padded, grid_map.start_index, grid_map.size, edge_handling, size)
+
+
+def window_array(
+    grid_map: "GridMap",
+    layer: str,
+    edge_handling: EdgeHandling = "empty",
+    window_size: int | None = None,
+    *,
+    window_length: float | None = None,
+) -> Layer:
+    """Return all windows at once, in map order whatever the start index.
+
+    `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a filter. The
+    arguments are those of `sliding_windows`, without "crop", whose windows differ in size.
+
+    Returns:
+        (rows, cols, size, size) float32, read-only; with "inside" (rows - size + 1,
+        cols - size + 1, size, size). "inside" and "empty" take the memory of one layer, "mean"
+        that of all windows.
+
+    Raises:
+        LayerNotFoundError, GridMapError, GeometryError: as `sliding_windows`.
+    """
+    _check_edge_handling(edge_handling, ("inside", "empty", "mean"))
+    size = _window_cells(grid_map.resolution, window_size, window_length)
+    margin = 0 if edge_handling == "inside" else size // 2
+    windows = _view(_padded(grid_map.unwrapped(layer), margin), size)
+    return _mean_padded(windows) if edge_handling == "mean" else windows
+
+
+def _check_edge_handling(edge_handling: object, known: tuple[str, ...]) -> None:
+    if edge_handling not in known:
+        raise GridMapError(
+            f"edge_handling: expected one of {', '.join(known)}, got {edge_handling!r}"
+        )
+
+
+def _window_cells(resolution: float, size: int | None, length: float | None) -> int:
+    if (size is None) == (length is None):
+        raise GeometryError("expected either window_size or window_length")
+    if length is not None:
+        metres = as_number(length, "window_length")
+        if not (math.isfinite(metres) and metres > 0):
+            raise GeometryError(f"window_length: expected a length > 0 [m], got {length!r}")
+        cells = math.floor(metres / resolution + 0.5)
+        return cells if cells % 2 else cells + 1
+    if not isinstance(size, int | np.integer) or size < 1 or size % 2 == 0:
+        raise GeometryError(f"window_size: expected an odd number of cells, got {size!r}")
+    return int(size)
+
+
+def _windows(
+    padded: Layer, start: Size, shape: Size, edge_handling: EdgeHandling, size: int
+) -> Iterator[tuple[Size, Layer]]:
+    """Yield buffer index and window of every cell of a layer with a margin of NaN, in map order."""
+    margin = size // 2
+    for column, row in product(range(shape[1]), range(shape[0])):
+        first = (row - start[0]) % shape[0], (column - start[1]) % shape[1]
+        window = padded[tuple(slice(n, n + size) for n in first)]
+        on_map = tuple(
+            slice(max(margin - n, 0), count + margin - n)
+            for n, count in zip(first, shape, strict=True)
+        )
+        cropped = window[on_map]
+        if edge_handling == "crop":
+            window = cropped
+        elif cropped.shape != window.shape:
+            if edge_handling == "inside":
+                continue
+            if edge_handling == "mean":
+                window = _with_mean_around(window, on_map)
+        yield (row, column), window
+
+
+def _with_mean_around(window: Layer, on_map: tuple[slice, ...]) -> Layer:
+    filled = np.full(window.shape, _finite_means(window[None])[0])
+    filled[on_map] = window[on_map]
+    filled.flags.writeable = False
+    return filled
+
+
+def _view(data: Layer, size: int) -> Layer:
+    """Return the (rows - size + 1, cols - size + 1, size, size) windows without a copy."""
+    if min(data.shape) < size:
+        rows, columns = (max(side - size + 1, 0) for side in data.shape)
+        return np.empty((rows, columns, size, size), dtype=np.float32)
+    return np.lib.stride_tricks.sliding_window_view(data, (size, size))
+
+
+def _padded(data: Layer, margin: int) -> Layer:
+    """Return a copy of a layer with a margin of NaN."""
+    rows, columns = data.shape
+    padded: Layer = np.full((rows + 2 * margin, columns + 2 * margin), np.nan, np.float32, "F")
+    padded[margin : margin + rows, margin : margin + columns] = data
+    padded.flags.writeable = False
+    return padded
+
+
+def _mean_padded(windows: Layer) -> Layer:
+    """Return a copy of the (rows, cols, size, size) windows with means where they leave the map."""
+    rows, columns, size, _ = windows.shape
+    beyond = _view(_padded(np.zeros((rows, columns), dtype=np.float32), size // 2), size)
+    filled = windows.copy()
+    # Row by row, so that the temporaries stay small beside the result.
+    for row, outside in zip(filled, beyond, strict=True):
+        np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
+    filled.flags.writeable = False
+    return filled
+
+
+def _finite_means(windows: Layer) -> Layer:
+    """Return the (N,) means of the finite values of (N, rows, cols); NaN where there is none."""
+    finite = np.isfinite(windows)
+    total = np.sum(windows, axis=(1, 2), dtype=np.float64, where=finite)
+    with np.errstate(invalid="ignore"):
+        means = total / np.count_nonzero(finite, axis=(1, 2))
+    return np.asarray(means, dtype=np.float32)

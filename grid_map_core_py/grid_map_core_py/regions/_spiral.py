@@ -1,0 +1,163 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The cells of a disc from the inside out."""
+
+import math
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays._checks import Cells, Mask, Positions, Size, as_pair
+from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ._assembly import Integers, checked_radius, close_ring, empty_cells, place
+from ._circle import circle_cells
+
+if TYPE_CHECKING:
+    from ..map._grid_map import GridMap
+
+KEPT_RINGS = 128
+"""Spirals of fewer rings are cut out of one that is kept (0.8 MB): sorting would take the most of
+their time."""
+
+FAR = 2.0**30
+"""Cells; farther away, the square of a distance would not be an integer any more."""
+
+
+def spiral_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
+    """Return the (N, 2) buffer indices of the cells of a disc, from the inside out, ring by ring.
+
+    A cell belongs to the ring of its distance from the centre cell, in cells, rounded down. A ring
+    runs clockwise as seen from above and ends in the direction of -x. The cell under the centre
+    always comes first; the others are those of `circle_cells`.
+
+    Args:
+        center: (2,) centre of the disc [m]; if it lies outside the map, so does the centre cell,
+            which is left out then.
+        radius: [m], not negative.
+
+    Raises:
+        GeometryError: the radius is negative, or a number is not finite.
+    """
+    limit, centre = checked_radius(radius), as_pair(center, "center")
+    middle = _cell_under(grid_map.geometry, centre)
+    if limit < (KEPT_RINGS - 2) * grid_map.resolution:
+        return _cut_out(grid_map, centre, middle, limit)
+    return _sorted(grid_map, circle_cells(grid_map, centre, radius), middle)
+
+
+def _sorted(grid_map: "GridMap", cells: Cells, middle: Size) -> Cells:
+    """Sort (N, 2) buffer indices in place; each axis on its own takes less memory."""
+    ring = list(zip(cells.T, middle, grid_map.start_index, grid_map.size, strict=True))
+    for numbers, cell, start, size in ring:
+        place(numbers, 0, -start % size, size)
+        numbers -= cell
+    order = _spiral_order(cells[:, 0], cells[:, 1])
+    for numbers, cell, start, size in ring:
+        numbers[...] = numbers[order]
+        place(numbers, cell, start, size)
+    return cells
+
+
+def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
+    """Return the map cell under a position, which may lie beyond the map."""
+    # In numbers of Python: arrays of two would take longer than the spiral.
+    steps = [
+        (p - 0.5 * length - middle) / -geometry.resolution
+        for p, length, middle in zip(
+            position.tolist(), geometry.length.tolist(), geometry.position.tolist(), strict=True
+        )
+    ]
+    row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
+    if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
+        return row, column
+    # Rounding may put a position on the border beyond it.
+    cell, inside = geometry.cells_at(position)
+    if inside:
+        return int(cell[0]), int(cell[1])
+    tolerance = BORDER_TOLERANCE / geometry.resolution
+    row, column = (math.floor(max(min(step + tolerance, FAR), -FAR)) for step in steps)
+    return row, column
+
+
+def _cut_out(grid_map: "GridMap", centre: Positions, middle: Size, limit: float) -> Cells:
+    """Return the spiral, of whose cells only the outermost need a closer look."""
+    geometry = grid_map.geometry
+    to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
+    if to_border < -KEPT_RINGS:
+        return empty_cells(0)
+    off_centre = _off_centre(geometry, centre, middle)
+    off = math.hypot(*off_centre)
+    reach = math.floor((limit + off) / geometry.resolution)
+    # So many rings are in the disc and on the map as a whole; the centre cell belongs in any case.
+    whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
+    spiral, ends = _kept_spiral()
+    known = ends[max(whole, 0)]
+    doubtful = spiral[:, known : ends[reach + 1]]
+    belong = _in_disc(doubtful, off_centre, geometry.resolution, limit)
+    if reach > to_border:
+        belong &= _on_map(doubtful, middle, geometry.size)
+    (found,) = belong.nonzero()
+    cells = empty_cells(known + found.size)
+    shift = np.add(middle, grid_map.start_index)[:, None]
+    np.add(spiral[:, :known], shift, out=cells.T[:, :known])
+    np.add(doubtful.take(found, axis=1), shift, out=cells.T[:, known:])
+    for numbers, start, size in zip(cells.T, grid_map.start_index, geometry.size, strict=True):
+        if start:
+            close_ring(numbers, size)
+    return cells
+
+
+def _off_centre(geometry: GridGeometry, centre: Positions, middle: Size) -> tuple[float, float]:
+    """Return x, y from the centre of the disc to that of its cell [m]."""
+    x, y = (
+        position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
+        for position, length, cell, origin in zip(
+            geometry.position.tolist(),
+            geometry.length.tolist(),
+            middle,
+            centre.tolist(),
+            strict=True,
+        )
+    )
+    return x, y
+
+
+def _in_disc(
+    offsets: Integers, off_centre: tuple[float, float], resolution: float, limit: float
+) -> Mask:
+    x, y = (off_centre[axis] - resolution * offsets[axis] for axis in (0, 1))
+    inside: Mask = x * x + y * y <= limit * limit
+    return inside
+
+
+def _on_map(offsets: Integers, middle: Size, size: Size) -> Mask:
+    rows, columns = (offsets[axis] + middle[axis] for axis in (0, 1))
+    on_map: Mask = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    return on_map
+
+
+@cache
+def _kept_spiral() -> tuple[Integers, list[int]]:
+    """Return the (2, N) offsets from the centre cell, and how many there are within n rings."""
+    side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
+    block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
+    block = block[:, _rings(*block) < KEPT_RINGS]
+    block = block[:, _spiral_order(*block)]
+    rings = _rings(*block).astype(np.int64)
+    return block, [0, *np.cumsum(np.bincount(rings)).tolist()]
+
+
+def _spiral_order(rows: Integers, columns: Integers) -> Integers:
+    """Return the order of (N,) offsets from the centre cell: by ring, then clockwise."""
+    # A whole turn is less than 8.
+    key = 8.0 * _rings(rows, columns)
+    key += np.arctan2(columns, -rows)
+    return np.argsort(key)
+
+
+def _rings(rows: Integers, columns: Integers) -> Positions:
+    squares = rows * rows
+    squares += columns * columns
+    return np.asarray(np.floor(np.sqrt(squares)))

@@ -1,0 +1,232 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `normal_filter_comparison_demo`: surface normals by area and by raster, against the truth.
+
+A surface is a formula, which gives its exact normals, too. Its heights are covered with noise and
+outliers and smoothed again; a filter chain then computes normals of what is left by both
+algorithms. Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`,
+`elevation_noisy`, `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*`,
+`normal_raster_*`, and how far those of either algorithm are off, `directionalErrorArea` and
+`directionalErrorRaster` (1 less the cosine of the angle). The sums of these, averaged over time,
+are logged; a table of the angles on all shapes is printed at the start.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from rclpy.node import Node
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import max_of_finites, mean_of_finites, sum_of_finites
+from grid_map_core_py.plugins import check
+from grid_map_filters_py import FilterChain
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_serialized_message
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_parameter_tree, run
+
+Numbers = npt.NDArray[np.float64]
+Surface = tuple[Numbers, Numbers, Numbers]
+"""Height [m] and slopes along x and y, of shapes that broadcast."""
+
+ALGORITHMS = {"area": "directionalErrorArea", "raster": "directionalErrorRaster"}
+"""Layer of errors by algorithm."""
+
+FILTERS = [
+    {
+        "name": f"surface_normals_{algorithm}",
+        "type": "gridMapFilters/NormalVectorsFilter",
+        "params": {
+            "input_layer": "elevation_filtered",
+            "output_layers_prefix": f"normal_{algorithm}_",
+            "algorithm": algorithm,
+            "radius": 0.05,
+            "normal_vector_positive_axis": "z",
+        },
+    }
+    for algorithm in ALGORITHMS
+]
+"""The chain where no other one is given."""
+
+SMOOTHING_RADIUS = 0.1
+MOST_NOISE = 1e3
+MEMORY = 20
+"""Maps over which the logged errors are averaged, roughly."""
+
+
+def wave(x: Numbers, y: Numbers, seconds: float) -> Surface:
+    """Return a wave that runs along y and grows along x."""
+    phase = 0.5 * seconds + 5.0 * y
+    return -0.04 + 0.2 * np.sin(phase) * x, 0.2 * np.sin(phase), np.cos(phase) * x
+
+
+def plane(x: Numbers, y: Numbers, _seconds: float) -> Surface:
+    """Return a slope across both axes."""
+    return 0.3 * x + 0.2 * y, np.full_like(x, 0.3), np.full_like(y, 0.2)
+
+
+def hill(x: Numbers, y: Numbers, _seconds: float) -> Surface:
+    """Return a round hill, half a metre high."""
+    height = 0.5 * np.exp(-2.0 * (x**2 + y**2))
+    return height, -4.0 * x * height, -4.0 * y * height
+
+
+def cone(x: Numbers, y: Numbers, _seconds: float) -> Surface:
+    """Return a cone, whose tip has the slopes of a plane."""
+    distance = np.hypot(x, y)
+    scale = np.divide(-0.4, distance, out=np.zeros_like(distance), where=distance > 1e-9)
+    return 0.5 - 0.4 * distance, scale * x, scale * y
+
+
+SHAPES: dict[str, Callable[[Numbers, Numbers, float], Surface]] = {
+    "wave": wave,
+    "plane": plane,
+    "hill": hill,
+    "cone": cone,
+}
+
+
+def surface_map(shape: str, seconds: float) -> GridMap:
+    """Return a map with `elevation` and `normal_analytic_*` of a shape at a time."""
+    grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
+    x, y = grid_map.geometry.axes()
+    height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)
+    normal = [-np.broadcast_to(slope, grid_map.size) for slope in slopes]
+    normal.append(np.ones(grid_map.size))
+    grid_map["elevation"] = height
+    for axis, component in zip("xyz", normal / np.linalg.norm(normal, axis=0), strict=True):
+        grid_map[f"normal_analytic_{axis}"] = component
+    return grid_map
+
+
+def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
+    """Set `noise` and `elevation_noisy`, and to `elevation_filtered` what smoothing makes of it.
+
+    Args:
+        grid_map: the map, with `elevation`.
+        noise: largest deviation, up or down [m].
+        outliers: share of the cells that become infinite.
+        random: source of both.
+    """
+    grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
+    noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
+    count = int(outliers * noisy.size)
+    noisy.flat[random.choice(noisy.size, count, replace=False)] = np.inf
+    grid_map["elevation_noisy"] = noisy
+    grid_map["elevation_filtered"] = (
+        weighted_means(noisy, SMOOTHING_RADIUS, grid_map.resolution) if noise or outliers else noisy
+    )
+
+
+def weighted_means(layer: Numbers, radius: float, resolution: float) -> Numbers:
+    """Return the mean of the finite values in the disc around each cell, NaN where there are none.
+
+    The weight of a value falls with the distance d from the cell as (radius - d)**2.
+    """
+    reach = int(radius / resolution)
+    steps = resolution * np.arange(-reach, reach + 1)
+    weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
+    is_finite = np.isfinite(layer)
+    sums, total = (
+        cv2.filter2D(values, cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT)
+        for values in (np.where(is_finite, layer, 0.0), is_finite.astype(np.float64))
+    )
+    return np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 1e-12)
+
+
+def add_errors(grid_map: GridMap) -> None:
+    """Set the layer of errors of each algorithm: 1 less the cosine of the angle to the truth.
+
+    It is NaN in the cells at the border, where raster has no normals, for both.
+    """
+    for algorithm, layer in ALGORITHMS.items():
+        pairs = [
+            (grid_map[f"normal_analytic_{axis}"], grid_map[f"normal_{algorithm}_{axis}"])
+            for axis in "xyz"
+        ]
+        cosines = np.full(grid_map.size, np.nan)
+        inner = np.s_[1:-1, 1:-1]
+        cosines[inner] = np.abs(sum(truth * found for truth, found in pairs))[inner]
+        grid_map[layer] = 1.0 - cosines
+
+
+def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
+    """Yield the lines of a table with the angles between normals and the truth on every shape."""
+    yield f"angle between normals and the truth, noise {noise:g} m, outliers {outliers:.1%}"
+    yield f"{'shape':6} {'algorithm':10} {'mean [deg]':>11} {'max [deg]':>11}"
+    for shape in SHAPES:
+        grid_map = surface_map(shape, 0.0)
+        disturb(grid_map, noise, outliers, np.random.default_rng(1))
+        grid_map = chain(grid_map)
+        add_errors(grid_map)
+        for algorithm, layer in ALGORITHMS.items():
+            angles = np.degrees(np.arccos(np.minimum(1.0 - grid_map[layer], 1.0)))
+            mean, largest = mean_of_finites(angles), max_of_finites(angles)
+            yield f"{shape:6} {algorithm:10} {mean:11.3f} {largest:11.3f}"
+
+
+class NormalFilterComparisonDemoNode(Node):
+    """Publishes a surface with its normals as they are and as two algorithms find them."""
+
+    def __init__(self) -> None:
+        super().__init__("normal_filter_comparison_demo")
+        self._shape = read_parameter(
+            self, "shape", str, "wave", description=f"the surface: {', '.join(SHAPES)}"
+        )
+        check(self._shape in SHAPES, "shape", f"one of {', '.join(SHAPES)}", self._shape)
+        self._noise = read_parameter(
+            self, "noise_on_map", float, 0.015, description="largest noise, up and down [m]"
+        )
+        expected = f"0 or a positive number, at most {MOST_NOISE:g}"
+        check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
+        self._outliers = read_parameter(
+            self, "outliers_percentage", float, 0.0, description="share of infinite heights, 0 to 1"
+        )
+        check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
+        self._chain = self._read_chain()
+        self._random = np.random.default_rng()
+        self._errors = dict.fromkeys(ALGORITHMS.values(), 0.0)
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        print("\n".join(table(self._chain, self._noise, self._outliers)), flush=True)
+        self.create_timer(0.1, self._publish)
+
+    def _read_chain(self) -> FilterChain:
+        name = read_parameter(
+            self,
+            "filter_chain_parameter_name",
+            str,
+            "filters",
+            description="which parameter holds the chain",
+        )
+        given = read_parameter_tree(
+            self, name, description="the filter chain; without one both algorithms are run"
+        )
+        return FilterChain.from_config(given or FILTERS)
+
+    def _publish(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        grid_map = surface_map(self._shape, 1e-9 * now)
+        disturb(grid_map, self._noise, self._outliers, self._random)
+        grid_map = self._chain(grid_map)
+        add_errors(grid_map)
+        grid_map.timestamp = now
+        self._publisher.publish(to_serialized_message(grid_map))
+        self._report(grid_map)
+
+    def _report(self, grid_map: GridMap) -> None:
+        for layer, before in self._errors.items():
+            error = np.nan_to_num(sum_of_finites(grid_map[layer]))
+            self._errors[layer] = float(before + (error - before) / MEMORY)
+        text = ", ".join(f"{layer} = {error:f}" for layer, error in self._errors.items())
+        self.get_logger().info(text, throttle_duration_sec=2.0)
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(NormalFilterComparisonDemoNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

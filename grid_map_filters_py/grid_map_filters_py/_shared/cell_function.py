@@ -1,0 +1,210 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Functions of the values of one cell, applied to all cells of a map.
+
+Such a function is written once, with operators, `choose` and `clamp`, and computes with numbers as
+well as with arrays. Where numba is installed it becomes a loop over the cells, compiled when a
+filter that needs it is built. NumPy, which passes through memory once per operator, gives the same
+bits in several times the time: it does the work where numba is missing, piece by piece.
+"""
+
+import functools
+import inspect
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, SupportsFloat, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py.arrays import Layer, elementwise
+
+from .._filter import warn
+
+Cells: TypeAlias = Any
+"""A number of one cell, or an array with the numbers of many cells."""
+
+_ZERO = np.float32(0)
+
+_compiling = threading.Lock()
+
+_LIKE_NUMPY = {"error_model": "numpy"}
+"""Divisions by 0 are no errors."""
+
+
+def choose(condition: Cells, yes: Cells, no: Cells) -> Cells:
+    """Return `yes` where the condition holds, else `no`."""
+    return np.where(condition, yes, no)
+
+
+def clamp(value: Cells, lowest: np.float32, highest: np.float32) -> Cells:
+    """Return a value that is brought into bounds; the lowest for NaN."""
+    return choose(value > lowest, choose(value < highest, value, highest), lowest)
+
+
+def is_finite(value: Cells) -> Cells:
+    """Tell whether a float is neither NaN nor infinite."""
+    return value - value == _ZERO
+
+
+_helpers: list[Callable[..., Cells]] = [clamp, is_finite]
+"""Functions that numba has still to be told of."""
+
+
+def helper(function: Callable[..., Cells]) -> Callable[..., Cells]:
+    """Allow functions of cells to call this one; for use as a decorator."""
+    _helpers.append(function)
+    return function
+
+
+class CellFunction:
+    """A function of the values of one cell; for use as a decorator, through `cell_function`.
+
+    Args:
+        function: takes one value per layer, and last a tuple of numbers that are the same for all
+            cells. Constants in it must be float32 or uint32 like the values: a Python number would
+            widen the result.
+        takes: type of the values: float32, or uint32 for colours as bits.
+        gives: type of the result, one of both as well.
+        numbers: length of the tuple; the numbers are float32.
+
+    Attributes:
+        layers: how many layers it takes.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., Cells],
+        takes: npt.DTypeLike,
+        gives: npt.DTypeLike,
+        numbers: int,
+    ) -> None:
+        self._function = function
+        self.takes = np.dtype(takes)
+        self.gives = np.dtype(gives)
+        self.numbers = numbers
+        self.layers = len(inspect.signature(function).parameters) - 1
+
+    def prepare(self) -> None:
+        """Compile the function now, which takes up to a second, and not with the first map."""
+        one_cell = np.zeros(1, self.takes)
+        self((one_cell,) * self.layers, (0.0,) * self.numbers)
+
+    def __call__(
+        self, layers: Sequence[npt.NDArray[Any]], numbers: Sequence[SupportsFloat] = ()
+    ) -> Layer:
+        """Return the layer of the function's results.
+
+        Args:
+            layers: as many as the function takes, of one shape, in Fortran order.
+            numbers: the tuple that it takes last.
+
+        Returns:
+            float32 whose bits are the results, in the shape of the layers, in Fortran order.
+        """
+        flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
+        with np.errstate(over="ignore"):
+            constants = tuple(np.float32(float(number)) for number in numbers)
+        if self._loop is None:
+            results = self.plain(flat, constants)
+        else:
+            results = np.empty(flat[0].size, self.gives)
+            self._loop(flat, constants, results)
+        return results.view(np.float32).reshape(layers[0].shape, order="F")
+
+    def plain(
+        self, layers: Sequence[npt.NDArray[Any]], numbers: tuple[np.float32, ...]
+    ) -> npt.NDArray[Any]:
+        """Return the results for layers (n,), computed by NumPy."""
+        with np.errstate(all="ignore"):
+            return elementwise(lambda *cells: self._function(*cells, numbers), self.gives, *layers)
+
+    @functools.cached_property
+    def _loop(self) -> Callable[..., None] | None:
+        # From Python 3.12 on several threads may come here at once, one of which must not compile
+        # while another one is still telling numba of a helper.
+        with _compiling:
+            numba = _numba()
+            if numba is None:
+                return None
+            compile_ = numba.njit(**_LIKE_NUMPY)
+            loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self._function)))
+            return loop
+
+
+def cell_function(
+    *, takes: npt.DTypeLike, gives: npt.DTypeLike, numbers: int = 0
+) -> Callable[[Callable[..., Cells]], CellFunction]:
+    """Return the decorator that makes a `CellFunction`; see there for the arguments."""
+    return lambda function: CellFunction(function, takes, gives, numbers)
+
+
+def _numba() -> Any:
+    """Return numba, which knows our helpers; None where it is missing, broken or turned off."""
+    try:
+        import numba
+        from numba.extending import overload, register_jitable
+    except ImportError:
+        return None
+    # One that was built for another NumPy, or lacks a library, raises SystemError, AttributeError,
+    # OSError, ...
+    except Exception as error:
+        warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
+        return None
+    # Its loops would run in Python.
+    if getattr(numba.config, "DISABLE_JIT", False):
+        return None
+    _replace_choose(overload)
+    while _helpers:
+        register_jitable(**_LIKE_NUMPY)(_helpers.pop())
+    return numba
+
+
+@functools.cache
+def _replace_choose(overload: Callable[..., Any]) -> None:
+    """Let `choose` take one of both where there is but one cell."""
+    # Numba compares their signatures, without types here, with the arguments of `choose`.
+    one_of_both = lambda condition, yes, no: yes if condition else no  # noqa: E731
+    overload(choose)(lambda condition, yes, no: one_of_both)  # noqa: ARG005
+
+
+# Numba can neither make the number of arguments a variable nor take them from a list.
+
+
+def _over_1(function: Callable[..., Cells]) -> Callable[..., None]:
+    def loop(layers: Any, numbers: Any, results: Any) -> None:
+        (a,) = layers
+        for i in range(results.size):
+            results[i] = function(a[i], numbers)
+
+    return loop
+
+
+def _over_2(function: Callable[..., Cells]) -> Callable[..., None]:
+    def loop(layers: Any, numbers: Any, results: Any) -> None:
+        a, b = layers
+        for i in range(results.size):
+            results[i] = function(a[i], b[i], numbers)
+
+    return loop
+
+
+def _over_3(function: Callable[..., Cells]) -> Callable[..., None]:
+    def loop(layers: Any, numbers: Any, results: Any) -> None:
+        a, b, c = layers
+        for i in range(results.size):
+            results[i] = function(a[i], b[i], c[i], numbers)
+
+    return loop
+
+
+def _over_5(function: Callable[..., Cells]) -> Callable[..., None]:
+    def loop(layers: Any, numbers: Any, results: Any) -> None:
+        a, b, c, d, e = layers
+        for i in range(results.size):
+            results[i] = function(a[i], b[i], c[i], d[i], e[i], numbers)
+
+    return loop
+
+
+_LOOPS = {1: _over_1, 2: _over_2, 3: _over_3, 5: _over_5}

@@ -1,0 +1,95 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/ColorBlendingFilter`"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._shared.cell_function import Cells, cell_function, choose, helper
+from .._shared.colors import FULL, blue, green, is_none, pack, red
+
+_ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorBlending:
+    """Blend a layer of colours over another.
+
+    Where one of both has no colour, the other one is taken.
+
+    Attributes:
+        background_layer: colours below.
+        foreground_layer: colours above.
+        blend_mode: "normal" mixes both; "hard_light" multiplies with dark colours of the foreground
+            and screens with bright ones; "soft_light" is Pegtop's formula.
+        opacity: of what the mode gives over the background, from 0 to 1.
+        output_layer: the result goes there.
+    """
+
+    background_layer: str
+    foreground_layer: str
+    blend_mode: Literal["normal", "hard_light", "soft_light"] = "normal"
+    opacity: float
+    output_layer: str
+
+    def __post_init__(self) -> None:
+        check(0 <= self.opacity <= 1, "opacity", "a number in [0, 1]", self.opacity)
+        _MODES[self.blend_mode].prepare()
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layers = [grid_map[self.background_layer], grid_map[self.foreground_layer]]
+        blended = _MODES[self.blend_mode](layers, (self.opacity, 1 - self.opacity))
+        return grid_map.with_layers({self.output_layer: blended})
+
+
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _normal(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    return _blended(below, above, red(above), green(above), blue(above), weights)
+
+
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _hard_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    is_dark = red(above) + green(above) + blue(above) < _DARK
+    r = _hard(red(below), red(above), is_dark)
+    g = _hard(green(below), green(above), is_dark)
+    b = _hard(blue(below), blue(above), is_dark)
+    return _blended(below, above, r, g, b, weights)
+
+
+@cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
+def _soft_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+    r = _soft(red(below), red(above))
+    g = _soft(green(below), green(above))
+    b = _soft(blue(below), blue(above))
+    return _blended(below, above, r, g, b, weights)
+
+
+@helper
+def _hard(below: Cells, above: Cells, is_dark: Cells) -> Cells:
+    screened = _ONE - _TWO * (_ONE - below) * (_ONE - above)
+    return choose(is_dark, _TWO * below * above, screened)
+
+
+@helper
+def _soft(below: Cells, above: Cells) -> Cells:
+    return (_ONE - _TWO * above) * (below * below) + _TWO * below * above
+
+
+@helper
+def _blended(
+    below: Cells, above: Cells, r: Cells, g: Cells, b: Cells, weights: tuple[Cells, ...]
+) -> Cells:
+    """Return the colour of a cell, of which the mode has made the shares r, g, b."""
+    r = FULL * (red(below) * weights[1] + r * weights[0])
+    g = FULL * (green(below) * weights[1] + g * weights[0])
+    b = FULL * (blue(below) * weights[1] + b * weights[0])
+    blended = choose(is_none(above), below, pack(r, g, b))
+    return choose(is_none(below), above, blended)
+
+
+_MODES = {"normal": _normal, "hard_light": _hard_light, "soft_light": _soft_light}

@@ -1,0 +1,66 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/ColorMapFilter`"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._shared.cell_function import Cells, cell_function, clamp, is_finite
+from .._shared.colors import check_color, or_none, pack
+
+_FIRST, _LAST = np.float32(0), np.float32(1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorMap:
+    """Colour a layer by a ramp from one value and its colour to another; beyond both it is flat.
+
+    Cells that are not finite have no colour.
+
+    Attributes:
+        input_layer: the layer to colour.
+        output_layer: the result goes there.
+        min_value: where the ramp begins. In YAML also `min: {value, color}` and `min/value`.
+        max_value: where it ends, above `min_value`.
+        min_color, max_color: red, green and blue there, from 0 to 1; values beyond are clamped.
+    """
+
+    input_layer: str
+    output_layer: str
+    min_value: float
+    max_value: float
+    min_color: tuple[float, ...]
+    max_color: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        check_color("min/color", self.min_color)
+        check_color("max/color", self.max_color)
+        check(math.isfinite(self.min_value), "min/value", "a finite number", self.min_value)
+        ascends = math.isfinite(self.max_value) and self.max_value > self.min_value
+        expected = f"a finite number above min/value, {self.min_value}"
+        check(ascends, "max/value", expected, self.max_value)
+        longest = float(np.finfo(np.float32).max)
+        in_range = max(abs(self.min_value), self.max_value - self.min_value) <= longest
+        check(in_range, "max/value", f"a ramp of at most {longest:g}", self.max_value)
+        _color.prepare()
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        first, last = (255 * np.clip(color, 0, 1) for color in (self.min_color, self.max_color))
+        width = np.float32(self.max_value) - np.float32(self.min_value)
+        ramp = (self.min_value, width, *(last - first), *first)
+        colors = _color([grid_map[self.input_layer]], ramp)
+        return grid_map.with_layers({self.output_layer: colors})
+
+
+@cell_function(takes=np.float32, gives=np.uint32, numbers=8)
+def _color(value: Cells, ramp: tuple[Cells, ...]) -> Cells:
+    share = clamp((value - ramp[0]) / ramp[1], _FIRST, _LAST)
+    red = share * ramp[2] + ramp[5]
+    green = share * ramp[3] + ramp[6]
+    blue = share * ramp[4] + ramp[7]
+    return or_none(pack(red, green, blue), is_finite(value))

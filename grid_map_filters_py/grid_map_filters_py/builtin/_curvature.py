@@ -1,0 +1,73 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/CurvatureFilter`"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, slices
+
+from .._shared.cell_function import Cells, cell_function, choose, helper, is_finite
+
+_TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
+
+_PIECE = 2**15
+"""Cells whose temporaries stay in the cache."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curvature:
+    """Compute the curvature of a layer, positive on hilltops: minus its second differences.
+
+    At the border of the map the cell itself stands for the missing neighbour. A difference that
+    meets a cell that is not finite counts as 0; cells that are not finite themselves become NaN.
+
+    Attributes:
+        input_layer: heights [m].
+        output_layer: the result goes there.
+    """
+
+    input_layer: str
+    output_layer: str
+
+    def __post_init__(self) -> None:
+        _curvature.prepare()
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layer = grid_map[self.input_layer].T
+        curvature = np.empty_like(layer)
+        for lines in slices(len(layer), _PIECE // layer.shape[1]):
+            curvature[lines] = _of_lines(layer, lines, grid_map.resolution)
+        return grid_map.with_layers({self.output_layer: curvature.T})
+
+
+def _of_lines(layer: Layer, lines: slice, resolution: float) -> Layer:
+    """Return the curvature in some lines of a C-contiguous layer."""
+    # With the neighbours around them, as far as there are any.
+    first, last = max(lines.start - 1, 0), min(lines.stop + 1, len(layer))
+    above, below = first - lines.start + 1, lines.stop + 1 - last
+    border = above, below, 1, 1
+    heights = cv2.copyMakeBorder(layer[first:last], *border, cv2.BORDER_REPLICATE)
+    width, flat = heights.shape[1], heights.ravel()
+    # Every cell, those of the border too, and its four neighbours.
+    shifts = 0, -width, width, -1, 1
+    neighbours = [flat[width + shift : flat.size - width + shift] for shift in shifts]
+    return _curvature(neighbours, (-1 / resolution**2,)).reshape(-1, width)[:, 1:-1]
+
+
+@cell_function(takes=np.float32, gives=np.float32, numbers=1)
+def _curvature(
+    height: Cells, up: Cells, down: Cells, left: Cells, right: Cells, scale: tuple[Cells, ...]
+) -> Cells:
+    along = up - _TWO * height + down
+    across = left - _TWO * height + right
+    curvature = scale[0] * (_finite_or_zero(along) + _finite_or_zero(across))
+    return choose(is_finite(height), curvature, _NAN)
+
+
+@helper
+def _finite_or_zero(value: Cells) -> Cells:
+    return choose(is_finite(value), value, _ZERO)

@@ -1,0 +1,67 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/GaussianBlurFilter`"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._filter import check_radius
+from .._shared.disc import Disc, Sums, centred
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianBlur:
+    """Give every cell the mean of the finite values around it, weighted by a Gaussian.
+
+    The weights of the finite cells are scaled to a sum of 1 in every place (normalized convolution,
+    H. Knutsson and C.-F. Westin, 1993), so that neither holes nor the border pull the mean
+    anywhere.
+
+    Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
+        sigma: standard deviation of the Gaussian [m].
+        radius: how far the weights reach along x and along y [m]; without it 3 `sigma`.
+        compute_empty_cells: give cells a value too that are not finite in the input, NaN where none
+            is within reach.
+    """
+
+    input_layer: str
+    output_layer: str
+    sigma: float
+    radius: float | None = None
+    compute_empty_cells: bool = False
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.sigma) and self.sigma > 0, "sigma", "a length > 0 [m]", self.sigma)
+        check_radius(self.radius or 0.0)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        mask, values, offset = centred(grid_map[self.input_layer])
+        reach = 3 * self.sigma if self.radius is None else self.radius
+        disc = Disc(reach, grid_map.resolution, grid_map.size)
+        mean = self._blur(values, disc)
+        del values
+        with np.errstate(invalid="ignore"):
+            mean /= self._blur(mask.view(np.uint8), disc)
+        mean += offset
+        if not self.compute_empty_cells:
+            mean[~mask] = np.nan
+        return grid_map.with_layers({self.output_layer: mean})
+
+    def _blur(self, image: npt.NDArray[Any], disc: Disc) -> Sums:
+        with np.errstate(over="ignore"):
+            scaled = (steps * (disc.resolution / self.sigma) for steps in disc.offsets)
+            rows, columns = (np.exp(-0.5 * np.square(steps)) for steps in scaled)
+        blurred = cv2.sepFilter2D(
+            image.T, cv2.CV_64F, rows, columns, borderType=cv2.BORDER_CONSTANT
+        )
+        return np.asarray(blurred.T, dtype=np.float64)

@@ -1,0 +1,102 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapCv/InpaintFilter`"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
+from grid_map_core_py.plugins import check
+
+from .._filter import check_radius, warn
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inpaint:
+    """Fill the cells of a layer that are not finite from their surroundings.
+
+    Uses the Navier-Stokes based method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV, on
+    floats: finite cells keep their value to the bit. A layer without a finite cell stays as it is.
+    Missing cells that touch, also at a corner, are one hole.
+
+    Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
+        radius: of the neighbourhood that a filled cell is computed from [m], at least one cell.
+        enclosed_holes_only: leave holes alone that reach the border of the map.
+        max_hole_area: largest hole that is filled [m^2]; without it holes of any size are.
+    """
+
+    input_layer: str
+    output_layer: str
+    radius: float
+    enclosed_holes_only: bool = False
+    max_hole_area: float | None = None
+
+    def __post_init__(self) -> None:
+        check_radius(self.radius)
+        area = self.max_hole_area or 0.0
+        check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layer = grid_map[self.input_layer]
+        holes = ~np.isfinite(layer)
+        if holes.all():
+            warn(f"layer {self.input_layer!r} has no finite cell to fill its holes from")
+            return grid_map.with_layers({self.output_layer: layer.copy("F")})
+        filled = layer.copy("F")
+        chosen = self._choose(holes, grid_map.resolution)
+        if chosen.any():
+            with np.errstate(invalid="ignore"):
+                filled[chosen] = _fill(layer, holes, self.radius / grid_map.resolution)[chosen]
+        return grid_map.with_layers({self.output_layer: filled})
+
+    def _choose(self, holes: Mask, resolution: float) -> Mask:
+        """Return where the holes are that shall be filled."""
+        if not self.enclosed_holes_only and self.max_hole_area is None:
+            return holes
+        _, labels, sizes, _ = cv2.connectedComponentsWithStats(holes.T.astype(np.uint8))
+        area = sizes[:, cv2.CC_STAT_AREA] * resolution**2
+        limit = math.inf if self.max_hole_area is None else self.max_hole_area
+        wanted = area <= limit * (1 + 1e-9)
+        if self.enclosed_holes_only:
+            for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+                wanted[side] = False
+        # The first label is that of the cells that are no hole.
+        wanted[0] = False
+        return np.asarray(wanted[labels].T)
+
+
+def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
+    """Return the inpainted layer; `radius` in cells."""
+    lowest, highest = min_of_finites(layer), max_of_finites(layer)
+    if lowest == highest:
+        return np.full_like(layer, lowest)
+    # OpenCV weighs by gradients with thresholds that are made for grey values.
+    scale = 255.0 / (highest - lowest)
+    grey = elementwise(
+        lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer
+    )
+    grey[holes] = 0.0
+    filled = _inpaint(grey, holes.astype(np.uint8), radius)
+    return elementwise(
+        lambda greys: np.clip(greys, 0.0, 255.0, dtype=np.float64) / scale + lowest,
+        np.float32,
+        filled,
+    )
+
+
+def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> Layer:
+    # On images with sides of one or two pixels OpenCV reads beyond the border.
+    margins = [(1, 1) if side < 3 else (0, 0) for side in image.shape]
+    image, mask = np.pad(image, margins, mode="edge"), np.pad(mask, margins, mode="edge")
+    filled = cv2.inpaint(
+        np.ascontiguousarray(image), np.ascontiguousarray(mask), radius, cv2.INPAINT_NS
+    )
+    inner = tuple(slice(before, -after or None) for before, after in margins)
+    return np.asarray(filled[inner], dtype=np.float32)

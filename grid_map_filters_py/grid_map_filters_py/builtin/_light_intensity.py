@@ -1,0 +1,51 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/LightIntensityFilter`"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._shared.cell_function import Cells, cell_function, is_finite
+from .._shared.colors import FULL, or_none, pack
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightIntensity:
+    """Shade a map in grey by how straight light falls onto its normals.
+
+    Cells without a normal have no colour.
+
+    Attributes:
+        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
+        output_layer: the result goes there.
+        light_direction: x, y, z: where the light travels to, not where it comes from; of any length
+            but 0.
+    """
+
+    input_layers_prefix: str
+    output_layer: str
+    light_direction: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        direction = self.light_direction
+        usable = len(direction) == 3 and 0 < math.hypot(*direction) < math.inf
+        expected = "three finite numbers, not all 0"
+        check(usable, "light_direction", expected, list(direction))
+        _shade.prepare()
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        towards = -np.asarray(self.light_direction) / math.hypot(*self.light_direction)
+        normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
+        return grid_map.with_layers({self.output_layer: _shade(normals, towards.tolist())})
+
+
+@cell_function(takes=np.float32, gives=np.uint32, numbers=3)
+def _shade(x: Cells, y: Cells, z: Cells, towards: tuple[Cells, ...]) -> Cells:
+    intensity = x * towards[0] + y * towards[1] + z * towards[2]
+    grey = FULL * intensity
+    return or_none(pack(grey, grey, grey), is_finite(intensity))

@@ -1,0 +1,48 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/MeanInRadiusFilter`"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
+
+from .._filter import DiscFilter
+from .._shared.disc import Tile, tiles, typical_value
+
+_FEW = 4
+"""Cells that a small disc reaches."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeanInRadius(DiscFilter):
+    """Give every cell the mean of the finite values in the disc of `radius` [m] around it.
+
+    Cells without a finite value in their disc become NaN.
+    """
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layer = grid_map[self.input_layer]
+        offset = typical_value(layer)
+        disc = self.disc(grid_map)
+        # Of a few values single precision loses no more than the layer itself does.
+        dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
+        mean = np.empty_like(layer, order="F")
+        for tile in tiles(disc):
+            mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
+        return grid_map.with_layers({self.output_layer: mean})
+
+
+def _mean(layer: Layer, tile: Tile, offset: float, dtype: type[np.floating[Any]]) -> Layer:
+    """Return the means of the cells of a tile, from differences to `offset`."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        known, values = tile.finite(layer, offset, dtype)
+        total = tile.sums(values)
+        if not np.isfinite(total).all():
+            return _mean(layer, tile, offset, np.float64)
+        total /= tile.counts(known).astype(dtype)
+    total += offset
+    return tile.cells(total)

@@ -1,0 +1,112 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/MedianFillFilter`"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, Mask
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.plugins import check
+
+from .._filter import check_radius
+from .._shared.medians import put_window_medians
+
+_BLOCK = np.ones((3, 3), np.uint8)
+_TOLERANCE = 1e-9
+"""Cells by which a radius may fall short of a whole number of them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MedianFill:
+    """Fill holes with the median of the finite values in the square around each cell.
+
+    Of an even number of values the larger one of the two in the middle counts. The result has no
+    basic layers.
+
+    Attributes:
+        input_layer: the layer to filter.
+        output_layer: the result goes there.
+        fill_hole_radius: half the width of the square [m], cut off to whole cells.
+        filter_existing_values: give finite cells that the mask allows their median too.
+        existing_value_radius: half the width of the square of these [m]; required with
+            `filter_existing_values`.
+        fill_mask_layer: where to fill: only cells where this layer is not 0 change. If the map does
+            not have it, it is computed: where the layer is finite, without what is thinner than 3
+            cells, grown and shrunk again; and added to the map as 0 and 1.
+        num_erode_dilation_iterations: by how many cells a computed mask grows and shrinks.
+        debug: also store a computed mask as it was before it grew.
+        debug_infill_mask_layer: where that goes; required with `debug`.
+    """
+
+    input_layer: str
+    output_layer: str
+    fill_hole_radius: float
+    filter_existing_values: bool = False
+    existing_value_radius: float | None = None
+    fill_mask_layer: str
+    num_erode_dilation_iterations: int = 4
+    debug: bool = False
+    debug_infill_mask_layer: str | None = None
+
+    def __post_init__(self) -> None:
+        check_radius(self.fill_hole_radius, "fill_hole_radius")
+        if self.existing_value_radius is not None:
+            check_radius(self.existing_value_radius, "existing_value_radius")
+        elif self.filter_existing_values:
+            raise ConfigError("'filter_existing_values' needs an 'existing_value_radius'")
+        if self.debug and not self.debug_infill_mask_layer:
+            raise ConfigError("'debug' needs a 'debug_infill_mask_layer'")
+        debug_layer = self.debug_infill_mask_layer if self.debug else None
+        names = [self.output_layer, self.fill_mask_layer, debug_layer]
+        if len(set(names)) < len(names):
+            raise ConfigError(
+                "expected different 'output_layer', 'fill_mask_layer' and "
+                f"'debug_infill_mask_layer', found {', '.join(map(repr, names))}"
+            )
+        iterations = self.num_erode_dilation_iterations
+        check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layer = grid_map[self.input_layer]
+        known = np.isfinite(layer)
+        if self.fill_mask_layer in grid_map:
+            chosen, masks = grid_map[self.fill_mask_layer] != 0, dict[str, Layer]()
+        else:
+            chosen, masks = self._compute_mask(known)
+        output = layer.copy("F")
+        self._fill(output, layer, ~known & chosen, self.fill_hole_radius / grid_map.resolution)
+        if self.filter_existing_values and self.existing_value_radius is not None:
+            radius = self.existing_value_radius / grid_map.resolution
+            self._fill(output, layer, known & chosen, radius)
+        result = grid_map.with_layers({self.output_layer: output, **masks})
+        result.basic_layers = ()
+        return result
+
+    def _compute_mask(self, known: Mask) -> tuple[Mask, dict[str, Layer]]:
+        """Return where to fill, and the layers that tell it."""
+        # A mask that has grown by the size of the map cannot grow further.
+        iterations = min(self.num_erode_dilation_iterations, max(known.shape))
+        solid = cv2.morphologyEx(known.T.view(np.uint8), cv2.MORPH_OPEN, _BLOCK)
+        grown = cv2.dilate(solid, _BLOCK, iterations=iterations)
+        closed = cv2.erode(grown, _BLOCK, iterations=iterations)
+        masks = {self.fill_mask_layer: _as_layer(closed)}
+        if self.debug and self.debug_infill_mask_layer:
+            masks = {self.debug_infill_mask_layer: _as_layer(solid), **masks}
+        return closed.T != 0, masks
+
+    @staticmethod
+    def _fill(output: Layer, layer: Layer, cells: Mask, radius: float) -> None:
+        """Write medians into some cells of `output`; `radius` in cells."""
+        if cells.any():
+            put_window_medians(output, layer, cells, math.floor(radius + _TOLERANCE))
+
+
+def _as_layer(mask: npt.NDArray[Any]) -> Layer:
+    return mask.T.astype(np.float32)

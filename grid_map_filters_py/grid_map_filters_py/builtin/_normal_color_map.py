@@ -1,0 +1,48 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/NormalColorMapFilter`"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grid_map_core_py import GridMap
+
+from .._shared.cell_function import Cells, cell_function, helper
+from .._shared.colors import or_none, pack
+
+_ONE, _HALF = np.float32(1), np.float32(127.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalColorMap:
+    """Colour a map by its normals: red, green, blue are x, y, z taken from [-1, 1] to [0, 1].
+
+    The colours of cells without a normal are NaN.
+
+    Attributes:
+        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
+        output_layer: the result goes there.
+    """
+
+    input_layers_prefix: str
+    output_layer: str
+
+    def __post_init__(self) -> None:
+        _color.prepare()
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
+        return grid_map.with_layers({self.output_layer: _color(normals)})
+
+
+@cell_function(takes=np.float32, gives=np.uint32)
+def _color(x: Cells, y: Cells, z: Cells, _: tuple[Cells, ...]) -> Cells:
+    exists = (x == x) & (y == y) & (z == z)
+    return or_none(pack(_channel(x), _channel(y), _channel(z)), exists)
+
+
+@helper
+def _channel(normal: Cells) -> Cells:
+    # The same bits as 255 * (0.5 * normal + 0.5).
+    return (normal + _ONE) * _HALF

@@ -1,0 +1,50 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/NormalVectorsFilter`"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._shared.normals import area_normals, flip_towards, raster_normals
+
+
+@dataclass(frozen=True, kw_only=True)
+class NormalVectors:
+    """Compute the surface normals of a layer.
+
+    Attributes:
+        input_layer: heights [m].
+        output_layers_prefix: the normals go to the layers prefix + `x`, `y`, `z`.
+        normal_vector_positive_axis: normals point to the positive side of this axis. In a parameter
+            file of ROS write `'y'`: without quotes it means *true* there.
+        algorithm: "area" fits a plane to the disc around each cell, "raster" takes the slopes to
+            the four neighbours.
+        radius: of the disc [m]; not positive means "raster".
+        parallelization_enabled, thread_number: accepted for files of the C++ filter, without
+            effect: all cells are computed at once.
+    """
+
+    input_layer: str
+    output_layers_prefix: str
+    normal_vector_positive_axis: Literal["x", "y", "z"]
+    algorithm: Literal["area", "raster"] = "area"
+    radius: float = 0.0
+    parallelization_enabled: bool = False
+    thread_number: int = -1
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.radius), "radius", "a finite length [m]", self.radius)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        heights = grid_map[self.input_layer]
+        if self.algorithm == "raster" or self.radius <= 0:
+            normals = raster_normals(heights, grid_map.resolution)
+        else:
+            normals = area_normals(heights, self.radius, grid_map.resolution)
+        normals = flip_towards(normals, "xyz".index(self.normal_vector_positive_axis))
+        names = (self.output_layers_prefix + axis for axis in "xyz")
+        return grid_map.with_layers(dict(zip(names, normals, strict=True)))

@@ -1,0 +1,36 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/SetBasicLayersFilter`"""
+
+from dataclasses import dataclass
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError
+
+from .._filter import warn
+
+
+@dataclass(frozen=True, kw_only=True)
+class SetBasicLayers:
+    """Make `layers` the basic layers; warn of those that the map does not have.
+
+    Attributes:
+        layers: their names; may be none.
+        layer: the same by the name that C++ reads; exactly one of both is given.
+    """
+
+    layers: tuple[str, ...] | None = None
+    layer: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.layers is None) == (self.layer is None):
+            raise ConfigError("expected either 'layers' or 'layer'")
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        wanted = (self.layers or ()) + (self.layer or ())
+        missing = [name for name in wanted if name not in grid_map]
+        if missing:
+            warn(f"no layer {', '.join(missing)} to be basic; available: {', '.join(grid_map)}")
+        result = grid_map.with_layers({})
+        result.basic_layers = [name for name in wanted if name in grid_map]
+        return result

@@ -1,0 +1,66 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/SlidingWindowMathExpressionFilter`"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from ..expression import Expression
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlidingWindowMathExpression:
+    """Compute a layer by an expression over the window around each cell; it must give a scalar.
+
+    Attributes:
+        input_layer: its name stands for the window in the expression.
+        output_layer: the result goes there.
+        expression: for example `meanOfFinites(elevation)`.
+        compute_empty_cells: give cells a value too that are NaN in the input.
+        edge_handling: what becomes of a window that does not fit: "inside" leaves the cell NaN,
+            "crop" takes the part on the map, "empty" pads with NaN, "mean" with the mean of the
+            window's finite values.
+        window_size: side of the window in cells, odd.
+        window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
+    """
+
+    input_layer: str
+    output_layer: str
+    expression: str
+    compute_empty_cells: bool = True
+    edge_handling: Literal["inside", "crop", "empty", "mean"] = "inside"
+    window_size: int = 3
+    window_length: float | None = None
+    _parsed: Expression = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        odd = self.window_size > 0 and self.window_size % 2 == 1
+        check(odd, "window_size", "an odd number of cells", self.window_size)
+        length = self.window_length
+        positive = length is None or (math.isfinite(length) and length > 0)
+        check(positive, "window_length", "a length > 0 [m]", length)
+        parsed = Expression(self.expression)
+        known = parsed.names <= {self.input_layer}
+        expected = f"no layer but the input layer {self.input_layer!r}"
+        check(known, "expression", expected, self.expression)
+        object.__setattr__(self, "_parsed", parsed)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        result = self._parsed.over_windows(
+            self.input_layer,
+            grid_map[self.input_layer],
+            self._cells(grid_map.resolution),
+            self.edge_handling,
+            compute_empty_cells=self.compute_empty_cells,
+        )
+        return grid_map.with_layers({self.output_layer: result})
+
+    def _cells(self, resolution: float) -> int:
+        if self.window_length is None:
+            return self.window_size
+        cells = math.floor(self.window_length / resolution + 0.5)
+        return cells if cells % 2 else cells + 1

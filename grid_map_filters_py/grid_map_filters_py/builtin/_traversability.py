@@ -1,0 +1,68 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`gridMapFilters/TraversabilityFilter`"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, elementwise
+from grid_map_core_py.plugins import check
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traversability:
+    """Compute how easy a cell is to pass, from 0 (not at all) to 1, by what makes it hard.
+
+    It is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over layers such
+    as slope, step height and roughness (M. Wermelinger et al., "Navigation planning for legged
+    robots in challenging terrain", IROS 2016). Where a value is not finite it is NaN.
+
+    Attributes:
+        input_layers: what makes a cell hard to pass.
+        output_layer: the result goes there.
+        critical_values: per layer, the value from which on a cell cannot be passed.
+        weights: per layer; only their ratios matter. Without them all layers weigh alike.
+    """
+
+    input_layers: tuple[str, ...]
+    output_layer: str
+    critical_values: tuple[float, ...]
+    weights: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        count = len(self.input_layers)
+        check(count > 0, "input_layers", "at least one layer", self.input_layers)
+        for name, numbers in (
+            ("critical_values", self.critical_values),
+            ("weights", self._weights),
+        ):
+            check(len(numbers) == count, name, f"{count} numbers, one per layer", numbers)
+            valid = all(math.isfinite(number) and number >= 0 for number in numbers)
+            check(valid, name, "numbers >= 0", numbers)
+        check(all(self.critical_values), "critical_values", "numbers > 0", self.critical_values)
+        check(any(self._weights), "weights", "a number > 0", self.weights)
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layers = [grid_map[name] for name in self.input_layers]
+        return grid_map.with_layers(
+            {self.output_layer: elementwise(self._mean, np.float32, *layers)}
+        )
+
+    def _mean(self, *layers: Layer) -> npt.NDArray[np.float64]:
+        total = np.zeros(layers[0].shape)
+        for layer, critical, weight in zip(
+            layers, self.critical_values, self._weights, strict=True
+        ):
+            with np.errstate(over="ignore"):
+                score = np.clip(1.0 - layer.astype(np.float64) / critical, 0.0, 1.0)
+            score[~np.isfinite(layer)] = np.nan
+            total += weight / sum(self._weights) * score
+        return np.minimum(total, 1.0)
+
+    @property
+    def _weights(self) -> tuple[float, ...]:
+        return self.weights or (1.0,) * len(self.input_layers)

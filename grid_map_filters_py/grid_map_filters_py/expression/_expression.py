@@ -1,0 +1,150 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The mathematical expression of a filter."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ExpressionError
+from ._checks import check
+from ._faults import Fault, to_error
+from ._functions import CONSTANTS
+from ._interpreter import Interpreter
+from ._matrices import Matrices
+from ._nodes import Call, Name, Node, descendants
+from ._parser import parse
+from ._windows import EdgeHandling, evaluate_over_windows
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A mathematical expression over layers, parsed once.
+
+    Immutable; equal when the text is.
+
+    Args:
+        text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
+
+    Raises:
+        ExpressionError: the text is not an expression, or cannot be right whatever the layers
+            are; the message shows the place.
+
+    Example:
+        >>> Expression("1 + 2 * [1, 2]")({})
+        array([[3., 5.]], dtype=float32)
+    """
+
+    text: str
+    names: frozenset[str] = field(init=False, repr=False, compare=False)
+    """The layers that the expression needs."""
+
+    _root: Node = field(init=False, repr=False, compare=False)
+    _repeated: frozenset[int] = field(init=False, repr=False, compare=False)
+    _places: dict[str, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.text, str):
+            raise ExpressionError(f"an expression must be a text, not {self.text!r}")
+        try:
+            root, repeated = parse(self.text)
+            with np.errstate(all="ignore"):
+                check(root)
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        nodes = list(descendants(root))
+        names = {node.name: node.position for node in nodes if isinstance(node, Name)}
+        functions = {node.function: node.position for node in nodes if isinstance(node, Call)}
+        object.__setattr__(self, "names", frozenset(names.keys() - CONSTANTS.keys()))
+        object.__setattr__(self, "_root", root)
+        object.__setattr__(self, "_repeated", repeated)
+        object.__setattr__(self, "_places", functions | names)
+
+    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
+        return Expression, (self.text,)
+
+    def __call__(self, layers: Mapping[str, NDArray[Any]]) -> NDArray[np.float32] | float:
+        """Evaluate for whole layers.
+
+        Elementwise work is done in float32 and keeps the memory order of the layers, reductions
+        accumulate in double precision. Infinities and NaN follow IEEE 754, silently.
+
+        Args:
+            layers: (rows, columns) arrays by name; a layer hides the function or the constant of
+                the same name. Only those that the expression names are touched, and never changed.
+
+        Returns:
+            A new float32 matrix, or a number where the expression reduces to one.
+
+        Raises:
+            ExpressionError: a layer is missing, or shapes or indices do not fit.
+        """
+        available = ", ".join(sorted(layers)) or "none"
+        used = self._places.keys() & layers.keys()
+        try:
+            with np.errstate(all="ignore"):
+                values = {name: _bind(name, layers[name], self._places[name]) for name in used}
+                interpreter = Interpreter(Matrices(), values, available, self._repeated)
+                result = interpreter(self._root)
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        if isinstance(result, float) or result.flags.writeable:
+            return result
+        return result.copy(order="K")
+
+    def over_windows(
+        self,
+        name: str,
+        layer: NDArray[Any],
+        window_size: int,
+        edge_handling: EdgeHandling,
+        *,
+        compute_empty_cells: bool = True,
+    ) -> NDArray[np.float32]:
+        """Evaluate for the square window around every cell.
+
+        The expression must give a number for a window, and knows no layer but the input layer. All
+        cells are computed together, in double precision; memory is in the order of the layer.
+
+        Args:
+            name: of the input layer in the expression, where it stands for the window.
+            layer: (rows, columns), unwrapped (start index (0, 0)).
+            window_size: odd number of cells along a side.
+            edge_handling: what a window is near the border. `inside`: only cells whose window is
+                entirely on the map are computed, the others are NaN. `crop`: the part on the map.
+                `empty`: the part outside is NaN. `mean`: the part outside is the mean of the finite
+                values of the part on the map.
+            compute_empty_cells: False leaves cells NaN where the input is NaN.
+
+        Returns:
+            (rows, columns) float32 in Fortran order.
+
+        Raises:
+            ExpressionError: the result is not a number, or names, shapes or indices do not fit.
+            FilterError: the window size or the edge handling is impossible.
+        """
+        if not np.issubdtype(np.asarray(layer).dtype, np.floating):
+            layer = np.asarray(layer, np.float32)
+        try:
+            with np.errstate(all="ignore"):
+                result = evaluate_over_windows(
+                    self._root, self._repeated, name, layer, window_size, edge_handling
+                )
+        except Fault as fault:
+            raise to_error(fault, self.text) from None
+        if not compute_empty_cells:
+            result[np.isnan(layer)] = np.nan
+        return result
+
+
+def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
+    """Return a read-only float32 view (or copy, of another type) of a layer."""
+    values = np.asarray(layer).astype(np.float32, copy=False).view()
+    if values.ndim != 2:
+        message = f"the layer {name!r} must have rows and columns, its shape is {values.shape}"
+        raise Fault(message, position=position)
+    values.flags.writeable = False
+    return values

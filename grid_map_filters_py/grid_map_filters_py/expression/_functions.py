@@ -1,0 +1,393 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the operators and functions of the language compute.
+
+Everything here is written once, against a few primitives (`Algebra`), and so means the same for
+the matrices of a whole map and for the windows of all its cells.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grid_map_core_py import arrays as statistics
+
+from ._faults import Fault
+
+Shape = tuple[int, int]
+Plain = float | NDArray[np.float32]
+"""A number, or a 2-D matrix of numbers."""
+
+V = TypeVar("V")
+
+SCALAR: Shape = (1, 1)
+LARGEST = 10**8
+"""Elements that a matrix made by an expression may have; more is a slip of the pen."""
+CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """A reduction: `map` every element, then `combine` them in any order.
+
+    `whole`, if given, does the same faster for all elements of an array at once, or gives NaN.
+    """
+
+    map: Callable[[Any], Any]
+    combine: np.ufunc
+    whole: Callable[[NDArray[Any]], float] | None = None
+
+
+class Algebra(Protocol[V]):
+    """The primitives that an evaluator supplies for its kind of values."""
+
+    def constant(self, value: Plain) -> V:
+        """Return a known number or matrix as a value."""
+
+    def known(self, value: V) -> Plain:
+        """Return the number or matrix that `value` is; a Fault when it depends on a window."""
+
+    def shape(self, value: V) -> Shape:
+        """Return (rows, columns); a number is 1 x 1."""
+
+    def elementwise(self, function: Callable[..., Any], *values: V) -> V:
+        """Apply `function` to equal shapes, repeating what is 1 x 1."""
+
+    def fold(self, value: V, axis: int | None, *folds: Fold) -> list[V]:
+        """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""
+
+    def product(self, left: V, right: V) -> V:
+        """Multiply matrices of fitting shapes."""
+
+    def transpose(self, value: V) -> V:
+        """Swap rows and columns."""
+
+    def take(self, value: V, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> V:
+        """Pick rows and columns that exist."""
+
+    def stack(self, blocks: Sequence[Sequence[V]]) -> V:
+        """Put blocks of fitting shapes together."""
+
+
+def common_shape(shapes: Iterable[Shape]) -> Shape:
+    """Return the shape of an elementwise result; 1 x 1 goes with everything."""
+    larger = list(dict.fromkeys(shape for shape in shapes if shape != SCALAR))
+    if len(larger) > 1:
+        raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
+    return larger[0] if larger else SCALAR
+
+
+def describe(shape: Shape) -> str:
+    """Return a shape as text."""
+    return f"{shape[0]} x {shape[1]}"
+
+
+# --- elementwise ----------------------------------------------------------------------------------
+
+
+def round_half_away(values: Any) -> Any:
+    """Round to the nearest whole number, halves away from zero as std::round does."""
+    whole = np.trunc(values)
+    return whole + np.copysign(np.abs(values - whole) >= 0.5, values)
+
+
+def where(condition: Any, then: Any, otherwise: Any) -> Any:
+    """Return `then` where the condition is not zero (NaN counts as true), else `otherwise`."""
+    return np.where(np.not_equal(condition, 0.0), then, otherwise)
+
+
+def _finite_or(substitute: float) -> Callable[[Any], Any]:
+    def clean(values: Any) -> Any:
+        cleaned = np.array(values, order="K")
+        np.copyto(cleaned, substitute, where=~np.isfinite(values))  # much faster than np.where
+        return cleaned
+
+    return clean
+
+
+def _larger_magnitude(high: Any, low: Any) -> Any:
+    return np.where(np.abs(high) >= np.abs(low), high, low)
+
+
+def _nan_without(count: Any, values: Any) -> Any:
+    return np.where(np.equal(count, 0.0), np.nan, values)
+
+
+STRICT: dict[str, Callable[..., Any]] = {
+    "abs": np.abs,
+    "sqrt": np.sqrt,
+    "square": np.square,
+    "exp": np.exp,
+    "log": np.log,
+    "log10": np.log10,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "sinh": np.sinh,
+    "cosh": np.cosh,
+    "tanh": np.tanh,
+    "floor": np.floor,
+    "ceil": np.ceil,
+    "round": round_half_away,
+}
+"""Functions of one argument that give NaN for NaN."""
+
+
+# --- operators ------------------------------------------------------------------------------------
+
+ARITHMETIC = {
+    "+": np.add,
+    ".+": np.add,
+    "-": np.subtract,
+    ".-": np.subtract,
+    ".*": np.multiply,
+    "./": np.divide,
+}
+COMPARISONS = {
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "==": np.equal,
+    "!=": np.not_equal,
+}
+POWERS = ("^", ".^")
+
+
+def operate(algebra: Algebra[V], operator: str, left: V, right: V) -> V:
+    """Apply a binary operator."""
+    if operator == "*":
+        return _multiply(algebra, left, right)
+    if operator == "/":
+        return _divide(algebra, left, right)
+    if operator in POWERS:
+        return _power(algebra, left, right)
+    return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator], left, right)
+
+
+def _multiply(algebra: Algebra[V], left: V, right: V) -> V:
+    first, second = algebra.shape(left), algebra.shape(right)
+    if SCALAR in (first, second):
+        return algebra.elementwise(np.multiply, left, right)
+    if first[1] != second[0]:
+        raise Fault(
+            f"no matrix product of {describe(first)} and {describe(second)}; "
+            "use '.*' to multiply element by element"
+        )
+    return algebra.product(left, right)
+
+
+def _divide(algebra: Algebra[V], left: V, right: V) -> V:
+    if SCALAR not in (algebra.shape(left), algebra.shape(right)):
+        raise Fault("a matrix cannot be divided by a matrix; use './' for element by element")
+    return algebra.elementwise(np.divide, left, right)
+
+
+def _power(algebra: Algebra[V], left: V, right: V) -> V:
+    if isinstance(right, float) and right == 2.0:  # the same bits, many times faster
+        return algebra.elementwise(np.square, left)
+    return algebra.elementwise(np.power, left, right)
+
+
+# --- reductions -----------------------------------------------------------------------------------
+
+
+_WRONG_AXIS = "the axis must be 0 (per column) or 1 (per row)"
+
+
+def _same(values: Any) -> Any:
+    return values
+
+
+SUM = Fold(_same, np.add)
+SQUARES = Fold(np.square, np.add)
+PRODUCT = Fold(_same, np.multiply)
+MINIMUM = Fold(_same, np.minimum)
+MAXIMUM = Fold(_same, np.maximum)
+FINITE_COUNT = Fold(np.isfinite, np.add, statistics.number_of_finites)
+FINITE_SUM = Fold(_finite_or(0.0), np.add, statistics.sum_of_finites)
+FINITE_MINIMUM = Fold(_finite_or(np.inf), np.minimum, statistics.min_of_finites)
+FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum, statistics.max_of_finites)
+
+
+def _folding(fold: Fold) -> Callable[..., Any]:
+    def reduce(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
+        return algebra.fold(value, _axis(algebra, axis), fold)[0]
+
+    return reduce
+
+
+def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
+    """Reduction with one argument or an axis; element by element with a matrix."""
+
+    def reduce(algebra: Algebra[V], value: V, second: V | None = None) -> V:
+        if isinstance(second, float) and second not in (0.0, 1.0):
+            raise Fault(f"{_WRONG_AXIS}; to compare with a number use {cwise}(m, s)", argument=1)
+        if second is None or isinstance(second, float):  # a 1 x 1 layer is a matrix
+            return algebra.fold(value, _axis(algebra, second), fold)[0]
+        return algebra.elementwise(pairwise, value, second)
+
+    return reduce
+
+
+def _finite(fold: Fold) -> Callable[..., Any]:
+    def reduce(algebra: Algebra[V], value: V) -> V:
+        count, result = algebra.fold(value, None, FINITE_COUNT, fold)
+        return algebra.elementwise(_nan_without, count, result)
+
+    return reduce
+
+
+def _mean(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
+    rows, columns = algebra.shape(value)
+    along = _axis(algebra, axis)
+    total = algebra.fold(value, along, SUM)[0]
+    count = float({None: rows * columns, 0: rows, 1: columns}[along])
+    return algebra.elementwise(np.divide, total, algebra.constant(count))
+
+
+def _mean_of_finites(algebra: Algebra[V], value: V) -> V:
+    count, total = algebra.fold(value, None, FINITE_COUNT, FINITE_SUM)
+    return algebra.elementwise(np.divide, total, count)
+
+
+def _absmax(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
+    """Return the extreme of largest magnitude with its sign, as EigenLab does."""
+    high, low = algebra.fold(value, _axis(algebra, axis), MAXIMUM, MINIMUM)
+    return algebra.elementwise(_larger_magnitude, high, low)
+
+
+def _norm(algebra: Algebra[V], value: V) -> V:
+    return algebra.elementwise(np.sqrt, algebra.fold(value, None, SQUARES)[0])
+
+
+def _trace(algebra: Algebra[V], value: V) -> V:
+    diagonal = [
+        algebra.take(value, np.array([place]), np.array([place]))
+        for place in range(min(algebra.shape(value)))
+    ]
+    return algebra.fold(algebra.stack([diagonal]), None, SUM)[0]
+
+
+def _known(algebra: Algebra[V], value: V, argument: int) -> Plain:
+    try:
+        return algebra.known(value)
+    except Fault as fault:
+        raise Fault(fault.message, argument=argument) from None
+
+
+def _axis(algebra: Algebra[V], axis: V | None) -> int | None:
+    if axis is None:
+        return None
+    value = _known(algebra, axis, 1)
+    if np.size(value) != 1 or float(np.max(value)) not in (0.0, 1.0):
+        raise Fault(_WRONG_AXIS, argument=1)
+    return int(np.max(value))
+
+
+# --- shapes and makers ----------------------------------------------------------------------------
+
+
+def _size(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
+    shape = algebra.shape(value)
+    along = _axis(algebra, axis)
+    if along is not None:
+        return algebra.constant(float(shape[along]))
+    return algebra.constant(np.array([shape], dtype=np.float32))
+
+
+def _transpose(algebra: Algebra[V], value: V) -> V:
+    return algebra.transpose(value)
+
+
+def _conjugate(_: Algebra[V], value: V) -> V:
+    return value
+
+
+def _maker(make: Callable[[int, int], NDArray[np.float32]]) -> Callable[..., Any]:
+    def made(algebra: Algebra[V], rows: V, columns: V | None = None) -> V:
+        height = _length(_known(algebra, rows, 0), 0)
+        width = height if columns is None else _length(_known(algebra, columns, 1), 1)
+        if height * width > LARGEST:
+            raise Fault(f"a matrix of {describe((height, width))} is too large")
+        matrix = make(height, width)
+        return algebra.constant(float(matrix.item()) if matrix.size == 1 else matrix)
+
+    return made
+
+
+def _length(value: Plain, argument: int) -> int:
+    number = float(np.max(value)) if np.size(value) == 1 else np.nan
+    if not (number >= 1.0 and number.is_integer()):
+        raise Fault("the number of rows and columns must be whole and positive", argument=argument)
+    return int(number)
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the language; `apply` takes the algebra and `least` to `most` arguments."""
+
+    apply: Callable[..., Any]
+    least: int = 1
+    most: int = 1
+    axis: bool = False
+
+
+def _elementwise(function: Callable[..., Any], arity: int = 1) -> Function:
+    def apply(algebra: Algebra[V], *values: V) -> V:
+        return algebra.elementwise(function, *values)
+
+    return Function(apply, arity, arity)
+
+
+def _cwise(function: np.ufunc) -> Function:
+    def apply(algebra: Algebra[V], matrix: V, other: V) -> V:
+        if algebra.shape(matrix) == SCALAR != algebra.shape(other):
+            raise Fault("the matrix comes first and the number second", argument=0)
+        return algebra.elementwise(function, matrix, other)
+
+    return Function(apply, 2, 2)
+
+
+OF_FINITES = {
+    "minOfFinites": Function(_finite(FINITE_MINIMUM)),
+    "maxOfFinites": Function(_finite(FINITE_MAXIMUM)),
+    "meanOfFinites": Function(_mean_of_finites),
+    "sumOfFinites": Function(_finite(FINITE_SUM)),
+    "numberOfFinites": Function(_folding(FINITE_COUNT)),
+}
+"""Reductions for which a missing value and a NaN are the same."""
+
+FUNCTIONS = {
+    **{name: _elementwise(function) for name, function in STRICT.items()},
+    **OF_FINITES,
+    "isfinite": _elementwise(np.isfinite),
+    "atan2": _elementwise(np.arctan2, 2),
+    "where": _elementwise(where, 3),
+    "cwiseMin": _cwise(np.minimum),
+    "cwiseMax": _cwise(np.maximum),
+    "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True),
+    "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True),
+    "absmax": Function(_absmax, most=2, axis=True),
+    "mean": Function(_mean, most=2, axis=True),
+    "sum": Function(_folding(SUM), most=2, axis=True),
+    "prod": Function(_folding(PRODUCT), most=2, axis=True),
+    "size": Function(_size, most=2, axis=True),
+    "norm": Function(_norm),
+    "trace": Function(_trace),
+    "transpose": Function(_transpose),
+    "adjoint": Function(_transpose),
+    "conjugate": Function(_conjugate),
+    "zeros": Function(_maker(lambda rows, columns: np.zeros((rows, columns), np.float32)), most=2),
+    "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
+    "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),
+}

@@ -1,0 +1,254 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation of a syntax tree, for any kind of values (`Algebra`)."""
+
+import difflib
+import math
+from collections.abc import Collection, Mapping
+from typing import Generic
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._faults import Fault
+from ._functions import (
+    CONSTANTS,
+    FUNCTIONS,
+    LARGEST,
+    SCALAR,
+    Algebra,
+    Plain,
+    Shape,
+    V,
+    describe,
+    operate,
+)
+from ._nodes import All, Binary, Call, End, Index, Matrix, Name, Node, Number, Range, Unary
+
+
+class Interpreter(Generic[V]):
+    """Evaluates nodes for given values of the names.
+
+    Args:
+        algebra: the primitives for this kind of values.
+        names: values of the names; they hide functions and constants of the same name.
+        available: the names that exist, as the user should read them in an error.
+        repeated: structures that occur more than once; their values are remembered.
+    """
+
+    def __init__(
+        self,
+        algebra: Algebra[V],
+        names: Mapping[str, V],
+        available: str,
+        repeated: Collection[int] = (),
+    ) -> None:
+        self._algebra = algebra
+        self._names = names
+        self._available = available
+        self._repeated = repeated
+        self._memory: dict[int, V] = {}
+
+    def __call__(self, node: Node, end: int | None = None) -> V:
+        """Evaluate `node`.
+
+        Args:
+            node: what to evaluate.
+            end: the value of `end`; None outside of an index.
+
+        Raises:
+            Fault: with its position.
+        """
+        if node.structure in self._memory:
+            return self._memory[node.structure]
+        try:
+            value = self._evaluate(node, end)
+        except Fault as fault:
+            raise fault.located(node.position) from None
+        if node.structure in self._repeated:
+            self._memory[node.structure] = value
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        return value
+
+    def _evaluate(self, node: Node, end: int | None) -> V:
+        match node:
+            case Unary(operator=operator, operand=operand):
+                return self._signed(operator, self(operand, end))
+            case Binary(operator=operator, left=left, right=right):
+                return operate(self._algebra, operator, self(left, end), self(right, end))
+            case Call():
+                return self._call(node, end)
+            case Index(base=Name(name=name), arguments=arguments):
+                return self._index(self._indexed(name), arguments)
+            case Index(base=base, arguments=arguments):
+                return self._index(self(base, end), arguments)
+            case Range():
+                return self._range(node, end)
+            case Matrix(rows=rows):
+                return self._matrix(rows, end)
+        return self._leaf(node, end)
+
+    def _leaf(self, node: Node, end: int | None) -> V:
+        match node:
+            case Number(value=value):
+                return self._algebra.constant(value)
+            case Name(name=name):
+                return self._name(name)
+            case End():
+                return self._algebra.constant(_inside_index(end))
+        raise Fault("':' alone stands only in an index")
+
+    def _signed(self, sign: str, value: V) -> V:
+        return value if sign == "+" else self._algebra.elementwise(np.negative, value)
+
+    def _name(self, name: str) -> V:
+        if name in self._names:
+            return self._names[name]
+        if name in CONSTANTS:
+            return self._algebra.constant(CONSTANTS[name])
+        raise Fault(f"no layer {name!r}; available: {self._available}")
+
+    def _indexed(self, name: str) -> V:
+        if name in self._names or name in CONSTANTS:
+            return self._name(name)
+        hint = suggestion(name)
+        raise Fault(f"no layer or function {name!r}{hint}; available: {self._available}")
+
+    def _call(self, call: Call, end: int | None) -> V:
+        name, arguments = call.function, call.arguments
+        if name in self._names:
+            return self._hidden(name, arguments)
+        check_count(name, arguments)
+        values = [self(argument, end) for argument in arguments]
+        try:
+            result: V = FUNCTIONS[name].apply(self._algebra, *values)
+        except Fault as fault:
+            blamed = fault.argument
+            raise fault if blamed is None else fault.located(arguments[blamed].position) from None
+        return result
+
+    def _hidden(self, name: str, arguments: tuple[Node, ...]) -> V:
+        try:
+            return self._index(self._names[name], arguments)
+        except Fault as fault:
+            message = f"{fault.message} (the layer {name!r} hides the function)"
+            raise Fault(message, position=fault.position) from None
+
+    def _range(self, node: Range, end: int | None) -> V:
+        start, stop = self._number(node.first, end), self._number(node.last, end)
+        stride = 1.0 if node.step is None else self._number(node.step, end)
+        if start == stop:
+            return self._algebra.constant(start)
+        count = (stop - start) / stride if stride else math.nan
+        if not 0.0 <= count < LARGEST:
+            raise Fault(f"the range {start:g}:{stride:g}:{stop:g} is empty or endless")
+        # The tolerance lets 0:0.1:0.3 end at 0.3 in spite of round-off.
+        places = np.arange(math.floor(count + 1e-9) + 1)
+        row = (start + stride * places).astype(np.float32).reshape(1, -1)
+        return self._algebra.constant(float(row.item()) if row.size == 1 else row)
+
+    def _number(self, node: Node, end: int | None) -> float:
+        value = self(node, end)
+        if self._algebra.shape(value) != SCALAR:
+            shape = describe(self._algebra.shape(value))
+            raise Fault(f"a range needs numbers, this is {shape}", position=node.position)
+        return float(np.max(self._known(value, node)))
+
+    def _matrix(self, rows: tuple[tuple[Node, ...], ...], end: int | None) -> V:
+        blocks = [[self(node, end) for node in row] for row in rows]
+        shapes = [[self._algebra.shape(block) for block in row] for row in blocks]
+        for nodes, row in zip(rows, shapes, strict=True):
+            _check_row(nodes, row)
+        widths = [sum(shape[1] for shape in row) for row in shapes]
+        for nodes, width in zip(rows, widths, strict=True):
+            if width != widths[0]:
+                raise Fault(
+                    f"this row has {width} columns, the first row {widths[0]}",
+                    position=nodes[0].position,
+                )
+        return self._algebra.stack(blocks)
+
+    def _index(self, base: V, arguments: tuple[Node, ...]) -> V:
+        shape = self._algebra.shape(base)
+        if len(arguments) == 1:
+            rows, columns = self._vector_places(arguments[0], shape)
+        elif len(arguments) == 2:
+            rows, columns = (
+                self._places(argument, length)
+                for argument, length in zip(arguments, shape, strict=True)
+            )
+        else:
+            raise Fault("an index has one or two places, m(row, column) or v(place)")
+        return self._algebra.take(base, rows, columns)
+
+    def _vector_places(
+        self, argument: Node, shape: Shape
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        if 1 not in shape:
+            raise Fault(
+                f"one index needs a vector, this is {describe(shape)}; write m(row, column)"
+            )
+        places, first = self._places(argument, max(shape)), np.zeros(1, np.intp)
+        return (first, places) if shape[0] == 1 else (places, first)
+
+    def _places(self, argument: Node, length: int) -> NDArray[np.intp]:
+        if isinstance(argument, All):
+            return np.arange(length)
+        try:
+            return as_places(self._known(self(argument, length - 1), argument), length)
+        except Fault as fault:
+            raise fault.located(argument.position) from None
+
+    def _known(self, value: V, node: Node) -> Plain:
+        try:
+            return self._algebra.known(value)
+        except Fault as fault:
+            raise fault.located(node.position) from None
+
+
+def as_places(value: Plain, length: int | None = None) -> NDArray[np.intp]:
+    """Return an index value as places; `length` of the dimension where it is known."""
+    numbers = np.atleast_2d(np.asarray(value, np.float64))
+    if 1 not in numbers.shape:
+        raise Fault(f"an index is a number or a vector, not {' x '.join(map(str, numbers.shape))}")
+    for number in numbers.flat:
+        if not number.is_integer():
+            raise Fault(f"an index must be a whole number, not {number:g}")
+        if number < 0 or (length is not None and number >= length):
+            upper = "" if length is None else f" to {length - 1}"
+            raise Fault(f"index {number:g} is out of range; indices go from 0{upper}")
+    return numbers.ravel().astype(np.intp)
+
+
+def check_count(name: str, arguments: tuple[Node, ...]) -> None:
+    """Raise a Fault unless the function takes this number of arguments."""
+    function, count = FUNCTIONS[name], len(arguments)
+    if function.least <= count <= function.most:
+        return
+    wanted = str(function.least)
+    if function.most != function.least:
+        wanted += f" or {function.most}"
+    plural = "" if wanted == "1" else "s"
+    raise Fault(f"{name} takes {wanted} argument{plural}, not {count}")
+
+
+def suggestion(name: str) -> str:
+    """Suggest a function that is spelled like `name`, in brackets."""
+    close = difflib.get_close_matches(name, FUNCTIONS, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _check_row(nodes: tuple[Node, ...], shapes: list[Shape]) -> None:
+    for node, shape in zip(nodes, shapes, strict=True):
+        if shape[0] != shapes[0][0]:
+            raise Fault(
+                f"this part has {shape[0]} rows, the first part of its row {shapes[0][0]}",
+                position=node.position,
+            )
+
+
+def _inside_index(end: int | None) -> float:
+    if end is None:
+        raise Fault("'end' stands only in an index")
+    return float(end)

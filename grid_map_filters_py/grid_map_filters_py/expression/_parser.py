@@ -1,0 +1,171 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""From the text of an expression to its syntax tree."""
+
+from collections.abc import Callable, Hashable
+from functools import cache
+from importlib.resources import files
+from typing import Any, TypeVar, cast
+
+from lark import Lark, Token, Transformer_NonRecursive, v_args
+from lark.exceptions import UnexpectedInput, UnexpectedToken
+
+from ._faults import Fault
+from ._functions import FUNCTIONS
+from ._nodes import All, Binary, Call, End, Index, Matrix, Name, Node, Number, Range, Unary
+
+_N = TypeVar("_N", bound=Node)
+
+_HINTS = {
+    "=": "assignment is not part of the language: an expression is only the value (equality is ==)",
+    "'": '"\'" is not an operator: use transpose(m); names are quoted with "..."',
+    "!": "'!' is not an operator: use 'm == 0' for not and '!=' for unequal",
+    "~": "'~' is not an operator: use 'm == 0' for not and '!=' for unequal",
+    "&": "'&' is not an operator: multiply conditions with '.*' for and",
+    "|": "'|' is not an operator: use cwiseMax(a, b) of conditions for or",
+    '"': "the quoted name has no closing '\"'",
+    "{": "unexpected '{': matrices are written [1, 2; 3, 4]",
+}
+
+# Terminals as a user would call them; one that is missing here is never listed.
+_EXPECTED = {
+    "NUMBER": "a value",
+    "OPEN_INDEX": "an operator",
+    "SIGN": "an operator",
+    "RPAR": "')'",
+    "RSQB": "']'",
+    "COMMA": "','",
+    "SEMICOLON": "';'",
+}
+
+
+_VALUE = ", expected a value"
+
+# What is meant by a terminal that stands where a value has just ended.
+_MISPLACED = {
+    "COMPARE": "comparisons cannot be chained: write (a < b) .* (b < c)",
+    "COLON": "a range has at most first:step:last",
+}
+
+
+def parse(text: str) -> tuple[Node, frozenset[int]]:
+    """Parse an expression.
+
+    Returns:
+        The root of the syntax tree, and the structures (not leaves) that occur more than once.
+
+    Raises:
+        Fault: the text is not an expression.
+    """
+    if not text.strip():
+        raise Fault("the expression is empty", position=0)
+    builder = _Builder()
+    try:
+        tree = builder.transform(_grammar().parse(text))
+    except UnexpectedInput as error:
+        raise _explain(error, text) from None
+    return tree, frozenset(builder.repeated)
+
+
+@cache
+def _grammar() -> Lark:
+    text = files(__package__).joinpath("_grammar.lark").read_text(encoding="utf-8")
+    return Lark(text, parser="lalr", maybe_placeholders=False)
+
+
+def _explain(error: UnexpectedInput, text: str) -> Fault:
+    position = error.pos_in_stream
+    if not isinstance(error, UnexpectedToken):
+        found = text[position or 0]
+        return Fault(_HINTS.get(found, f"unexpected {found!r}"), position=position)
+    token: Token = cast(Any, error).token  # not declared in lark's types
+    wanted = _wanted(set(error.accepts))
+    if token.type == "$END":
+        return Fault(f"the expression ends too early{wanted}", position=len(text.rstrip()))
+    if token.type in _MISPLACED and wanted != _VALUE:
+        return Fault(_MISPLACED[token.type], position=position)
+    if token == "*" and text[:position].endswith("*"):
+        return Fault("'**' is not an operator: use '^'", position=position)
+    return Fault(f"unexpected {str(token)!r}{wanted}", position=position)
+
+
+def _wanted(accepted: set[str]) -> str:
+    if "NUMBER" in accepted:
+        return _VALUE
+    wanted = dict.fromkeys(word for name, word in _EXPECTED.items() if name in accepted)
+    return f", expected {' or '.join(wanted)}" if wanted else ""
+
+
+@v_args(inline=True)
+class _Builder(Transformer_NonRecursive):
+    """Turns lark's tree into nodes and numbers their structures.
+
+    `end` is new every time, because it means something else in every index; so whatever contains
+    it is also unique.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.repeated: set[int] = set()
+        self._structures: dict[tuple[Hashable, ...], int] = {}
+
+    def _make(self, kind: Callable[..., _N], position: int, *parts: Any) -> _N:
+        key = (kind, *map(_key, parts))
+        new = len(self._structures)
+        structure = self._structures.setdefault(key, new)
+        if structure != new and kind not in (Number, Name):
+            self.repeated.add(structure)
+        return kind(position, structure, *parts)
+
+    def _unique(self, kind: Callable[[int, int], _N], token: Token) -> _N:
+        new = len(self._structures)
+        return kind(_start(token), self._structures.setdefault((kind, new), new))
+
+    def number(self, token: Token) -> Node:
+        return self._make(Number, _start(token), float(token))
+
+    def name(self, token: Token) -> Node:
+        if token == "end":
+            return self._unique(End, token)
+        return self._make(Name, _start(token), str(token))
+
+    def quoted(self, token: Token) -> Node:
+        return self._make(Name, _start(token), str(token)[1:-1])
+
+    def all(self, token: Token) -> Node:
+        return self._make(All, _start(token))
+
+    def unary(self, operator: Token, operand: Node) -> Node:
+        return self._make(Unary, _start(operator), str(operator), operand)
+
+    def binary(self, left: Node, operator: Token, right: Node) -> Node:
+        return self._make(Binary, _start(operator), str(operator), left, right)
+
+    def range(self, first: Node, *others: Node) -> Node:
+        step, last = others if len(others) == 2 else (None, others[0])
+        return self._make(Range, first.position, first, step, last)
+
+    def row(self, *blocks: Node) -> tuple[Node, ...]:
+        return blocks
+
+    arguments = row
+
+    def matrix(self, bracket: Token, *rows: tuple[Node, ...]) -> Node:
+        return self._make(Matrix, _start(bracket), rows)
+
+    def apply(self, base: Node, bracket: Token, arguments: tuple[Node, ...]) -> Node:
+        if isinstance(base, Name) and base.name in FUNCTIONS:
+            return self._make(Call, base.position, base.name, arguments)
+        position = base.position if isinstance(base, Name) else _start(bracket)
+        return self._make(Index, position, base, arguments)
+
+
+def _key(part: Any) -> Hashable:
+    """Return what tells structures apart: the number of a node, the value of anything else."""
+    if isinstance(part, tuple):
+        return tuple(map(_key, part))
+    return part.structure if isinstance(part, Node) else part
+
+
+def _start(token: Token) -> int:
+    return token.start_pos or 0

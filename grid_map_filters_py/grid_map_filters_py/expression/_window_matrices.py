@@ -1,0 +1,424 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation on the windows of many cells at once.
+
+The value of a subexpression is a small matrix *per cell*. It is kept as a matrix of elements, where
+an element is a number, or a field: the array of that element's values in all cells. Elements are
+made when they are asked for and forgotten after use, so memory stays in the order of a layer
+whatever the size of the window. Fields are double precision, because windows of a high terrain
+differ by little; numbers are rounded to float32 as they are in C++.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._faults import Fault
+from ._functions import FINITE_COUNT, FINITE_SUM, SCALAR, Fold, Plain, Shape, common_shape
+from ._matrices import Matrices, apply
+
+Field = NDArray[np.float64]
+Element = float | Field
+
+_PLAIN = Matrices()
+
+
+class WindowMatrix:
+    """A matrix per cell.
+
+    Args:
+        shape: (rows, columns) of the matrix.
+        at: returns element (row, column). A field that nobody else uses is writeable. It must not
+            refer to the matrix: memory in a cycle of references is not freed at once.
+    """
+
+    def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
+        self.shape = shape
+        self.at = at
+        self.folds: dict[tuple[int | None, Fold], Value] = {}
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold all elements."""
+        rows, columns = self.shape
+        elements = (self.at(row, column) for column in range(columns) for row in range(rows))
+        return accumulate(elements, folds, rows * columns)
+
+
+Value = Plain | WindowMatrix
+
+
+class SlidingWindow(WindowMatrix):
+    """The window of one array, or what is computed from it element by element.
+
+    Args:
+        source: (cells + rows - 1, cells + columns - 1) values under the windows of all cells.
+        shape: (rows, columns) of the window.
+    """
+
+    def __init__(self, source: Field, shape: Shape) -> None:
+        height, width = (side - part + 1 for side, part in zip(source.shape, shape, strict=True))
+        super().__init__(shape, lambda i, j: source[i : i + height, j : j + width])
+        self.source = source
+        source.flags.writeable = False
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold along one axis after the other: rows + columns steps, not their product."""
+        return [_fold_box(fold, self.source, self.shape) for fold in folds]
+
+
+class WeightedWindow(WindowMatrix):
+    """A constant kernel times a sliding window, element by element."""
+
+    def __init__(self, kernel: NDArray[np.float32], window: SlidingWindow) -> None:
+        super().__init__(window.shape, lambda i, j: float(kernel[i, j]) * window.at(i, j))
+        self._kernel = kernel
+        self._window = window
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold; the sum of finite values is a correlation with the cleaned source."""
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM} or not np.isfinite(self._kernel).all():
+            return super().reduce(folds)
+        return [
+            self._correlate() if fold is FINITE_SUM else self._window.reduce([fold])[0]
+            for fold in folds
+        ]
+
+    def _correlate(self) -> Element:
+        cleaned = SlidingWindow(FINITE_SUM.map(self._window.source), self._window.shape)
+        total = np.zeros_like(cleaned.at(0, 0))
+        product = np.empty_like(total)
+        for row, column in np.argwhere(self._kernel):
+            np.multiply(cleaned.at(row, column), float(self._kernel[row, column]), out=product)
+            np.add(total, product, out=total)
+        return total
+
+
+class DeviatingWindow(WindowMatrix):
+    """A sliding window minus a number per cell."""
+
+    def __init__(self, window: SlidingWindow, number: WindowMatrix) -> None:
+        super().__init__(window.shape, lambda i, j: window.at(i, j) - number.at(0, 0))
+        self.window = window
+        self.number = number
+
+
+class SquaredDeviations(WindowMatrix):
+    """The squares of a sliding window minus a number per cell, as in a standard deviation."""
+
+    def __init__(self, deviations: DeviatingWindow) -> None:
+        super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
+        self._source = deviations.window.source
+        self._number = deviations.number.at(0, 0)
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold; finite squares are summed up in rows + columns steps, not their product."""
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
+            return super().reduce(folds)
+        total = self._sum()
+        if not np.isfinite(total).all():
+            # A square beyond double precision is not finite and does not count.
+            return super().reduce(folds)
+        return [total if fold is FINITE_SUM else self._count() for fold in folds]
+
+    def _count(self) -> Element:
+        return _fold_box(FINITE_COUNT, self._source, self.shape) * np.isfinite(self._number)
+
+    def _sum(self) -> Element:
+        """Sum up around the mean of each column of the window, then of these around the number.
+
+        Nothing is subtracted that is much larger than the result.
+        """
+        count, mean, squares = self._columns()
+        finite = np.isfinite(self._number)
+        number = np.where(finite, self._number, 0.0)
+        width = self.shape[1]
+        cells = mean.shape[1] - width + 1
+        total = np.zeros((mean.shape[0], cells), order="F")
+        for place in range(width):
+            columns = slice(place, place + cells)
+            deviation = mean[:, columns] - number
+            deviation *= deviation
+            deviation *= count[:, columns]
+            total += deviation
+            total += squares[:, columns]
+        return np.asarray(total * finite)
+
+    def _columns(self) -> tuple[Field, Field, Field]:
+        """Return number, mean and squared deviations from it of a column's finite values."""
+        height = self.shape[0]
+        count, mean = (
+            np.asarray(_fold_box(fold, self._source, (height, 1)))
+            for fold in (FINITE_COUNT, FINITE_SUM)
+        )
+        mean /= np.maximum(count, 1.0)
+        missing = ~np.isfinite(self._source)
+        squares = np.zeros_like(mean)
+        for row in range(height):
+            rows = slice(row, row + len(mean))
+            deviation = self._source[rows] - mean
+            deviation *= deviation
+            np.copyto(deviation, 0.0, where=missing[rows])
+            squares += deviation
+        return count, mean, squares
+
+
+class PaddedWindow(WindowMatrix):
+    """A matrix of which only a part has elements of its own; all others are the same.
+
+    Args:
+        window: the part.
+        padding: the value of every other element.
+        corner: (row, column) of the part in the whole.
+        shape: (rows, columns) of the whole.
+    """
+
+    def __init__(self, window: WindowMatrix, padding: Element, corner: Shape, shape: Shape) -> None:
+        def inside_or_padding(row: int, column: int) -> Element:
+            row, column = row - corner[0], column - corner[1]
+            inside = 0 <= row < window.shape[0] and 0 <= column < window.shape[1]
+            return window.at(row, column) if inside else padding
+
+        super().__init__(shape, inside_or_padding)
+        _protect(padding)
+        self.window = window
+        self.padding = padding
+        self.corner = corner
+
+    @classmethod
+    def with_mean(cls, window: SlidingWindow, corner: Shape, shape: Shape) -> "PaddedWindow":
+        """Pad with the mean of the finite values of the part."""
+        count, total = window.reduce([FINITE_COUNT, FINITE_SUM])
+        return cls(window, np.divide(total, count), corner, shape)
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold the part, and the padding as often as it stands in the whole."""
+        count = math.prod(self.shape) - math.prod(self.window.shape)
+        return [
+            fold.combine(inside, _REPEATED[fold.combine](fold.map(self.padding), count))
+            for fold, inside in zip(folds, self.window.reduce(folds), strict=True)
+        ]
+
+
+# What a value gives that is combined so and so many times with itself.
+_REPEATED: dict[np.ufunc, Callable[[Any, int], Any]] = {
+    np.add: lambda values, count: values * float(count),
+    np.multiply: lambda values, count: np.power(values, float(count)),
+    np.minimum: lambda values, _: values,
+    np.maximum: lambda values, _: values,
+}
+
+
+class WindowMatrices:
+    """The algebra of matrices per cell; what is the same in all cells stays a plain value."""
+
+    def constant(self, value: Plain) -> Value:
+        """Return the value itself."""
+        return value
+
+    def known(self, value: Value) -> Plain:
+        """Return a value that is the same in all cells."""
+        if isinstance(value, WindowMatrix):
+            raise Fault("this must not depend on the data of the window")
+        return value
+
+    def shape(self, value: Value) -> Shape:
+        """Return (rows, columns)."""
+        return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
+
+    def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
+        """Apply `function`; element by element only where there is no shorter way."""
+        windows = [value for value in values if isinstance(value, WindowMatrix)]
+        plain = [value for value in values if not isinstance(value, WindowMatrix)]
+        if not windows:
+            return _PLAIN.elementwise(function, *plain)
+        shape = common_shape(map(self.shape, values))
+        return self._shortcut(function, values) or _matrix(
+            shape,
+            lambda row, column: apply(
+                function, [_element(value, row, column) for value in values], np.float64
+            ),
+        )
+
+    def _shortcut(
+        self, function: Callable[..., Any], values: Sequence[Value]
+    ) -> WindowMatrix | None:
+        """Find a way to compute less than every element for itself."""
+        if all(isinstance(value, SlidingWindow | float) for value in values):
+            return _slide(function, values)
+        kinds = {type(value) for value in values if self.shape(value) != SCALAR}
+        if kinds == {PaddedWindow}:
+            return self._pad(function, values)
+        if function is np.subtract and len(values) == 2:
+            window, number = values
+            if isinstance(window, SlidingWindow) and isinstance(number, WindowMatrix):
+                return DeviatingWindow(window, number) if number.shape == SCALAR else None
+        if function is np.square and isinstance(values[0], DeviatingWindow):
+            return SquaredDeviations(values[0])
+        if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
+            (kernel,) = (value for value in values if isinstance(value, np.ndarray))
+            (window,) = (value for value in values if isinstance(value, SlidingWindow))
+            return WeightedWindow(kernel, window)
+        return None
+
+    def _pad(self, function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix:
+        padded = [value for value in values if isinstance(value, PaddedWindow)]
+        parts = [value.window if isinstance(value, PaddedWindow) else value for value in values]
+        window = self.elementwise(function, *parts)
+        assert isinstance(window, WindowMatrix)
+        paddings = [
+            value.padding if isinstance(value, PaddedWindow) else _element(value, 0, 0)
+            for value in values
+        ]
+        padding = apply(function, paddings, np.float64)
+        return PaddedWindow(window, padding, padded[0].corner, padded[0].shape)
+
+    def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
+        """Reduce every cell's matrix; results are remembered."""
+        if not isinstance(value, WindowMatrix):
+            return list(_PLAIN.fold(value, axis, *folds))
+        new = [fold for fold in folds if (axis, fold) not in value.folds]
+        for fold, result in zip(new, _reduce(value, axis, new), strict=True):
+            value.folds[axis, fold] = result
+        return [value.folds[axis, fold] for fold in folds]
+
+    def product(self, left: Value, right: Value) -> Value:
+        """Multiply matrices."""
+        if not isinstance(left, WindowMatrix) and not isinstance(right, WindowMatrix):
+            return _PLAIN.product(left, right)
+        (rows, inner), columns = self.shape(left), self.shape(right)[1]
+
+        def at(row: int, column: int) -> Element:
+            total: Element = 0.0
+            for k in range(inner):
+                factors = [_element(left, row, k), _element(right, k, column)]
+                total = apply(np.add, [total, apply(np.multiply, factors, np.float64)], np.float64)
+            return total
+
+        return _matrix((rows, columns), at)
+
+    def transpose(self, value: Value) -> Value:
+        """Swap rows and columns."""
+        if not isinstance(value, WindowMatrix):
+            return _PLAIN.transpose(value)
+        rows, columns = value.shape
+        return _matrix((columns, rows), lambda row, column: value.at(column, row))
+
+    def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
+        """Pick rows and columns of every cell's matrix."""
+        if not isinstance(value, WindowMatrix):
+            return _PLAIN.take(value, rows, columns)
+        return _matrix((rows.size, columns.size), lambda i, j: value.at(rows[i], columns[j]))
+
+    def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
+        """Put blocks together."""
+        plain = [[block for block in row if not isinstance(block, WindowMatrix)] for row in blocks]
+        if all(len(known) == len(row) for known, row in zip(plain, blocks, strict=True)):
+            return _PLAIN.stack(plain)
+        places = [
+            [(block, i, j) for block in row for j in range(self.shape(block)[1])]
+            for row in blocks
+            for i in range(self.shape(row[0])[0])
+        ]
+        return _matrix((len(places), len(places[0])), lambda i, j: _element(*places[i][j]))
+
+
+def accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
+    """Fold at most `count` elements, each of which is made only once."""
+    totals: list[Any] = []
+    for element in elements:
+        mapped = [fold.map(element) for fold in folds]
+        if not totals:
+            totals = [_own(values, count) for values in mapped]
+            continue
+        for place, (fold, values) in enumerate(zip(folds, mapped, strict=True)):
+            totals[place] = _combine(fold.combine, totals[place], values)
+    return [_as_element(total) for total in totals]
+
+
+def _reduce(value: WindowMatrix, axis: int | None, folds: Sequence[Fold]) -> list[Value]:
+    if axis is None:
+        return [_field(total) for total in value.reduce(folds)]
+    rows, columns = value.shape
+    if axis == 0:
+        lines = [[(i, j) for i in range(rows)] for j in range(columns)]
+    else:
+        lines = [[(i, j) for j in range(columns)] for i in range(rows)]
+    totals = [accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
+    return [_line([total[k] for total in totals], axis) for k in range(len(folds))]
+
+
+def _line(elements: list[Element], axis: int) -> Value:
+    for element in elements:
+        _protect(element)
+    shape = (1, len(elements)) if axis == 0 else (len(elements), 1)
+    return _matrix(shape, lambda row, column: elements[row + column])
+
+
+def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
+    values = fold.map(source)
+    if values.dtype == np.bool_:
+        values = values.astype(np.min_scalar_type(shape[0] * shape[1]))
+    for axis, length in enumerate(shape):
+        size = values.shape[axis] - length + 1
+        parts = [slice(shift, shift + size) for shift in range(length)]
+        lines = [values[part] if axis == 0 else values[:, part] for part in parts]
+        values = lines[0] if length == 1 else fold.combine(lines[0], lines[1])
+        for line in lines[2:]:
+            fold.combine(values, line, out=values)
+    return _as_element(values)
+
+
+def _own(values: Any, count: int) -> Any:
+    """Return a copy to accumulate in; truth values are counted in the smallest sufficient type."""
+    if np.ndim(values) == 0:
+        return float(values)
+    return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
+
+
+def _combine(combine: np.ufunc, total: Any, values: Any) -> Any:
+    if isinstance(total, np.ndarray):
+        return combine(total, values, out=total)
+    return combine(total, values)
+
+
+def _as_element(total: Any) -> Element:
+    if np.ndim(total) == 0:
+        return float(total)
+    return np.asarray(total, np.float64)
+
+
+def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
+    """Return a matrix of lazy elements; a single element is made at once and kept."""
+    return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
+
+
+def _field(element: Element) -> WindowMatrix:
+    _protect(element)
+    return WindowMatrix(SCALAR, lambda _row, _column: element)
+
+
+def _protect(element: Element) -> None:
+    if isinstance(element, np.ndarray):
+        element.flags.writeable = False
+
+
+def _element(value: Value, row: int, column: int) -> Element:
+    """Return an element, of a 1 x 1 value for any place."""
+    if isinstance(value, float):
+        return float(np.float32(value))
+    if value.shape == SCALAR:
+        row = column = 0
+    return value.at(row, column) if isinstance(value, WindowMatrix) else float(value[row, column])
+
+
+def _slide(function: Callable[..., Any], values: Sequence[Value]) -> SlidingWindow:
+    """Apply a function to the sources, which all lie under the same windows."""
+    shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
+    return SlidingWindow(apply(function, list(map(_source, values)), np.float64), shape)
+
+
+def _source(value: Value) -> Element:
+    return value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)

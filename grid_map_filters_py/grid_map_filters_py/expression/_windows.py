@@ -1,0 +1,159 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Evaluation of an expression for the window around every cell."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import FilterError
+from ._faults import Fault
+from ._functions import SCALAR, Shape, describe
+from ._interpreter import Interpreter
+from ._missing import skips_missing
+from ._nodes import Node
+from ._window_matrices import PaddedWindow, SlidingWindow, Value, WindowMatrices, WindowMatrix
+
+EdgeHandling = Literal["inside", "crop", "empty", "mean"]
+
+# Cells that are computed together: fields of this size stay in the cache of one core.
+_BLOCK = 32768
+
+# Cells by which a window may be longer than the layer, for all of which memory is needed.
+_LARGEST_MARGIN = 1000
+
+_ALGEBRA = WindowMatrices()
+
+
+def evaluate_over_windows(
+    root: Node,
+    repeated: Collection[int],
+    name: str,
+    layer: NDArray[Any],
+    window_size: int,
+    edge_handling: EdgeHandling,
+) -> NDArray[np.float32]:
+    """Evaluate a syntax tree as `Expression.over_windows` does; raises Fault."""
+    _check_arguments(layer, window_size, edge_handling)
+    if edge_handling == "crop":
+        # A window of this size covers the map from any of its cells.
+        window_size = min(window_size, 2 * max(layer.shape) - 1)
+    if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
+        margin = window_size // 2
+        padded = np.pad(layer, margin, constant_values=np.nan)
+        result = evaluate_over_windows(root, repeated, name, padded, window_size, "inside")
+        inner = tuple(slice(margin, margin + length) for length in layer.shape)
+        return np.asfortranarray(result[inner])
+    evaluation = _Evaluation(root, repeated, name, layer, window_size, edge_handling)
+    result = np.full(layer.shape, np.nan, np.float32, order="F")
+    evaluation.check()
+    for rows, columns in evaluation.tiles():
+        window = evaluation.window(rows, columns)
+        result[rows.cells, columns.cells] = evaluation.number(window)
+    return result
+
+
+@dataclass(frozen=True)
+class _Span:
+    """Neighbouring cells along one axis, of whose windows the same part is on the map.
+
+    The cells are `start` to `stop`, the part `first` to `last` of the window (ends excluded).
+    """
+
+    start: int
+    stop: int
+    first: int
+    last: int
+
+    @property
+    def cells(self) -> slice:
+        return slice(self.start, self.stop)
+
+    @property
+    def length(self) -> int:
+        return self.last - self.first
+
+    def source(self, margin: int) -> slice:
+        """Return the cells that lie under the windows."""
+        return slice(self.start + self.first - margin, self.stop + self.last - margin - 1)
+
+    def split(self, step: int) -> Iterator["_Span"]:
+        """Yield parts of at most `step` cells."""
+        for start in range(self.start, self.stop, step):
+            yield _Span(start, min(start + step, self.stop), self.first, self.last)
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    root: Node
+    repeated: Collection[int]
+    name: str
+    layer: NDArray[Any]
+    window_size: int
+    edge_handling: EdgeHandling
+
+    def tiles(self) -> Iterator[tuple[_Span, _Span]]:
+        """Yield rectangles of cells with windows all alike, and small enough for the cache."""
+        rows, columns = (self._spans(length) for length in self.layer.shape)
+        for row_span, column_span in product(rows, columns):
+            step = max(1, _BLOCK // (row_span.stop - row_span.start))
+            yield from ((row_span, part) for part in column_span.split(step))
+
+    def _spans(self, length: int) -> list[_Span]:
+        size, margin = self.window_size, self.window_size // 2
+        near = range(min(margin, length) + 1)
+        cuts = sorted({*near, *(length - cell for cell in near)})
+        spans = [
+            _Span(start, stop, max(0, margin - start), min(size, length - stop + 1 + margin))
+            for start, stop in pairwise(cuts)
+        ]
+        if self.edge_handling == "inside":
+            return [span for span in spans if span.length == size]
+        return spans
+
+    def check(self) -> None:
+        """Evaluate for no cell at all, so that a wrong expression fails where no window fits."""
+        if self.edge_handling == "inside":
+            size = self.window_size
+            self.number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
+
+    def number(self, window: WindowMatrix) -> Any:
+        """Return the value of windows: an array over their cells, or one number for all."""
+        names: dict[str, Value] = {self.name: window}
+        available = f"{self.name} (a window expression knows only its input layer)"
+        value = Interpreter(_ALGEBRA, names, available, self.repeated)(self.root)
+        shape = _ALGEBRA.shape(value)
+        if shape != SCALAR:
+            raise Fault(
+                f"a window expression must give a single number, this one gives {describe(shape)}",
+                position=self.root.position,
+            )
+        return value.at(0, 0) if isinstance(value, WindowMatrix) else value
+
+    def window(self, rows: _Span, columns: _Span) -> WindowMatrix:
+        """Return the windows of the cells of a tile."""
+        margin, shape = self.window_size // 2, (rows.length, columns.length)
+        under = self.layer[rows.source(margin), columns.source(margin)]
+        window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
+        whole: Shape = (self.window_size, self.window_size)
+        if self.edge_handling == "mean" and shape != whole:
+            return PaddedWindow.with_mean(window, (rows.first, columns.first), whole)
+        return window
+
+
+def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) -> None:
+    if window_size < 1 or window_size % 2 == 0:
+        raise FilterError(f"the window size must be odd and positive, not {window_size}")
+    if edge_handling not in get_args(EdgeHandling):
+        known = ", ".join(get_args(EdgeHandling))
+        raise FilterError(f"no edge handling {edge_handling!r}; available: {known}")
+    if np.ndim(layer) != 2:
+        raise FilterError(f"a layer has rows and columns, this shape is {np.shape(layer)}")
+    if edge_handling != "crop" and window_size > max(layer.shape) + _LARGEST_MARGIN:
+        raise FilterError(
+            f"a window of {window_size} cells is too large for a layer of {np.shape(layer)} cells"
+        )

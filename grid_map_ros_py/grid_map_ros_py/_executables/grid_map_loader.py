@@ -1,0 +1,60 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_loader`: publishes the last map of a bag, latched."""
+
+import math
+import sys
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from grid_map_core_py.plugins import check
+from grid_map_msgs.msg import GridMap as GridMapMessage
+
+from ..bags._bag import load_from_bag
+from ..messages._serialized import to_serialized_message
+from ..nodes._parameters import check_topic, read_parameter
+from ..nodes._qos import map_qos
+from ..nodes._spin import run
+
+LONGEST = 1e9
+"""Seconds; beyond, there is no difference to forever."""
+
+
+class GridMapLoaderNode(Node):
+    """Loads a map, publishes it once, and keeps it for those who come late."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_loader")
+        about = "the bag, a folder or a single file"
+        path = read_parameter(self, "file_path", str, description=about)
+        about = "topic in the bag; empty where it has a single topic of maps"
+        bag_topic = read_parameter(self, "bag_topic", str, "/grid_map", description=about)
+        about = "the map goes there"
+        topic = read_parameter(self, "publish_topic", str, "/grid_map", description=about)
+        check_topic(self, "publish_topic", topic)
+        about = "how long those who come late get the map [s]; 0 for as long as the node runs"
+        qos = _qos(read_parameter(self, "duration", float, 0.0, description=about))
+        grid_map = load_from_bag(path, bag_topic or None, unwrap=False)
+        self._publisher = self.create_publisher(GridMapMessage, topic, qos)
+        self._publisher.publish(to_serialized_message(grid_map))
+        self.get_logger().info(f"publishes {grid_map} of {path} on {topic}")
+
+
+def _qos(duration: float) -> QoSProfile:
+    expected = f"0 to {LONGEST:g} s"
+    check(math.isfinite(duration) and 0 <= duration <= LONGEST, "duration", expected, duration)
+    qos = map_qos()
+    if duration:
+        qos.lifespan = Duration(nanoseconds=round(duration * 1e9))
+    return qos
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(GridMapLoaderNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

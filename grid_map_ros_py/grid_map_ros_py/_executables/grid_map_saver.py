@@ -1,0 +1,74 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `grid_map_saver`: saves the map of a topic to a bag."""
+
+import sys
+
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GridMapError
+
+from ..bags._bag import BagWriter
+from ..errors import MessageError, NodeFailedError
+from ..messages._serialized import ReceivedMap
+from ..nodes._parameters import check_topic, read_parameter
+from ..nodes._spin import run
+from ..nodes._subscription import MapSubscription
+from ..nodes._throttle import LogThrottle
+
+
+class GridMapSaverNode(Node):
+    """Saves the first map that it receives, or each."""
+
+    def __init__(self) -> None:
+        super().__init__("grid_map_saver")
+        self._throttle = LogThrottle()
+        about = "folder of the bag, which is replaced if there is one"
+        self._path = read_parameter(self, "file_path", str, description=about)
+        about = "maps come from here"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
+        check_topic(self, "grid_map_topic", topic)
+        about = "topic in the bag; empty for the one the maps come from"
+        bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
+        self._topic = bag_topic or self.resolve_topic_name(topic)
+        about = (
+            "save every map in place of the one before, and go on, instead of ending with the first"
+        )
+        self._continuous = read_parameter(self, "continuous", bool, False, description=about)
+        about = "of the bag: `none`, `lz4` or `zstd`"
+        self._compression = read_parameter(self, "compression", str, "none", description=about)
+        # Before anybody waits for a map in vain.
+        self._bag().check(self._topic)
+        self._subscription = MapSubscription(self, topic, self._on_map)
+        self.get_logger().info(f"saves {topic} to {self._path}")
+
+    def _bag(self) -> BagWriter:
+        return BagWriter(self._path, compression=self._compression)
+
+    def _on_map(self, received: ReceivedMap) -> None:
+        try:
+            self._save(received.decode(unwrap=False))
+        except GridMapError as error:
+            if not (self._continuous or isinstance(error, MessageError)):
+                raise NodeFailedError(str(error)) from error
+            text = f"did not save a map: {error}"
+            if self._throttle.allow(text):
+                self.get_logger().error(text)
+
+    def _save(self, grid_map: GridMap) -> None:
+        with self._bag() as bag:
+            bag.write(self._topic, grid_map)
+        self.get_logger().info(f"saved {grid_map}")
+        if not self._continuous:
+            try_shutdown()
+
+
+def main() -> int:
+    """Run the node until it is told to stop, or has saved a map; return the exit code."""
+    return run(GridMapSaverNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,245 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
+
+import math
+import sys
+from typing import TypeVar
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py import GridGeometry
+from grid_map_core_py.elevation import RollingMap
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.plugins import check
+from grid_map_msgs.msg import GridMap as GridMapMessage
+
+from .._mapping.cloud_mapper import CloudMapper
+from .._mapping.poses import NoPoses, PoseHistory, Poses, from_xyz_rpy
+from ..messages._serialized import to_serialized_message
+from ..nodes._parameters import read_parameter
+from ..nodes._qos import map_qos
+from ..nodes._spin import run
+from ..nodes._tf_poses import TfPoses, has_tf
+from ..nodes._throttle import LogThrottle
+
+T = TypeVar("T")
+
+POSE_TYPES = {
+    "odometry": Odometry,
+    "pose": PoseStamped,
+    "pose_with_covariance": PoseWithCovarianceStamped,
+}
+POSE_SOURCES = ("auto", "tf", *POSE_TYPES, "none")
+RELIABILITIES = {
+    "best_effort": ReliabilityPolicy.BEST_EFFORT,
+    "reliable": ReliabilityPolicy.RELIABLE,
+}
+DESCRIPTIONS = {
+    "input_topic": "clouds come from here",
+    "output_topic": "the map goes there",
+    "input_reliability": (
+        "`best_effort` hears every publisher; `reliable` asks for clouds that got lost "
+        "again, and hears reliable publishers only"
+    ),
+    "queue_size": "clouds that are kept while they wait for the node or for a pose",
+    "publish_rate": (
+        "how often the map is published if it has changed [Hz]; 0 for after every cloud"
+    ),
+    "map_frame": "frame of the map",
+    "resolution": "side of a cell [m]",
+    "length": "side lengths of the map along x and y [m]",
+    "position": "centre of the map at first [m]",
+    "robot_centric": "the map moves with the robot, else it stays",
+    "pose_source": (
+        "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` is `tf` where"
+        " tf2 is installed, else `odometry`"
+    ),
+    "pose_topic": "poses of the robot in the map frame come from here, unless from tf",
+    "pose_timeout": "clouds wait for their poses so long [s]",
+    "robot_frame": "whose place the map follows, with tf; empty for the frame of the cloud",
+    "sensor_xyz": "place of the sensor in the frame of the robot [m], without tf",
+    "sensor_rpy": "its roll, pitch and yaw there [rad], without tf",
+    "layer": "name of the layer of heights",
+    "fusion": "`max`, `min`, `mean` or `last` of the clouds",
+    "reduction": (
+        "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or "
+        "`last`; plays no part in the fusion `mean`"
+    ),
+    "max_count": "for the fusion `mean`: points that the past counts for at most; 0 for all",
+    "fields": "further fields of the clouds that become layers",
+    "min_height": "points below are left out [m], map frame",
+    "max_height": "points above are left out [m], map frame",
+    "min_range": "points nearer to the origin of their own frame, the sensor, are left out [m]",
+    "max_range": "points farther from there are left out [m]",
+    "statistics_period": "time between two lines of statistics in the log [s]; 0 for none",
+}
+"""What `ros2 param describe` shows of the parameters."""
+
+POSE_QUEUE = 100
+"""Poses come faster than clouds are fused."""
+
+WAIT_PERIOD = 0.05
+"""Seconds after which to look again for the poses of clouds that wait."""
+
+
+class PointCloudToGridMapNode(Node):
+    """Subscribes to clouds and poses, and publishes the map that they make."""
+
+    def __init__(self) -> None:
+        super().__init__("point_cloud_to_grid_map")
+        self._throttle = LogThrottle()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._has_news = False
+        topic = _read(self, "input_topic", str, "/points")
+        output_topic = _read(self, "output_topic", str, "/grid_map")
+        self._source = self._read_pose_source()
+        self._mapper = self._read_mapper()
+        self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
+        self._publish_rate = _read_not_negative(self, "publish_rate", 0.0)
+        if self._publish_rate > 0:
+            self.create_timer(1 / self._publish_rate, self._publish, clock=self._steady)
+        self._report_statistics(_read_not_negative(self, "statistics_period", 0.0))
+        self.create_timer(WAIT_PERIOD, self._work, clock=self._steady)
+        # Serialized clouds are read where they are, without a copy.
+        self.create_subscription(
+            PointCloud2, topic, self._on_cloud, self._read_input_qos(), raw=True
+        )
+        self.get_logger().info(f"maps the clouds of {topic}, poses: {self._source}")
+
+    # --- parameters -------------------------------------------------------------------------------
+
+    def _read_mapper(self) -> CloudMapper:
+        map_frame = _read(self, "map_frame", str, "odom")
+        follow = _read(self, "robot_centric", bool, True)
+        has_poses = self._source != "none"
+        check(has_poses or not follow, "robot_centric", "false without poses", follow)
+        return CloudMapper(
+            self._read_map(map_frame),
+            self._read_poses(map_frame),
+            self._report,
+            fields=_read(self, "fields", list[str], []),
+            follow=follow,
+            min_range=_read(self, "min_range", float, 0.0),
+            max_range=_read(self, "max_range", float, math.inf),
+            timeout=_read(self, "pose_timeout", float, 1.0),
+            queue_size=_read(self, "queue_size", int, 10),
+        )
+
+    def _read_map(self, map_frame: str) -> RollingMap:
+        geometry = GridGeometry(
+            np.array(_read_numbers(self, "length", [10.0, 10.0])),
+            _read(self, "resolution", float, 0.1),
+            np.array(_read_numbers(self, "position", [0.0, 0.0])),
+        )
+        return RollingMap(
+            geometry,
+            map_frame,
+            layer=_read(self, "layer", str, "elevation"),
+            fusion=_read(self, "fusion", str, "max"),
+            reduction=_read(self, "reduction", str, "max"),
+            max_count=_read(self, "max_count", int, 0),
+            min_height=_read(self, "min_height", float, -math.inf),
+            max_height=_read(self, "max_height", float, math.inf),
+        )
+
+    def _read_pose_source(self) -> str:
+        source = _read(self, "pose_source", str, "auto")
+        check(source in POSE_SOURCES, "pose_source", f"one of {', '.join(POSE_SOURCES)}", source)
+        if source == "auto":
+            return "tf" if has_tf() else "odometry"
+        return source
+
+    def _read_poses(self, map_frame: str) -> Poses:
+        """Return what tells where clouds belong; all parameters of it are declared."""
+        topic = _read(self, "pose_topic", str, "/odom")
+        robot_frame = _read(self, "robot_frame", str, "")
+        xyz = _read_numbers(self, "sensor_xyz", [0.0, 0.0, 0.0])
+        rpy = _read_numbers(self, "sensor_rpy", [0.0, 0.0, 0.0])
+        if self._source == "none":
+            return NoPoses(map_frame)
+        if self._source == "tf":
+            return TfPoses(self, map_frame, robot_frame)
+        history = PoseHistory(map_frame, from_xyz_rpy(xyz, rpy))
+        qos = QoSProfile(depth=POSE_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self.create_subscription(
+            POSE_TYPES[self._source], topic, lambda message: self._on_pose(history, message), qos
+        )
+        return history
+
+    def _read_input_qos(self) -> QoSProfile:
+        name = "input_reliability"
+        reliability = _read(self, name, str, "best_effort")
+        check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
+        return QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
+
+    def _report_statistics(self, period: float) -> None:
+        if period > 0:
+            self.create_timer(period, self._log_statistics, clock=self._steady)
+
+    # --- messages ---------------------------------------------------------------------------------
+
+    def _on_cloud(self, data: bytes) -> None:
+        self._publish_if(self._mapper.add(data))
+
+    def _on_pose(self, history: PoseHistory, message: Odometry | PoseStamped) -> None:
+        try:
+            history.add(message)
+        except GridMapError as error:
+            self._report(f"dropped a pose: {error}")
+        else:
+            self._work()
+
+    def _work(self) -> None:
+        self._publish_if(self._mapper.work())
+
+    def _publish_if(self, has_changed: bool) -> None:
+        self._has_news |= has_changed
+        if self._publish_rate == 0:
+            self._publish()
+
+    def _publish(self) -> None:
+        if self._has_news:
+            self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
+            self._has_news = False
+
+    def _report(self, text: str) -> None:
+        if self._throttle.allow(text):
+            self.get_logger().error(text)
+
+    def _log_statistics(self) -> None:
+        self.get_logger().info(str(self._mapper.statistics))
+
+
+def _read(node: Node, name: str, kind: type[T], default: T) -> T:
+    return read_parameter(node, name, kind, default, description=DESCRIPTIONS[name])
+
+
+def _read_not_negative(node: Node, name: str, default: float) -> float:
+    value = _read(node, name, float, default)
+    check(math.isfinite(value) and value >= 0, name, "a finite number, 0 or more", value)
+    return value
+
+
+def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
+    """Return a parameter that is a list of as many finite numbers as the default."""
+    value = _read(node, name, list[float], default)
+    fits = len(value) == len(default) and all(map(math.isfinite, value))
+    check(fits, name, f"{len(default)} finite numbers", value)
+    return value
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(PointCloudToGridMapNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

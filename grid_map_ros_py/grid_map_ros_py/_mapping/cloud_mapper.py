@@ -1,0 +1,169 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Clouds that wait for their poses, and then go into a rolling map."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py.elevation import RollingMap
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.plugins import check
+
+from ..messages._cdr import view
+from ..messages._point_cloud_reading import read_columns
+from ..messages._time import from_stamp
+from .poses import Placement, Poses, transformed
+
+
+@dataclass
+class Statistics:
+    """What became of the clouds so far.
+
+    Attributes:
+        fused: clouds that are in the map.
+        dropped: clouds that could not be used.
+        points: points of the clouds that are in the map.
+        seconds: what it took to place and fuse them [s].
+    """
+
+    fused: int = 0
+    dropped: int = 0
+    points: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        mean = 1e3 * self.seconds / max(self.fused, 1)
+        return (
+            f"{self.fused} clouds with {self.points} points fused, {mean:.1f} ms per cloud; "
+            f"{self.dropped} clouds dropped"
+        )
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """A cloud that was read: where and when it was taken, what it holds, when it came [s]."""
+
+    frame_id: str
+    stamp: int
+    points: npt.NDArray[Any]
+    columns: Mapping[str, npt.NDArray[Any]]
+    came: float
+
+
+@dataclass
+class CloudMapper:
+    """Brings clouds from their own frames into a map, as soon as their poses are known.
+
+    Attributes:
+        rolling_map: the map.
+        poses: tells where clouds belong.
+        report: is told why a cloud was dropped.
+        fields: names of the fields of clouds that become layers besides the heights.
+        follow: whether the map moves with the robot.
+        min_range, max_range: points nearer to the origin of the cloud's frame or farther away are
+            left out [m].
+        timeout: clouds wait for their poses so long [s].
+        queue_size: so many clouds wait at most; then the oldest is dropped.
+        clock: returns the time [s]; the default goes on while a simulation is paused.
+        statistics: what became of the clouds.
+    """
+
+    rolling_map: RollingMap
+    poses: Poses
+    report: Callable[[str], object]
+    fields: Iterable[str] = ()
+    follow: bool = True
+    min_range: float = 0.0
+    max_range: float = math.inf
+    timeout: float = 1.0
+    queue_size: int = 10
+    clock: Callable[[], float] = time.monotonic
+    statistics: Statistics = field(default_factory=Statistics)
+    _waiting: deque[Cloud] = field(default_factory=deque, init=False)
+
+    def __post_init__(self) -> None:
+        ranges = 0 <= self.min_range < self.max_range
+        check(ranges, "min_range", "at least 0 and below max_range", self.min_range)
+        check(self.timeout >= 0, "pose_timeout", "no negative number", self.timeout)
+        check(self.queue_size > 0, "queue_size", "at least 1", self.queue_size)
+
+    def add(self, message: PointCloud2 | bytes) -> bool:
+        """Take a cloud, as a message or serialized, and return whether the map has changed."""
+        try:
+            cloud = self._read(message)
+        except GridMapError as error:
+            self._drop(str(error))
+            return False
+        if len(self._waiting) == self.queue_size:
+            self._waiting.popleft()
+            self._drop(f"{self.queue_size} newer ones wait for {self.poses.waits_for}")
+        self._waiting.append(cloud)
+        return self.work()
+
+    def work(self) -> bool:
+        """Fuse the clouds whose poses are known by now; return whether the map has changed.
+
+        To be called when a pose has come, and from time to time to drop clouds that wait in vain.
+        """
+        fused = self.statistics.fused
+        # One that waits does not hold up those of other frames.
+        self._waiting = deque(cloud for cloud in self._waiting if not self._finish(cloud))
+        return self.statistics.fused > fused
+
+    def _finish(self, cloud: Cloud) -> bool:
+        """Fuse a cloud or drop it, and return True; or return False if it goes on waiting."""
+        begin = time.perf_counter()
+        try:
+            placement = self.poses.place(cloud.frame_id, cloud.stamp)
+            if placement is None and self.clock() - cloud.came < self.timeout:
+                return False
+            if placement is None:
+                self._drop(f"it waited {self.timeout} s for {self.poses.waits_for}")
+                return True
+            self._fuse(cloud, placement)
+        except GridMapError as error:
+            self._drop(str(error))
+            return True
+        self.statistics.fused += 1
+        self.statistics.points += len(cloud.points)
+        self.statistics.seconds += time.perf_counter() - begin
+        return True
+
+    def _read(self, message: PointCloud2 | bytes) -> Cloud:
+        if isinstance(message, bytes):
+            message = view(message, PointCloud2)
+        stamp = from_stamp(message.header.stamp)
+        points, columns = read_columns(message, self.fields)
+        return Cloud(message.header.frame_id, stamp, points, columns, self.clock())
+
+    def _fuse(self, cloud: Cloud, placement: Placement) -> None:
+        points, columns = cloud.points, dict(cloud.columns)
+        if self.min_range > 0 or self.max_range < math.inf:
+            kept = self._within_range(points)
+            points = points[kept]
+            columns = {name: values[kept] for name, values in columns.items()}
+        self.rolling_map.fuse(
+            transformed(points, placement.transform),
+            columns,
+            position=placement.centre if self.follow else None,
+            timestamp=cloud.stamp,
+        )
+
+    def _within_range(self, points: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
+            kept: npt.NDArray[np.bool_] = squares >= self.min_range**2
+            kept &= squares <= self.max_range**2
+        return kept
+
+    def _drop(self, why: str) -> None:
+        self.statistics.dropped += 1
+        self.report(f"dropped a cloud: {why}")

@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the node `grid_map_server` does, without the node: it holds a map and answers requests."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.msg import GridMapInfo
+
+from ..bags._bag import load_from_bag, save_to_bag
+from ..errors import RequestError
+from ..messages._grid_map import to_info, to_message
+
+
+class MapServer:
+    """A map that can be asked for, whole or in part, and bags below a directory.
+
+    Args:
+        directory: bags are loaded and saved below it; None refuses both.
+    """
+
+    def __init__(self, directory: Path | None = None) -> None:
+        self._directory = directory
+        self._map: GridMap | None = None
+
+    @property
+    def grid_map(self) -> GridMap:
+        """The map.
+
+        Raises:
+            RequestError: there is none yet.
+        """
+        if self._map is None:
+            raise RequestError("there is no map yet")
+        return self._map
+
+    @grid_map.setter
+    def grid_map(self, grid_map: GridMap) -> None:
+        self._map = grid_map
+
+    def part(
+        self,
+        frame_id: str,
+        position: tuple[float, float],
+        length: tuple[float, float],
+        layers: Sequence[str] = (),
+    ) -> GridMapMessage:
+        """Return the cells that a rectangle overlaps, as far as it lies on the map.
+
+        Args:
+            frame_id: frame of the position; empty means that of the map.
+            position: centre of the rectangle [m].
+            length: its side lengths along x and y [m]; both zero means the whole map.
+            layers: names of the layers; none means all.
+
+        Raises:
+            RequestError: there is no map, or it has another frame.
+            OutOfMapError: the rectangle does not overlap the map.
+            GeometryError: a length is negative, or a number is not finite.
+            LayerNotFoundError: the map lacks a layer.
+        """
+        grid_map = self.grid_map
+        if frame_id not in ("", grid_map.frame_id):
+            raise RequestError(
+                f"frame_id: expected {grid_map.frame_id!r}, that of the map, got {frame_id!r}"
+            )
+        if any(length):
+            grid_map = grid_map.get_submap(position, length)
+        return to_message(grid_map, layers or None)
+
+    def info(self) -> GridMapInfo:
+        """Return size, resolution and place of the map.
+
+        Raises:
+            RequestError: there is no map.
+        """
+        return to_info(self.grid_map.geometry)
+
+    def load(self, path: str, topic: str = "") -> GridMap:
+        """Return the last map of a bag.
+
+        Args:
+            path: of the bag, absolute or relative to the directory; in any case below it.
+            topic: in the bag; empty where it has a single topic of maps.
+
+        Raises:
+            RequestError: the path leads elsewhere, or there is no directory.
+            BagError: the bag cannot be read.
+        """
+        return load_from_bag(self._inside(path), topic or None, unwrap=False)
+
+    def save(self, path: str, topic: str) -> None:
+        """Write the map to a bag; another one of that name is replaced.
+
+        Args:
+            path: as for `load`.
+            topic: in the bag.
+
+        Raises:
+            RequestError: the path leads elsewhere, or there is no directory or no map.
+            BagError: the bag cannot be written.
+        """
+        grid_map, target = self.grid_map, self._inside(path)
+        save_to_bag(grid_map, target, topic)
+
+    def _inside(self, path: str) -> Path:
+        if self._directory is None:
+            raise RequestError("files are refused: the parameter 'directory' is not set")
+        return path_inside(self._directory, path)
+
+
+def path_inside(directory: Path, path: str) -> Path:
+    """Return where `path` leads, if it and the files in it lie below `directory`.
+
+    Args:
+        directory: the directory.
+        path: absolute, or relative to the directory. Symbolic links and `..` are followed first.
+
+    Raises:
+        RequestError: it leads elsewhere, or cannot be a path.
+    """
+    root = directory.resolve()
+    try:
+        target = (root / path).resolve()
+        # The files of a bag may be links, too.
+        found = [target, *(file.resolve() for file in target.iterdir())] if target.is_dir() else []
+    except (OSError, RuntimeError, ValueError) as error:
+        raise RequestError(f"file_path {path!r}: {error}") from error
+    if not all(root in place.parents for place in found or [target]):
+        raise RequestError(f"file_path: expected a path below {str(root)!r}, got {path!r}")
+    return target

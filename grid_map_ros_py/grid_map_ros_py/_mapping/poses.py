@@ -1,0 +1,196 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where a robot and its sensor were when a cloud was taken."""
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation, Slerp
+
+from grid_map_core_py.errors import GridMapError
+
+from ..errors import MessageError
+from ..messages._checks import check_position
+from ..messages._time import NANOSECONDS, from_stamp
+
+Matrix: TypeAlias = npt.NDArray[np.float64]
+"""(4, 4) rotation and translation [m]."""
+
+NORM_TOLERANCE = 1e-2
+"""By which the norm of a quaternion may miss 1: more than rounding makes, less than a mistake."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a cloud belongs.
+
+    Attributes:
+        transform: from the frame of the cloud to that of the map.
+        centre: (2,) x, y of the robot [m], map frame; None if it is not known.
+    """
+
+    transform: Matrix
+    centre: npt.NDArray[np.float64] | None
+
+
+class Poses(Protocol):
+    """What tells where clouds belong."""
+
+    @property
+    def waits_for(self) -> str:
+        """What is missing when `place` returns None, in words."""
+
+    def place(self, frame_id: str, stamp: int) -> Placement | None:
+        """Return where a cloud of that frame and time [ns] belongs, or None if not known yet.
+
+        Time 0 stands for the latest one.
+
+        Raises:
+            GridMapError: that will never be known.
+        """
+
+
+class NoPoses:
+    """Clouds are in the frame of the map already."""
+
+    waits_for = ""
+
+    def __init__(self, map_frame: str) -> None:
+        self._map_frame = map_frame
+
+    def place(self, frame_id: str, _stamp: int) -> Placement | None:
+        """Return the identity, for clouds in the frame of the map."""
+        if frame_id != self._map_frame:
+            expected = f"{self._map_frame!r}, that of the map, as there are no poses"
+            raise MessageError("header.frame_id", expected, frame_id)
+        return Placement(np.eye(4), None)
+
+
+class PoseHistory:
+    """The robot's poses of a topic; those between two of them are interpolated.
+
+    Args:
+        map_frame: the frame that poses have to be in.
+        sensor: from the frame of the clouds to that of the robot.
+        limit: so many poses are remembered.
+    """
+
+    def __init__(self, map_frame: str, sensor: Matrix | None = None, limit: int = 1000) -> None:
+        self._map_frame = map_frame
+        self._sensor = np.eye(4) if sensor is None else sensor
+        self._limit = limit
+        self._stamps: list[int] = []
+        self._poses: list[Matrix] = []
+
+    @property
+    def waits_for(self) -> str:
+        """Which pose is missing, in words."""
+        if not self._stamps:
+            return "poses"
+        return f"a later pose than that of {_seconds(self._stamps[-1])}"
+
+    def add(self, message: Any) -> None:
+        """Take a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
+
+        One that is earlier than the last one means that time began anew: all others are forgotten.
+
+        Raises:
+            MessageError: it is in another frame, or its numbers are no pose.
+        """
+        if message.header.frame_id != self._map_frame:
+            expected = f"{self._map_frame!r}, that of the map"
+            raise MessageError("header.frame_id", expected, message.header.frame_id)
+        stamp = from_stamp(message.header.stamp)
+        pose, field = message.pose, "pose"
+        if hasattr(pose, "covariance"):
+            pose, field = pose.pose, "pose.pose"
+        matrix = to_matrix(pose.position, pose.orientation, field)
+        if self._stamps and stamp < self._stamps[-1]:
+            self._stamps, self._poses = [], []
+        self._stamps.append(stamp)
+        self._poses.append(matrix)
+        if len(self._stamps) > self._limit:
+            del self._stamps[0], self._poses[0]
+
+    def place(self, frame_id: str, stamp: int) -> Placement | None:
+        """Return where a cloud belongs; one that is newer than the last pose has to wait."""
+        robot = self.at(stamp)
+        if robot is None:
+            return None
+        is_there = frame_id == self._map_frame
+        return Placement(np.eye(4) if is_there else robot @ self._sensor, robot[:2, 3])
+
+    def at(self, stamp: int) -> Matrix | None:
+        """Return the pose at a time [ns], 0 for the latest one; None if it is still to come.
+
+        Raises:
+            GridMapError: it is earlier than all that are remembered.
+        """
+        if not self._stamps or stamp > self._stamps[-1]:
+            return None
+        if stamp == 0:
+            return self._poses[-1]
+        after = bisect_left(self._stamps, stamp)
+        if self._stamps[after] == stamp:
+            return self._poses[after]
+        if after == 0:
+            first = _seconds(self._stamps[0])
+            raise GridMapError(f"no pose at {_seconds(stamp)}: the first one is of {first}")
+        begin, end = self._stamps[after - 1], self._stamps[after]
+        share = (stamp - begin) / (end - begin)
+        return between(self._poses[after - 1], self._poses[after], share)
+
+
+def to_matrix(position: Any, orientation: Any, field: str = "pose") -> Matrix:
+    """Return a pose, or a transform, as a matrix.
+
+    Args:
+        position: message with x, y, z [m].
+        orientation: message with the quaternion x, y, z, w.
+        field: what to call the pose in an error.
+
+    Raises:
+        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+    """
+    check_position(f"{field}.position", position)
+    quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
+    if not abs(math.hypot(*quaternion) - 1.0) <= NORM_TOLERANCE:
+        raise MessageError(f"{field}.orientation", "a quaternion of norm 1", quaternion)
+    return _matrix(Rotation.from_quat(quaternion), (position.x, position.y, position.z))
+
+
+def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
+    """Return the transform of x, y, z [m] and roll, pitch, yaw [rad], as URDF has them."""
+    return _matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
+
+
+def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
+    """Return the pose a share of the way from one to another: on the line, turning evenly."""
+    turn = Slerp([0.0, 1.0], Rotation.from_matrix([begin[:3, :3], end[:3, :3]]))
+    return _matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
+
+
+def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]:
+    """Return (N, 3) points in another frame, as float64 unless nothing changes."""
+    if np.array_equal(transform, np.eye(4)):
+        return points
+    # Points that are not finite come out as something that is not finite either.
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved: npt.NDArray[np.float64] = points @ transform[:3, :3].T
+        moved += transform[:3, 3]
+    return moved
+
+
+def _matrix(rotation: Rotation, translation: npt.ArrayLike) -> Matrix:
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.as_matrix()
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def _seconds(stamp: int) -> str:
+    return f"{stamp / NANOSECONDS:.3f} s"

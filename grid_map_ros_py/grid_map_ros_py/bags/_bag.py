@@ -1,0 +1,474 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps in bags of rosbag2.
+
+Written are complete bags, as `ros2 bag record --storage mcap` leaves them: a folder with
+`metadata.yaml` and one MCAP file. Read are bags with MCAP or sqlite3 files, split or not, and such
+files by themselves. Neither takes rclpy or rosbag2; MCAP takes the package `mcap`.
+
+The time of a message in a bag is that of its map, unless said otherwise.
+"""
+
+import bisect
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.files import find_folder, new_folder
+
+from ..errors import BagError, MessageError
+from ..messages._serialized import from_serialized_message, to_serialized_message
+from ..messages._time import check_nanoseconds
+from . import _mcap as bag_mcap
+from . import _metadata as bag_metadata
+from . import _sqlite as bag_sqlite
+from ._mcap import COMPRESSIONS, McapFile, McapWriter
+from ._metadata import GRID_MAP_TYPE
+from ._sqlite import SqliteFile
+from ._storage import Entry, Storage, Topic, bag_errors
+
+_TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
+_ROS1_MAGIC = b"#ROSBAG"
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_OF_BAGS = {".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
+"""Endings of the files in the folder of a bag, besides its metadata."""
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def save_to_bag(
+    maps: GridMap | Iterable[GridMap],
+    path: str | PathLike[str],
+    topic: str,
+    *,
+    layers: Iterable[str] | None = None,
+    overwrite: bool = True,
+    compression: str = "none",
+) -> None:
+    """Write maps to a new bag.
+
+    The bag appears complete, or not at all: whatever interrupts it leaves the old bag, if there was
+    one.
+
+    Args:
+        maps: one map, or several, of which each is written before the next is asked for.
+        path: folder of the bag.
+        topic: the maps' topic in the bag.
+        layers: names of the layers to write; None means all.
+        overwrite: replace a bag that is there. Anything but a bag is never replaced.
+        compression: "none", "lz4" or "zstd".
+
+    Raises:
+        BagError: the bag cannot be written, there is one and `overwrite` is False, or there are no
+            maps.
+        LayerNotFoundError: a map lacks a layer.
+        MessageError: the time of a map does not fit a message.
+        MissingPackageError: the package `mcap` is not installed.
+    """
+    names = _once(layers)
+    with BagWriter(path, overwrite=overwrite, compression=compression) as bag:
+        for grid_map in (maps,) if isinstance(maps, GridMap) else maps:
+            bag.write(topic, grid_map, layers=names)
+
+
+class BagWriter:
+    """Writes a bag map by map, as a context: when it is left, the bag is there.
+
+    When it is left by an error there is no bag, or the old one.
+
+    Args and errors are those of `save_to_bag`.
+    """
+
+    def __init__(
+        self, path: str | PathLike[str], *, overwrite: bool = True, compression: str = "none"
+    ) -> None:
+        self._path = Path(path)
+        self._overwrite = overwrite
+        if compression not in COMPRESSIONS:
+            known = ", ".join(COMPRESSIONS)
+            raise BagError(self._path, f"compression: expected one of {known}, got {compression!r}")
+        self._compression = compression
+
+    def __enter__(self) -> "BagWriter":
+        with bag_errors(self._path, "written"), ExitStack() as stack:
+            self._check_parent()
+            self._folder = stack.enter_context(new_folder(self._path, self._check_old))
+            self._file = f"{self._path.resolve().name}_0.mcap"
+            self._writer = McapWriter(self._folder / self._file, self._compression)
+            stack.callback(self._writer.abandon)
+            self._contents = bag_metadata.Contents({})
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if error is not None:
+            self._stack.__exit__(kind, error, traceback)
+            return
+        with bag_errors(self._path, "written"), self._stack:
+            self._finish()
+
+    def check(self, topic: str) -> None:
+        """Raise the error that writing to a topic would raise now, without writing anything."""
+        self._check_topic(topic)
+        with bag_errors(self._path, "written"):
+            self._check_parent()
+            if self._path.exists():
+                self._check_old(self._path.resolve())
+
+    def write(
+        self,
+        topic: str,
+        grid_map: GridMap,
+        *,
+        time: int | None = None,
+        layers: Iterable[str] | None = None,
+    ) -> None:
+        """Append a map.
+
+        Args:
+            topic: the map's topic in the bag.
+            grid_map: the map.
+            time: of the message [ns]; None means that of the map.
+            layers: names of the layers to write; None means all.
+        """
+        self._check_topic(topic)
+        if not isinstance(grid_map, GridMap):
+            found = type(grid_map).__name__
+            raise BagError(self._path, f"expected a GridMap to write, got {found}")
+        stamp = check_nanoseconds(grid_map.timestamp if time is None else time)
+        data = to_serialized_message(grid_map, layers)
+        with bag_errors(self._path, "written"):
+            self._writer.write(topic, stamp, data)
+        self._contents.add(topic, stamp)
+
+    def _finish(self) -> None:
+        if not self._contents.count:
+            raise BagError(self._path, "no maps to write")
+        self._writer.finish(bag_metadata.information(self._contents, self._file))
+        bag_metadata.save(self._folder, self._contents, self._file)
+
+    def _check_topic(self, topic: str) -> None:
+        if not _TOPIC_NAME.fullmatch(topic):
+            raise BagError(self._path, f"expected the name of a topic, got {topic!r}")
+
+    def _check_parent(self) -> None:
+        parent = self._path.resolve().parent
+        if not parent.is_dir():
+            raise BagError(self._path, f"cannot be written: there is no folder {parent}")
+        if not os.access(parent, os.W_OK | os.X_OK):
+            raise BagError(self._path, f"cannot be written: {parent} may not be written to")
+
+    def _check_old(self, target: Path) -> None:
+        """Let a bag or an empty folder be replaced, and nothing else."""
+        if not target.is_dir():
+            raise BagError(self._path, "is a file, and a bag is a folder")
+        names = sorted(path.name for path in target.iterdir())
+        others = [name for name in names if name != bag_metadata.FILE_NAME]
+        foreign = [name for name in others if Path(name).suffix not in _OF_BAGS]
+        if foreign or (names and others == names):
+            raise BagError(
+                self._path, f"is no bag and not replaced; it holds {(foreign or names)[0]}"
+            )
+        if names and not self._overwrite:
+            raise BagError(self._path, "there is a bag already")
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def load_from_bag(
+    path: str | PathLike[str],
+    topic: str | None = None,
+    layers: Iterable[str] | None = None,
+    *,
+    index: int = -1,
+    time: int | None = None,
+    unwrap: bool = True,
+) -> GridMap:
+    """Return a map of a bag, the last one on the topic unless asked otherwise.
+
+    Args:
+        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+        topic: the maps' topic; None will do where the bag has a single topic of maps.
+        layers: names of the layers to take; None means all.
+        index: which map, in time order: 0 is the first, -1 the last.
+        time: take the last map that is not later than this [ns]; `index` does not count then.
+        unwrap: as for `from_message`.
+
+    Raises:
+        BagError: the bag is damaged or missing, lacks the topic or the map, or the topic is not one
+            of maps.
+        LayerNotFoundError: the map lacks a layer.
+        MissingPackageError: the package `mcap` is needed and not installed.
+    """
+    with BagReader(path, topic) as bag:
+        record = bag[index] if time is None else bag.at(time)
+        return record.grid_map(layers, unwrap=unwrap)
+
+
+def bag_maps(
+    path: str | PathLike[str], topic: str | None = None, layers: Iterable[str] | None = None
+) -> Iterator[GridMap]:
+    """Yield the maps on a topic in time order, each read when it is asked for.
+
+    Args and errors are those of `load_from_bag`.
+    """
+    names = _once(layers)
+    with BagReader(path, topic) as bag:
+        for record in bag:
+            yield record.grid_map(names)
+
+
+@dataclass(frozen=True)
+class BagTopic:
+    """What a bag has on a topic, of whatever type.
+
+    Attributes:
+        name: of the topic.
+        type: of its messages, such as `grid_map_msgs/msg/GridMap`.
+        count: how many there are.
+        first, last: earliest and latest time [ns]; None where there are no messages.
+    """
+
+    name: str
+    type: str
+    count: int = 0
+    first: int | None = None
+    last: int | None = None
+
+    @property
+    def holds_maps(self) -> bool:
+        """Whether there are maps on it."""
+        return self.type == GRID_MAP_TYPE and self.count > 0
+
+
+def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
+    """Return what is in a bag, by topic in the order of their names; no message is read.
+
+    Args:
+        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+
+    Raises:
+        BagError: the bag is damaged or missing.
+        MissingPackageError: the package `mcap` is needed and not installed.
+    """
+    with bag_errors(Path(path)):
+        files = _files(find_folder(path))
+    topics: dict[str, BagTopic] = {}
+    for file in files:
+        with bag_errors(file), closing(_open(file)) as storage:
+            for name, kind in storage.topics.items():
+                before = topics.get(name, BagTopic(name, kind.type))
+                topics[name] = _counted(before, storage.entries(name))
+    return [topics[name] for name in sorted(topics)]
+
+
+def _counted(topic: BagTopic, entries: list[Entry]) -> BagTopic:
+    """Return a topic with the messages of one more file."""
+    times = [time for time in (topic.first, topic.last) if time is not None]
+    times += [entry.time for entry in entries]
+    return replace(
+        topic,
+        count=topic.count + len(entries),
+        first=min(times, default=None),
+        last=max(times, default=None),
+    )
+
+
+class BagRecord(NamedTuple):
+    """A message as it was recorded.
+
+    Attributes:
+        time: when it was recorded [ns].
+        data: the serialized `grid_map_msgs/GridMap`.
+        place: what to call it in an error.
+    """
+
+    time: int
+    data: bytes
+    place: str
+
+    def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
+        """Return the map in it.
+
+        Args:
+            layers: names of the layers to take; None means all.
+            unwrap: as for `from_message`.
+
+        Raises:
+            BagError: the message is damaged.
+            LayerNotFoundError: the map lacks a layer.
+        """
+        try:
+            return from_serialized_message(self.data, layers, unwrap=unwrap)
+        except MessageError as error:
+            raise BagError(self.place, str(error)) from error
+
+
+class BagReader:
+    """The messages of maps on one topic of a bag, in time order, as a sequence of `BagRecord`.
+
+    Records are read when they are asked for, and nothing is decoded. Close it, or use it as a
+    context.
+
+    Args and errors are those of `load_from_bag`.
+
+    Attributes:
+        topic: the topic.
+        topics: type and encoding of every topic in the bag.
+    """
+
+    def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
+        self._open: tuple[int, Storage] | None = None
+        with bag_errors(Path(path)):
+            self._path = find_folder(path)
+            self._files = _files(self._path)
+        try:
+            self.topics = self._read_topics()
+            self.topic = self._chosen(topic)
+            self._entries = self._read_entries()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "BagReader":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file that is open."""
+        if self._open is not None:
+            self._open[1].close()
+            self._open = None
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __getitem__(self, index: int) -> BagRecord:
+        if not -len(self) <= index < len(self):
+            raise BagError(self._path, f"no map {index}: {len(self)} maps on {self.topic}")
+        file, entry = self._entries[index]
+        path = self._files[file]
+        with bag_errors(path):
+            data = _unpacked(self._storage(file).read(entry), path)
+        number = index % len(self)
+        return BagRecord(entry.time, data, f"{path}: map {number} on {self.topic}")
+
+    def __iter__(self) -> Iterator[BagRecord]:
+        for index in range(len(self)):
+            yield self[index]
+
+    def at(self, time: int) -> BagRecord:
+        """Return the last record that is not later than a time [ns]."""
+        before = bisect.bisect_right(self._entries, time, key=lambda found: found[1].time)
+        if not before:
+            first = f"; the first is of {self._entries[0][1].time}" if self._entries else ""
+            raise BagError(self._path, f"no map on {self.topic} up to time {time}{first}")
+        return self[before - 1]
+
+    def _storage(self, file: int) -> Storage:
+        """Open a file; one at a time, since a bag may have more than a process may open."""
+        if self._open is None or self._open[0] != file:
+            self.close()
+            self._open = file, _open(self._files[file])
+        return self._open[1]
+
+    def _read_topics(self) -> Mapping[str, Topic]:
+        topics: dict[str, Topic] = {}
+        for number, path in enumerate(self._files):
+            with bag_errors(path):
+                topics |= self._storage(number).topics
+        return topics
+
+    def _read_entries(self) -> list[tuple[int, Entry]]:
+        found = []
+        for number, path in enumerate(self._files):
+            with bag_errors(path):
+                storage = self._storage(number)
+                if self.topic in storage.topics:
+                    found += [(number, entry) for entry in storage.entries(self.topic)]
+        # Files of a split bag may overlap.
+        return sorted(found, key=lambda one: one[1].time)
+
+    def _chosen(self, topic: str | None) -> str:
+        """Return the topic if it is one of maps, or the only one of maps for None."""
+        with_maps = [name for name, kind in self.topics.items() if kind.type == GRID_MAP_TYPE]
+        if topic is None:
+            if len(with_maps) != 1:
+                reason = f"{len(with_maps)} topics of maps, name one"
+                raise BagError(self._path, f"{reason}; {self._listed()}")
+            (topic,) = with_maps
+        if topic not in self.topics:
+            raise BagError(self._path, f"no topic {topic!r}; {self._listed()}")
+        kind, encoding = self.topics[topic]
+        if kind != GRID_MAP_TYPE:
+            raise BagError(
+                self._path, f"{topic} is of type {kind}, not {GRID_MAP_TYPE}; {self._listed()}"
+            )
+        if encoding != "cdr":
+            raise BagError(self._path, f"{topic} is encoded as {encoding!r}, only 'cdr' is read")
+        return topic
+
+    def _listed(self) -> str:
+        listed = ", ".join(f"{name} ({kind.type})" for name, kind in sorted(self.topics.items()))
+        return f"topics: {listed or '(none)'}"
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files with the messages of a bag."""
+    if not path.exists():
+        raise BagError(path, "no such file or folder")
+    if not path.is_dir():
+        return [path]
+    files = bag_metadata.load_files(path)
+    for file in files:
+        if not file.is_file():
+            raise BagError(path, f"its file {file.name} is missing")
+    return files
+
+
+def _open(path: Path) -> Storage:
+    """Open a file of messages, whose first bytes tell what it is."""
+    with path.open("rb") as file:
+        magic = file.read(len(bag_sqlite.MAGIC))
+    if magic.startswith(bag_mcap.MAGIC):
+        return McapFile(path)
+    if magic == bag_sqlite.MAGIC:
+        return SqliteFile(path)
+    if magic.startswith(_ROS1_MAGIC):
+        raise BagError(path, "a bag of ROS 1; 'rosbags-convert' makes one of ROS 2 of it")
+    if magic.startswith(_ZSTD_MAGIC):
+        raise BagError(path, "is compressed as a whole; 'zstd -d' unpacks it")
+    raise BagError(path, "neither an MCAP file nor a sqlite3 database" if magic else "is empty")
+
+
+def _unpacked(data: bytes, path: Path) -> bytes:
+    """Return a message; rosbag2 may have compressed each by itself, whose first bytes tell."""
+    if not data.startswith(_ZSTD_MAGIC):
+        return data
+    message = bag_mcap.unpack("zstd", data, bag_mcap.LARGEST_CHUNK, path)
+    if len(message) > bag_mcap.LARGEST_CHUNK:
+        raise BagError(path, f"a message of more than {bag_mcap.LARGEST_CHUNK} bytes, unpacked")
+    return message
+
+
+def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
+    """Return names that can be gone through for every map."""
+    if layers is None:
+        return None
+    return (layers,) if isinstance(layers, str) else tuple(layers)

@@ -1,0 +1,337 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The MCAP files of bags.
+
+The package `mcap` knows the records. Reading follows the index of the file where there is one, and
+scans the file else; it believes no length before so many bytes are there, and checks sums.
+"""
+
+import importlib
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from grid_map_core_py.errors import MissingPackageError
+
+from ..errors import BagError
+from ._metadata import DEFINITION, GRID_MAP_TYPE, QOS_PROFILES, TYPE_HASH, dump
+from ._storage import Entry, Topic
+
+MAGIC = b"\x89MCAP0\r\n"
+
+COMPRESSIONS = ("none", "lz4", "zstd")
+
+LARGEST_CHUNK = 2**31
+"""Bytes of a chunk, unpacked; no message that ROS can send is larger."""
+
+_CHUNK_SIZE = 768 * 1024
+"""Bytes after which a chunk is written; what rosbag2 takes."""
+
+_RECORD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+
+_FOOTER_CODE, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(2, 9)
+_STATISTICS, _DATA_END = 11, 15
+_RECORDS = {
+    _SCHEMA: "Schema",
+    _CHANNEL: "Channel",
+    _CHUNK: "Chunk",
+    _MESSAGE_INDEX: "MessageIndex",
+    _CHUNK_INDEX: "ChunkIndex",
+    _STATISTICS: "Statistics",
+}
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+
+def package(module: str, path: Path) -> Any:
+    """Return a module of the package `mcap` or of those that it needs.
+
+    Raises:
+        MissingPackageError: it is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        remedy = "pip install mcap"
+        raise MissingPackageError(module.split(".")[0], f"the bag {path}", remedy) from error
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+class McapFile:
+    """A file that is open for reading."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._records = package("mcap.records", path)
+        self._streams = package("mcap.data_stream", path)
+        self._file = path.open("rb")
+        try:
+            self._source = _Source(self._file, path.stat().st_size)
+            self._chunk: tuple[int, bytes] | None = None
+            self._schemas: dict[int, Any] = {}
+            self._channels: dict[int, Any] = {}
+            self._scanned: dict[int, list[Entry]] | None = None
+            self._read_summary(self._check_ends())
+            self.topics = dict(map(self._topic, self._channels.values()))
+        except BaseException:
+            self.close()
+            raise
+
+    def entries(self, topic: str) -> list[Entry]:
+        """Return the messages on a topic in time order, without reading them."""
+        channels = [key for key, channel in self._channels.items() if channel.topic == topic]
+        found = [entry for key in channels for entry in self._entries_of(key)]
+        # Messages of one time stay in the order of the file.
+        return sorted(found, key=lambda entry: (entry.time, entry.place))
+
+    def read(self, entry: Entry) -> bytes:
+        """Return a message as it was recorded."""
+        chunk, offset = entry.place
+        source = self._source if chunk < 0 else _source_of(self._unpacked(chunk))
+        code, body = source.record_at(offset)
+        if code != _MESSAGE or len(body) < _MESSAGE_HEAD.size:
+            raise BagError(self._path, f"its index is damaged: no message at {entry.place}")
+        if _MESSAGE_HEAD.unpack_from(body)[2] != entry.time:
+            raise BagError(self._path, f"its index is damaged: another time at {entry.place}")
+        return body[_MESSAGE_HEAD.size :]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    # What the file says of itself
+
+    def _check_ends(self) -> tuple[int, int]:
+        """Return where the summary begins, 0 without one, and where it ends."""
+        end = self._source.size - _FOOTER.size - len(MAGIC)
+        complete = end > 0 and self._source.at(end + _FOOTER.size, len(MAGIC)) == MAGIC
+        if not complete:
+            raise BagError(
+                self._path,
+                "is cut off: the recording was interrupted or the copy is not complete; "
+                "'mcap recover' saves what is in it",
+            )
+        code, size, start, _, checksum = _FOOTER.unpack(self._source.at(end, _FOOTER.size))
+        if (code, size) != (_FOOTER_CODE, _FOOTER.size - _RECORD.size) or not 0 <= start <= end:
+            raise BagError(self._path, "its footer is damaged")
+        if start and checksum:
+            # All but the checksum itself.
+            summary = self._source.at(start, end + _FOOTER.size - 4 - start)
+            self._check_sum(summary, checksum, "summary")
+        return start, end
+
+    def _read_summary(self, place: tuple[int, int]) -> None:
+        """Read schemas, channels and where the chunks are; scan the file where that is missing."""
+        start, end = place
+        self._chunks: list[Any] = []
+        self._counts: dict[int, int] | None = None
+        for code, body in self._source.records(start, end) if start else ():
+            record = self._parsed(code, body)
+            if code == _CHUNK_INDEX:
+                self._chunks.append(record)
+            elif code == _STATISTICS:
+                self._counts = dict(record.channel_message_counts)
+            else:
+                self._take(code, record)
+        if not (self._channels and self._schemas and self._chunks and self._counts is not None):
+            self._scan()
+
+    def _take(self, code: int, record: Any) -> None:
+        if code == _SCHEMA:
+            self._schemas[record.id] = record
+        elif code == _CHANNEL:
+            self._channels[record.id] = record
+
+    def _topic(self, channel: Any) -> tuple[str, Topic]:
+        schema = self._schemas.get(channel.schema_id)
+        return channel.topic, Topic(schema.name if schema else "", channel.message_encoding)
+
+    # Where the messages are: (offset of the chunk in the file, or -1, offset in there)
+
+    def _entries_of(self, channel: int) -> list[Entry]:
+        if self._scanned is None:
+            assert self._counts is not None
+            found = [entry for chunk in self._chunks for entry in self._indexed(chunk, channel)]
+            if len(found) == self._counts.get(channel, 0):
+                return found
+            # The index is not complete.
+            self._scan()
+        assert self._scanned is not None
+        return self._scanned.get(channel, [])
+
+    def _indexed(self, chunk: Any, channel: int) -> list[Entry]:
+        offset = chunk.message_index_offsets.get(channel)
+        if offset is None:
+            return []
+        index = self._parsed(*self._source.record_at(offset))
+        if getattr(index, "channel_id", None) != channel:
+            raise BagError(self._path, f"its index is damaged: none of channel {channel} there")
+        return [Entry(time, (chunk.chunk_start_offset, place)) for time, place in index.records]
+
+    def _scan(self) -> None:
+        """Find all messages without an index."""
+        self._scanned = {}
+        offset = len(MAGIC)
+        for code, body in self._source.records(offset, self._source.size - len(MAGIC)):
+            if code == _DATA_END:
+                break
+            if code == _CHUNK:
+                data = self._unpack(self._parsed(code, body))
+                inside = 0
+                for inner, content in _source_of(data).records(0, len(data)):
+                    self._note(inner, content, (offset, inside))
+                    inside += _RECORD.size + len(content)
+            else:
+                self._note(code, body, (-1, offset))
+            offset += _RECORD.size + len(body)
+
+    def _note(self, code: int, body: bytes, place: tuple[int, int]) -> None:
+        assert self._scanned is not None
+        if code == _MESSAGE:
+            channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
+            self._scanned.setdefault(channel, []).append(Entry(time, place))
+        elif code in (_SCHEMA, _CHANNEL):
+            self._take(code, self._parsed(code, body))
+
+    # Records and chunks
+
+    def _parsed(self, code: int, body: bytes) -> Any:
+        """Return a record, None for one of a kind that is not needed."""
+        if code not in _RECORDS:
+            return None
+        return getattr(self._records, _RECORDS[code]).read(
+            self._streams.ReadDataStream(_source_of(body))
+        )
+
+    def _unpacked(self, offset: int) -> bytes:
+        """Return the content of the chunk at an offset; that of the last one is kept."""
+        if self._chunk is None or self._chunk[0] != offset:
+            code, body = self._source.record_at(offset)
+            if code != _CHUNK:
+                raise BagError(self._path, f"its index is damaged: no chunk at {offset}")
+            self._chunk = offset, self._unpack(self._parsed(code, body))
+        return self._chunk[1]
+
+    def _unpack(self, chunk: Any) -> bytes:
+        size = chunk.uncompressed_size
+        if size > LARGEST_CHUNK:
+            raise BagError(self._path, f"a chunk claims to hold {size} bytes, which is absurd")
+        if chunk.compression not in ("", "lz4", "zstd"):
+            raise BagError(self._path, f"its compression {chunk.compression!r} is not known")
+        data: bytes = chunk.data
+        if chunk.compression:
+            data = unpack(chunk.compression, data, size, self._path)
+        if len(data) != size:
+            raise BagError(self._path, f"a chunk of {size} bytes holds {len(data)}")
+        if chunk.uncompressed_crc:
+            self._check_sum(data, chunk.uncompressed_crc, "chunk")
+        return data
+
+    def _check_sum(self, data: bytes, checksum: int, what: str) -> None:
+        if zlib.crc32(data) != checksum:
+            raise BagError(self._path, f"is damaged: the checksum of a {what} is wrong")
+
+
+def unpack(compression: str, data: bytes, size: int, path: Path) -> bytes:
+    """Return compressed data of `size` bytes; of more, only the first byte too many.
+
+    Memory is taken as the data comes, not as its own header claims.
+    """
+    if compression == "lz4":
+        stream = package("lz4.frame", path).open(io.BytesIO(data))
+    else:
+        stream = package("zstandard", path).ZstdDecompressor().stream_reader(data)
+    with stream:
+        return b"".join(_pieces(stream, size + 1))
+
+
+def _pieces(stream: IO[bytes], size: int) -> Iterator[bytes]:
+    while size > 0 and (piece := stream.read(min(size, 2**20))):
+        size -= len(piece)
+        yield piece
+
+
+class _Source:
+    """A stream whose reads return exactly as many bytes as were asked for, or raise."""
+
+    def __init__(self, stream: IO[bytes], size: int) -> None:
+        self.size = size
+        self._stream = stream
+
+    def read(self, length: int) -> bytes:
+        if not 0 <= length <= self.size - self._stream.tell():
+            raise ValueError(f"{length} bytes are missing at {self._stream.tell()}")
+        data = self._stream.read(length)
+        if len(data) != length:
+            raise ValueError(f"is cut off at {self._stream.tell()}")
+        return data
+
+    def at(self, offset: int, length: int) -> bytes:
+        if not 0 <= offset <= self.size:
+            raise ValueError(f"nothing at {offset}")
+        self._stream.seek(offset)
+        return self.read(length)
+
+    def record_at(self, offset: int) -> tuple[int, bytes]:
+        """Return code and content of the record at an offset."""
+        code, length = _RECORD.unpack(self.at(offset, _RECORD.size))
+        return code, self.read(length)
+
+    def records(self, start: int, end: int) -> Iterator[tuple[int, bytes]]:
+        """Yield code and content of the records in a part of the stream."""
+        while start < end:
+            code, body = self.record_at(start)
+            yield code, body
+            start += _RECORD.size + len(body)
+
+
+def _source_of(data: bytes) -> _Source:
+    return _Source(io.BytesIO(data), len(data))
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+class McapWriter:
+    """Writes maps that are serialized already.
+
+    Args:
+        path: the file.
+        compression: one of `COMPRESSIONS`.
+    """
+
+    def __init__(self, path: Path, compression: str) -> None:
+        writer = package("mcap.writer", path)
+        kind = writer.CompressionType[compression.upper()]
+        self._file = path.open("xb")
+        self._writer = writer.Writer(self._file, chunk_size=_CHUNK_SIZE, compression=kind)
+        self._writer.start(profile="ros2", library="grid_map_ros_py")
+        definition = DEFINITION.encode()
+        self._schema = self._writer.register_schema(GRID_MAP_TYPE, "ros2msg", definition)
+        self._channels: dict[str, int] = {}
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        """Append a message."""
+        if topic not in self._channels:
+            metadata = {"offered_qos_profiles": dump(QOS_PROFILES), "topic_type_hash": TYPE_HASH}
+            self._channels[topic] = self._writer.register_channel(
+                topic, "cdr", self._schema, metadata
+            )
+        self._writer.add_message(self._channels[topic], time, data, time)
+
+    def finish(self, information: object) -> None:
+        """Write the rest of the file, and what the bag tells about itself, and close it."""
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
+        self._writer.finish()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is; what the disk has no room for is lost."""
+        with suppress(OSError):
+            self._file.close()

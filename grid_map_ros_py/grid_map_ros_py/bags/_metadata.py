@@ -1,0 +1,188 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a bag of rosbag2 tells about itself: `metadata.yaml`, and the type of its messages."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from grid_map_core_py.files import load_yaml
+
+from ..errors import BagError
+
+FILE_NAME = "metadata.yaml"
+VERSION = 9
+"""Of the metadata, as ROS 2 Jazzy writes it."""
+
+GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
+TYPE_HASH = "RIHS01_343b0e72887541beda6b035cc053f2d6fffaad9d6dcb2773c15a808dfca31fde"
+"""Of `GRID_MAP_TYPE` and all types in it."""
+
+_SEPARATOR = "=" * 80
+_NESTED = {
+    "grid_map_msgs/GridMapInfo": (
+        "float64 resolution",
+        "float64 length_x",
+        "float64 length_y",
+        "geometry_msgs/Pose pose",
+    ),
+    "std_msgs/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
+    "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
+    "geometry_msgs/Pose": ("Point position", "Quaternion orientation"),
+    "geometry_msgs/Point": ("float64 x", "float64 y", "float64 z"),
+    "geometry_msgs/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
+    "std_msgs/Float32MultiArray": ("MultiArrayLayout layout", "float32[] data"),
+    "std_msgs/MultiArrayLayout": ("MultiArrayDimension[] dim", "uint32 data_offset"),
+    "std_msgs/MultiArrayDimension": ("string label", "uint32 size", "uint32 stride"),
+}
+_FIELDS = (
+    "std_msgs/Header header",
+    "GridMapInfo info",
+    "string[] layers",
+    "string[] basic_layers",
+    "std_msgs/Float32MultiArray[] data",
+    "uint16 outer_start_index",
+    "uint16 inner_start_index",
+)
+
+DEFINITION = "\n".join(
+    [*_FIELDS]
+    + [
+        line
+        for name, fields in _NESTED.items()
+        for line in ("", _SEPARATOR, f"MSG: {name}", *fields)
+    ]
+)
+"""Of `GRID_MAP_TYPE`, with those of all types in it, so that readers need no message packages."""
+
+_UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
+QOS_PROFILES = [
+    {
+        # A recorder does not know the history either.
+        "history": "unknown",
+        "depth": 0,
+        "reliability": "reliable",
+        "durability": "transient_local",
+        "deadline": _UNLIMITED,
+        "lifespan": _UNLIMITED,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _UNLIMITED,
+        "avoid_ros_namespace_conventions": False,
+    }
+]
+"""Of topics of maps, which makes `ros2 bag play` publish them latched."""
+
+
+@dataclass
+class Contents:
+    """What has been written to a bag: messages by topic, and their first and last time [ns]."""
+
+    counts: dict[str, int]
+    first: int = 2**63 - 1
+    last: int = 0
+
+    @property
+    def count(self) -> int:
+        """Number of messages on all topics."""
+        return sum(self.counts.values())
+
+    def add(self, topic: str, time: int) -> None:
+        """Count a message."""
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+        self.first = min(self.first, time)
+        self.last = max(self.last, time)
+
+
+def information(contents: Contents, file: str) -> dict[str, Any]:
+    """Return the metadata of a bag with one file of maps."""
+    time = {
+        "duration": {"nanoseconds": contents.last - contents.first},
+        "starting_time": {"nanoseconds_since_epoch": contents.first},
+        "message_count": contents.count,
+    }
+    return {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        **time,
+        "topics_with_message_count": [
+            {"topic_metadata": _topic(name), "message_count": count}
+            for name, count in contents.counts.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file],
+        "files": [{"path": file, **time}],
+        "custom_data": None,
+        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
+    }
+
+
+def _topic(name: str) -> dict[str, Any]:
+    return {
+        "name": name,
+        "type": GRID_MAP_TYPE,
+        "serialization_format": "cdr",
+        "offered_qos_profiles": QOS_PROFILES,
+        "type_description_hash": TYPE_HASH,
+    }
+
+
+class _Dumper(yaml.SafeDumper):
+    """Repeats what occurs twice in place of naming it, which other readers may not know."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+
+def dump(document: object) -> str:
+    """Return a document as YAML."""
+    text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False)
+    return text
+
+
+def save(folder: Path, contents: Contents, file: str) -> None:
+    """Write the metadata of a bag."""
+    text = dump({"rosbag2_bagfile_information": information(contents, file)})
+    (folder / FILE_NAME).write_text(text, encoding="utf-8")
+
+
+def load_files(folder: Path) -> list[Path]:
+    """Return the files with the messages of a bag, in the order in which they were recorded.
+
+    Raises:
+        BagError: the folder is no bag, its metadata is damaged, or its files are compressed.
+    """
+    path = folder / FILE_NAME
+    found = _load(path)
+    if str(found.get("compression_mode")).lower() == "file":
+        raise BagError(
+            folder,
+            f"its files are compressed ({found.get('compression_format')}), which is not read; "
+            "'ros2 bag convert' unpacks them",
+        )
+    names = found.get("relative_file_paths")
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise BagError(path, "relative_file_paths: expected a list of names")
+    if not names:
+        raise BagError(path, "the bag has no files")
+    # Old versions name the folder, too; a path to anywhere else is not followed.
+    return [folder / Path(name).name for name in names]
+
+
+def _load(path: Path) -> Mapping[str, Any]:
+    if not path.is_file():
+        raise BagError(path.parent, f"no bag: a folder without {FILE_NAME}{_hint(path.parent)}")
+    document = load_yaml(path)
+    found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(found, dict):
+        raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
+    return found
+
+
+def _hint(folder: Path) -> str:
+    recordings = sorted(path.name for path in folder.iterdir() if path.suffix in (".mcap", ".db3"))
+    return f"; name the file itself to read {recordings[0]}" if recordings else ""

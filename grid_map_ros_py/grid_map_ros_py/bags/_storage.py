@@ -1,0 +1,59 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the files of bags have in common, whatever their format."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from grid_map_core_py.errors import GridMapError
+
+from ..errors import BagError
+
+
+class Topic(NamedTuple):
+    """Type and encoding of the messages on a topic."""
+
+    type: str
+    encoding: str
+
+
+class Entry(NamedTuple):
+    """Time of a message [ns] and where in its file it stands, in terms of the file's format."""
+
+    time: int
+    place: Any
+
+
+class Storage(Protocol):
+    """A file with messages that is open for reading.
+
+    Its methods may fail in any way when the file is damaged: they are called within `bag_errors`.
+    """
+
+    topics: dict[str, Topic]
+
+    def entries(self, topic: str) -> list[Entry]:
+        """Return the messages on a topic in time order, without reading them."""
+
+    def read(self, entry: Entry) -> bytes:
+        """Return a message as it was recorded."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+@contextmanager
+def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
+    """Raise one `BagError` for whatever goes wrong with a file."""
+    try:
+        yield
+    except GridMapError:
+        raise
+    except OSError as error:
+        raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
+    # A file may be damaged in any way, and the packages that read it fail in as many.
+    except Exception as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(path, f"cannot be {doing}: {text}") from error

@@ -1,0 +1,507 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages and their bytes (CDR, the encoding on the wire and in bags), without rclpy.
+
+`serialize` and `deserialize` know every type of message. They are for messages that rclpy turns
+into too many Python objects (a marker with 280 000 points takes it a second), and for programs that
+have no rclpy. The bytes are those that rclpy makes, and publishers accept them in place of a
+message.
+
+`view` and `serialize_view` save the copies, too: a view has the attributes of a message, but its
+sequences of numbers are NumPy arrays that share the memory of the bytes.
+
+Nothing that the bytes claim is believed before the bytes are there: whatever is cut off or absurd
+raises one `MessageError` that names the field, and no more memory is taken than a small multiple of
+the bytes.
+"""
+
+import array
+import importlib
+import struct
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from types import SimpleNamespace
+from typing import Any, Protocol, TypeAlias, TypeGuard, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from rosidl_parser import definition
+
+from ..errors import MessageError
+
+Message = TypeVar("Message")
+
+Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
+"""Contiguous memory."""
+
+_HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
+_ORDERS = {0: ">", 1: "<"}
+_OTHER_ENCODINGS = {
+    2: "PL_CDR_BE",
+    3: "PL_CDR_LE",
+    6: "CDR2_BE",
+    7: "CDR2_LE",
+    8: "D_CDR2_BE",
+    9: "D_CDR2_LE",
+    10: "PL_CDR2_BE",
+    11: "PL_CDR2_LE",
+}
+"""Representation identifiers of the DDS-XTypes specification, 7.6.3.1.2."""
+
+_CODES = {
+    "boolean": "?",
+    "octet": "c",
+    "int8": "b",
+    "uint8": "B",
+    "int16": "h",
+    "uint16": "H",
+    "int32": "i",
+    "uint32": "I",
+    "int64": "q",
+    "uint64": "Q",
+    "float": "f",
+    "double": "d",
+}
+_OBJECTS = "?c"
+"""Numbers that messages keep in lists; sequences of all others are arrays."""
+
+_NONE: Mapping[str, npt.NDArray[Any]] = {}
+
+
+def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> bytes:
+    """Return a message in CDR, with some of its sequences taken from arrays.
+
+    Args:
+        message: any ROS message; the values of the fields in `arrays` are ignored.
+        arrays: (N, k) for a sequence of N messages that consist of k numbers of one type, (N,) for
+            a sequence of N numbers; the dtype must be the type on the wire.
+
+    Raises:
+        AttributeError: the message has no such field.
+        MessageError: a text is not valid Unicode, or a field is of a type that is not known
+            (wstring).
+    """
+    for name in arrays:
+        getattr(message, name)
+    writer = _Writer()
+    _struct(type(message)).write(writer, message, arrays)
+    return writer.joined()
+
+
+def deserialize(data: Buffer, message_type: type[Message]) -> Message:
+    """Return the message in CDR bytes, as rclpy would.
+
+    Bytes that follow the message are ignored: rclpy itself leaves some there.
+
+    Args:
+        data: the bytes, little- or big-endian.
+        message_type: class of the message.
+
+    Raises:
+        MessageError: the bytes end too early, a length or a text makes no sense, the encoding is
+            not plain CDR, or a field is of a type that is not known (wstring). The error names the
+            field.
+    """
+    message: Message = _read(data, message_type, as_views=False)
+    return message
+
+
+def serialize_view(view: Any, message_type: type) -> bytes:
+    """Return in CDR what has the attributes of a message: see `view`. Arrays are copied once.
+
+    Raises:
+        MessageError: as for `serialize`.
+    """
+    writer = _Writer()
+    _struct(message_type).write(writer, view)
+    return writer.joined()
+
+
+def view(data: Buffer, message_type: type) -> Any:
+    """Return an object with the attributes of a message, which it shares with the bytes.
+
+    Messages in it are such objects, too. Sequences and arrays of numbers are NumPy arrays; those of
+    little-endian bytes are not copied, and keep the memory of the bytes alive.
+
+    Args and errors are those of `deserialize`.
+    """
+    return _read(data, message_type, as_views=True)
+
+
+def _read(data: Buffer, message_type: type, *, as_views: bool) -> Any:
+    try:
+        return _struct(message_type).read(_Reader(data, as_views=as_views))
+    except MessageError as error:
+        if error.field:
+            raise
+        # The numbers of a point are read at once, and none of them is to blame.
+        raise _inside(message_type.__name__, error) from None
+
+
+class _Packing:
+    """Numbers of one size that follow each other; `codes` are those of `struct`."""
+
+    def __init__(self, codes: str) -> None:
+        self.alignment = struct.calcsize("<" + codes[0])
+        self.size = struct.calcsize("<" + codes)
+        self.pack = struct.Struct("<" + codes).pack
+        self.unpackers = {order: struct.Struct(order + codes).unpack_from for order in "<>"}
+
+
+_COUNT = _Packing("I")
+
+
+class _Writer:
+    """Collects pieces of a message, each aligned to its own size as CDR demands."""
+
+    def __init__(self) -> None:
+        self._pieces: list[bytes | memoryview] = [_HEADER]
+        self._size = 0
+
+    def joined(self) -> bytes:
+        return b"".join(self._pieces)
+
+    def add(self, data: bytes | memoryview, alignment: int = 1) -> None:
+        if padding := -self._size % alignment:
+            self._pieces.append(bytes(padding))
+        self._pieces.append(data)
+        self._size += padding + len(data)
+
+    def count(self, number: int) -> None:
+        self.add(_COUNT.pack(number), _COUNT.alignment)
+
+    def array(self, values: npt.NDArray[Any]) -> None:
+        if values.size:
+            contiguous = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
+            self.add(contiguous.data.cast("B"), values.itemsize)
+
+
+class _Reader:
+    """The bytes of a message, and how far they are read.
+
+    Attributes:
+        order: of the bytes in a number, as in `struct`.
+        as_views: make views instead of messages.
+    """
+
+    def __init__(self, data: Buffer, *, as_views: bool) -> None:
+        buffer = memoryview(data).cast("B")
+        self.order = _order(buffer)
+        self.as_views = as_views
+        self._data = buffer[len(_HEADER) :]
+        self._size = len(self._data)
+        self._end = 0
+
+    def take(self, size: int, alignment: int = 1) -> memoryview:
+        begin = self._end + -self._end % alignment
+        if size > self._size - begin:
+            raise self._cut_off(size, begin)
+        self._end = begin + size
+        return self._data[begin : self._end]
+
+    def numbers(self, packing: "_Packing") -> tuple[Any, ...]:
+        begin = self._end + -self._end % packing.alignment
+        try:
+            values: tuple[Any, ...] = packing.unpackers[self.order](self._data, begin)
+        except struct.error:
+            raise self._cut_off(packing.size, begin) from None
+        self._end = begin + packing.size
+        return values
+
+    def count(self, bound: int, smallest: int) -> int:
+        """Return the length of a sequence, which must fit its bound and the bytes that remain."""
+        number: int = self.numbers(_COUNT)[0]
+        if number > bound:
+            raise MessageError("", f"at most {bound} values", number)
+        remaining = self._size - self._end
+        if number * smallest > remaining:
+            fitting = f"at most {remaining // smallest} values ({remaining} bytes more)"
+            raise MessageError("", fitting, number)
+        return number
+
+    def _cut_off(self, size: int, begin: int) -> MessageError:
+        return MessageError("", f"{size} bytes more", max(self._size - begin, 0))
+
+
+class _Codec(Protocol):
+    """Reads and writes the values of one type.
+
+    Attributes:
+        smallest: bytes that every value takes at least.
+    """
+
+    @property
+    def smallest(self) -> int: ...
+
+    def read(self, reader: _Reader) -> Any: ...
+
+    def write(self, writer: _Writer, value: Any) -> None: ...
+
+
+class _Number:
+    """A number; `code` is that of `struct` and of `array`."""
+
+    def __init__(self, code: str) -> None:
+        self.code = code
+        self.codes = code
+        self._packing = _Packing(code)
+        self.smallest = self._packing.size
+
+    @property
+    def is_object(self) -> bool:
+        return self.code in _OBJECTS
+
+    def read(self, reader: _Reader) -> Any:
+        return reader.numbers(self._packing)[0]
+
+    def write(self, writer: _Writer, value: Any) -> None:
+        writer.add(self._packing.pack(value), self.smallest)
+
+    def build(self, values: Iterator[Any], _as_views: bool) -> Any:
+        """Return the next of the numbers that were read at once."""
+        return next(values)
+
+    def read_array(self, reader: _Reader, count: int) -> npt.NDArray[Any]:
+        """Return numbers that follow each other, in the order of bytes of this machine."""
+        if count == 0:
+            return np.empty(0, self.code)
+        data = reader.take(count * self.smallest, self.smallest)
+        values = np.frombuffer(data, np.dtype(reader.order + self.code))
+        return values.astype(self.code, copy=False)
+
+    def write_array(self, writer: _Writer, values: Any) -> None:
+        writer.array(np.asarray(values, self.code))
+
+
+@dataclass(frozen=True)
+class _Text:
+    bound: int
+    smallest: int = 4
+
+    def read(self, reader: _Reader) -> str:
+        data = bytes(reader.take(reader.count(self.bound + 1, 1)))
+        data = data.removesuffix(b"\0")
+        try:
+            text = data.decode()
+        except UnicodeDecodeError:
+            raise MessageError("", "a text in UTF-8", data) from None
+        if "\0" in text:
+            raise MessageError("", "a text without NUL", text)
+        return text
+
+    def write(self, writer: _Writer, value: str) -> None:
+        try:
+            data = value.encode() + b"\0"
+        except UnicodeEncodeError:
+            raise MessageError("", "a text that UTF-8 can hold", value) from None
+        writer.count(len(data))
+        writer.add(data)
+
+
+@dataclass(frozen=True)
+class _Sequence:
+    """Values after their number."""
+
+    item: _Codec
+    bound: int
+    smallest: int = 4
+
+    def read(self, reader: _Reader) -> Any:
+        count = reader.count(self.bound, self.item.smallest)
+        if not _is_numeric(self.item):
+            return _read_items(self.item, reader, count)
+        values = self.item.read_array(reader, count)
+        return values if reader.as_views else _to_array(values, self.item.code)
+
+    def write(self, writer: _Writer, value: Any) -> None:
+        writer.count(len(value))
+        _write_items(self.item, writer, value)
+
+
+@dataclass(frozen=True)
+class _Array:
+    """A fixed number of values."""
+
+    item: _Codec
+    count: int
+
+    @property
+    def smallest(self) -> int:
+        return self.count * self.item.smallest
+
+    def read(self, reader: _Reader) -> Any:
+        if not _is_numeric(self.item):
+            return _read_items(self.item, reader, self.count)
+        values = self.item.read_array(reader, self.count)
+        return values if reader.as_views else values.copy()
+
+    def write(self, writer: _Writer, value: Any) -> None:
+        if len(value) != self.count:
+            raise MessageError("", f"{self.count} values", len(value))
+        _write_items(self.item, writer, value)
+
+
+class _Struct:
+    """A message.
+
+    Attributes:
+        fields: their names and what reads and writes them.
+        codes: those of all its numbers, if it consists of numbers of one size, as points and poses
+            do; they are read and written at once. Otherwise empty.
+        paths: of all that is no message, such as `position.x`.
+    """
+
+    def __init__(self, message_type: Any) -> None:
+        names = message_type.get_fields_and_field_types()
+        self._message_type = message_type
+        self.fields = tuple(
+            (name, _codec(kind, f"{message_type.__name__}.{name}"))
+            for name, kind in zip(names, message_type.SLOT_TYPES, strict=True)
+        )
+        self.codes = _common_codes([codec for _, codec in self.fields])
+        self._packing = _Packing(self.codes) if self.codes else None
+        self.paths = [
+            f"{name}.{path}".rstrip(".")
+            for name, codec in self.fields
+            for path in getattr(codec, "paths", [""])
+        ]
+        self._getters = [attrgetter(path) for path in self.paths]
+        self._builders = [
+            (name, codec.build)
+            for name, codec in self.fields
+            if isinstance(codec, (_Number, _Struct))
+        ]
+        # A message without fields takes a byte all the same.
+        self.smallest = sum(codec.smallest for _, codec in self.fields) or 1
+
+    def read(self, reader: _Reader) -> Any:
+        if self._packing:
+            return self.build(iter(reader.numbers(self._packing)), reader.as_views)
+        if not self.fields:
+            reader.take(1)
+        values = {}
+        for name, codec in self.fields:
+            try:
+                values[name] = codec.read(reader)
+            except MessageError as error:
+                raise _inside(name, error) from None
+        return self._made(values, reader.as_views)
+
+    def write(
+        self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
+    ) -> None:
+        """Write the fields of `value`, those in `arrays` from there."""
+        if self._packing:
+            values = [get(value) for get in self._getters]
+            writer.add(self._packing.pack(*values), self._packing.alignment)
+            return
+        if not self.fields:
+            writer.add(b"\0")
+        for name, codec in self.fields:
+            if name in arrays:
+                writer.count(len(arrays[name]))
+                writer.array(arrays[name])
+            else:
+                _write(codec, writer, getattr(value, name), name)
+
+    def build(self, values: Iterator[Any], as_views: bool) -> Any:
+        """Return the message made of the next of the numbers that were read at once."""
+        made = {name: build(values, as_views) for name, build in self._builders}
+        return self._made(made, as_views)
+
+    def _made(self, values: Mapping[str, Any], as_views: bool) -> Any:
+        if as_views:
+            return SimpleNamespace(**values)
+        message = self._message_type()
+        # The constructor would copy arrays once more.
+        for name, value in values.items():
+            setattr(message, name, value)
+        return message
+
+
+def _common_codes(codecs: Sequence[_Codec]) -> str:
+    """Return the codes of all numbers if there are no other values and all have one size."""
+    codes = [getattr(codec, "codes", "") for codec in codecs]
+    sizes = {struct.calcsize("<" + code) for code in "".join(codes)}
+    return "".join(codes) if all(codes) and len(sizes) == 1 else ""
+
+
+def _struct(message_type: type) -> _Struct:
+    if message_type not in _STRUCTS:
+        _STRUCTS[message_type] = _Struct(message_type)
+    return _STRUCTS[message_type]
+
+
+_STRUCTS: dict[type, _Struct] = {}
+
+
+def _codec(kind: Any, field: str) -> _Codec:
+    """Return what reads and writes a type of the interface definition language."""
+    if isinstance(kind, definition.NamespacedType):
+        module = importlib.import_module(".".join(kind.namespaces))
+        return _struct(getattr(module, kind.name))
+    if isinstance(kind, definition.AbstractString):
+        return _Text(kind.maximum_size if kind.has_maximum_size() else sys.maxsize)
+    if isinstance(kind, definition.Array):
+        return _Array(_codec(kind.value_type, field), kind.size)
+    if isinstance(kind, definition.AbstractSequence):
+        bound = kind.maximum_size if kind.has_maximum_size() else sys.maxsize
+        return _Sequence(_codec(kind.value_type, field), bound)
+    name = getattr(kind, "typename", type(kind).__name__)
+    if name not in _CODES:
+        raise MessageError(field, "a type that can be serialized", name)
+    return _Number(_CODES[name])
+
+
+def _order(buffer: memoryview) -> str:
+    """Return the order of bytes that the header of a message tells."""
+    if len(buffer) < len(_HEADER):
+        raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
+    number = int.from_bytes(buffer[:2])
+    if number not in _ORDERS:
+        found = f"{_OTHER_ENCODINGS.get(number, 'unknown')} (0x{number:04x})"
+        raise MessageError("encoding", "plain CDR (0x0000 or 0x0001)", found)
+    return _ORDERS[number]
+
+
+def _is_numeric(item: _Codec) -> TypeGuard[_Number]:
+    return isinstance(item, _Number) and not item.is_object
+
+
+def _to_array(values: npt.NDArray[Any], code: str) -> "array.array[Any]":
+    result = array.array(code)
+    result.frombytes(values.data.cast("B") if values.size else b"")
+    return result
+
+
+def _read_items(item: _Codec, reader: _Reader, count: int) -> list[Any]:
+    items = []
+    for index in range(count):
+        try:
+            items.append(item.read(reader))
+        except MessageError as error:
+            raise _inside(f"[{index}]", error) from None
+    return items
+
+
+def _write_items(item: _Codec, writer: _Writer, items: Any) -> None:
+    if _is_numeric(item):
+        item.write_array(writer, items)
+        return
+    for index, value in enumerate(items):
+        _write(item, writer, value, f"[{index}]")
+
+
+def _write(codec: _Codec, writer: _Writer, value: Any, name: str) -> None:
+    try:
+        codec.write(writer, value)
+    except MessageError as error:
+        raise _inside(name, error) from None
+
+
+def _inside(name: str, error: MessageError) -> MessageError:
+    """Return an error of a field as that of the message or sequence that holds it."""
+    separator = "." if error.field and not error.field.startswith("[") else ""
+    return MessageError(f"{name}{separator}{error.field}", error.expected, error.found)

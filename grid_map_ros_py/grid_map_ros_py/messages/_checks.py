@@ -1,0 +1,107 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks that several messages share: each raises one `MessageError` that names the field."""
+
+import math
+import sys
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from geometry_msgs.msg import Point, Quaternion
+
+from grid_map_core_py import GeometryError, GridGeometry
+
+from ..errors import MessageError
+
+ROTATION_TOLERANCE = 1e-6
+"""Largest component of a rotation axis, relative to w, that still counts as no rotation."""
+
+MOST_CELLS = 2**25
+"""Of a map whose extent a message gives without a value for every cell: a few bytes may claim all
+the memory there is."""
+
+
+def check_positive(field: str, value: float) -> float:
+    """Return `value` if it is a positive finite number, and not so small that it lost digits."""
+    if not sys.float_info.min <= value < math.inf:
+        raise MessageError(field, "a positive finite number", value)
+    return value
+
+
+def check_position(field: str, position: Point) -> tuple[float, float]:
+    """Return x and y of a position whose coordinates are all finite."""
+    for axis in ("x", "y", "z"):
+        if not math.isfinite(value := getattr(position, axis)):
+            raise MessageError(f"{field}.{axis}", "a finite number", value)
+    return position.x, position.y
+
+
+def check_unrotated(field: str, orientation: Quaternion) -> None:
+    """Refuse a rotated grid, which a map whose rows run along x cannot hold.
+
+    All zeros count as unrotated: publishers that never set the orientation send them.
+    """
+    *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
+    rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
+    if rotated or not all(map(math.isfinite, found)):
+        raise MessageError(field, "the identity (0.0, 0.0, 0.0, 1.0)", found)
+
+
+def check_grid(
+    field: str, info: Any, cells: tuple[str, str], values: int, data_field: str = "data"
+) -> GridGeometry:
+    """Return the grid of a message whose cells begin at the smallest x and y.
+
+    Its resolution is a float32; the grid gets the float64 that is written alike (0.1 for the 0.1 of
+    the sender).
+
+    Args:
+        field: path of `info`.
+        info: what describes the grid: numbers of cells, `resolution` and `origin`.
+        cells: names of the numbers of cells along x and y.
+        values: how many values the message has; there must be one per cell.
+        data_field: path of the values.
+    """
+    size = (getattr(info, cells[0]), getattr(info, cells[1]))
+    for name, count in zip(cells, size, strict=True):
+        if count < 1:
+            raise MessageError(f"{field}.{name}", "at least one cell", count)
+    resolution = as_written(check_positive(f"{field}.resolution", info.resolution))
+    origin = check_position(f"{field}.origin.position", info.origin.position)
+    check_unrotated(f"{field}.origin.orientation", info.origin.orientation)
+    try:
+        centre = origin + 0.5 * resolution * np.array(size)
+        geometry = GridGeometry.from_size(size, resolution, centre)
+    except GeometryError as error:
+        raise MessageError(field, "a grid of finite size and place", str(error)) from error
+    if values != math.prod(size):
+        expected = f"{math.prod(size)} values ({size[0]} x {size[1]} cells)"
+        raise MessageError(data_field, expected, values)
+    return geometry
+
+
+def check_cells(field: str, size: npt.ArrayLike) -> None:
+    """Refuse an extent of more rows and columns (2,) than a message may claim by a few bytes."""
+    with np.errstate(over="ignore"):
+        cells = float(np.prod(np.asarray(size, np.float64)))
+    if not cells <= MOST_CELLS:
+        raise MessageError(field, f"an extent of at most {MOST_CELLS} cells", f"{cells:.3g} cells")
+
+
+def as_float32(field: str, value: float) -> float:
+    """Return a positive number as a message holds it in a float32, which it must fit."""
+    with np.errstate(over="ignore"):
+        held = float(np.float32(value))
+    if not 0 < held < math.inf:
+        raise MessageError(field, "a positive number that float32 can hold", value)
+    return held
+
+
+def as_written(value: float) -> float:
+    """Return the float64 that is written like a float32, such as 0.1 for the float32 next to it.
+
+    0 and infinity stand for what no float32 holds, as for a message that never was on the wire.
+    """
+    with np.errstate(over="ignore"):
+        return float(str(np.float32(value)))

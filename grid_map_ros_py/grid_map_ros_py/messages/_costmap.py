@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`nav2_msgs/Costmap` and grid maps; nav2_msgs is imported when a message is made.
+
+A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. What it is worth in a layer is
+said by a codec of `grid_map_core_py.conversions._costmap`. NaN is always 255, never free.
+"""
+
+import array
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+
+from grid_map_core_py import GridMap
+from grid_map_core_py import conversions as costs
+from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
+from grid_map_core_py.errors import MissingPackageError
+
+from ._checks import as_float32, as_written, check_grid, check_positive
+from ._time import from_stamp, to_header
+
+if TYPE_CHECKING:
+    from nav2_msgs.msg import Costmap
+
+COSTS = CostRange(FREE, LETHAL)
+"""The costs themselves, 0 to 254, and NaN where unknown."""
+
+OCCUPANCIES = CostTable(free=0, inscribed=99, lethal=100, unknown=math.nan)
+"""Occupancies as nav2 publishes its costs: 0 free, 99 inscribed, 100 lethal, NaN where unknown.
+
+The layers that `from_occupancy_grid` makes are of that kind.
+"""
+
+
+def to_costmap(
+    grid_map: GridMap,
+    layer: str,
+    data_min: float = FREE,
+    data_max: float = LETHAL,
+    *,
+    codec: CostCodec | None = None,
+) -> "Costmap":
+    """Return a layer as costs; `nav2_simple_commander.costmap_2d.PyCostmap2D` takes the result.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        data_min: the value of cost 0, free.
+        data_max: the value of cost 254, lethal; it may be less than `data_min`. Values beyond
+            either are clamped, NaN becomes 255.
+        codec: turns values into costs in place of the range from `data_min` to `data_max`, such as
+            `OCCUPANCIES`.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        GeometryError: the bounds are equal as float32, or not finite.
+        MessageError: the resolution does not fit a float32.
+        MissingPackageError: nav2_msgs is not installed.
+    """
+    try:
+        from nav2_msgs.msg import Costmap, CostmapMetaData
+    except ImportError as error:
+        remedy = "install ros-jazzy-nav2-msgs and source ROS"
+        raise MissingPackageError("nav2_msgs", "to_costmap", remedy) from error
+    costmap = costs.to_costmap(grid_map, layer, codec or CostRange(data_min, data_max))
+    header = to_header(grid_map)
+    origin = Point(x=costmap.origin_x, y=costmap.origin_y)
+    metadata = CostmapMetaData(
+        map_load_time=header.stamp,
+        update_time=header.stamp,
+        layer=layer,
+        resolution=as_float32("resolution", costmap.resolution),
+        size_x=costmap.size_x,
+        size_y=costmap.size_y,
+        origin=Pose(position=origin, orientation=Quaternion(w=1.0)),
+    )
+    message = Costmap(header=header, metadata=metadata)
+    data = array.array("B")
+    data.frombytes(costmap.costmap.data)
+    # The constructor would copy the data once more.
+    message.data = data
+    return message
+
+
+def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
+    """Return a map with one layer from a costmap.
+
+    The resolution is a float32 in the message; the map gets the float64 that is written alike.
+
+    Args:
+        costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
+        layer: name of the layer.
+        codec: turns costs into values; the default leaves them as they are, but for NaN where they
+            are unknown.
+
+    Raises:
+        MessageError: size, resolution, origin or the number of costs of the message make no sense,
+            or it is rotated.
+        GeometryError: those of the `PyCostmap2D` make no sense.
+        GridMapError: the layer has no name.
+    """
+    read = _from_message if hasattr(costmap, "metadata") else _from_py_costmap
+    plain, stamp, field = read(costmap)
+    return costs.from_costmap(plain, layer, codec, timestamp=from_stamp(stamp, field))
+
+
+def _from_message(message: "Costmap") -> tuple[costs.Costmap, Any, str]:
+    geometry = check_grid("metadata", message.metadata, ("size_x", "size_y"), len(message.data))
+    plain = costs.Costmap(
+        costmap=np.frombuffer(message.data, np.uint8),
+        size_x=geometry.size[0],
+        size_y=geometry.size[1],
+        resolution=geometry.resolution,
+        origin_x=message.metadata.origin.position.x,
+        origin_y=message.metadata.origin.position.y,
+        global_frame_id=message.header.frame_id,
+    )
+    return plain, message.header.stamp, "header.stamp"
+
+
+def _from_py_costmap(costmap: Any) -> tuple[costs.Costmap, Any, str]:
+    plain = costs.Costmap(
+        costmap=costmap.costmap,
+        size_x=costmap.size_x,
+        size_y=costmap.size_y,
+        resolution=as_written(check_positive("resolution", costmap.resolution)),
+        origin_x=costmap.origin_x,
+        origin_y=costmap.origin_y,
+        global_frame_id=costmap.global_frame_id,
+    )
+    return plain, costmap.costmap_timestamp, "costmap_timestamp"

@@ -1,0 +1,161 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`nav_msgs/GridCells` and grid maps."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from geometry_msgs.msg import Point
+from nav_msgs.msg import GridCells
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import as_number, slices
+from grid_map_core_py.conversions import fitting_geometry
+
+from ..errors import MessageError
+from ._cdr import serialize
+from ._checks import as_float32, as_written, check_cells, check_positive
+from ._time import from_stamp, to_header
+
+BLOCK = 8192
+"""Cells that are worked on at once."""
+
+COVERED = 1.0
+"""What `from_grid_cells` puts into the cells of a message."""
+
+
+def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> GridCells:
+    """Return the cells whose value is finite and lies between two bounds.
+
+    The message holds one Python object per cell, about a microsecond each: to publish a large map,
+    `to_serialized_grid_cells` is faster.
+
+    Args and errors are those of `centres_between`.
+    """
+    message = _without_cells(grid_map)
+    centres = centres_between(grid_map, layer, lower, upper).tolist()
+    message.cells = [Point(x=x, y=y, z=z) for x, y, z in centres]
+    return message
+
+
+def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> bytes:
+    """Return what `to_grid_cells` does, in CDR: publishers accept it in place of the message."""
+    cells = centres_between(grid_map, layer, lower, upper)
+    return serialize(_without_cells(grid_map), {"cells": cells})
+
+
+def from_grid_cells(
+    message: GridCells,
+    layer: str,
+    resolution: float | None = None,
+    *,
+    geometry: GridGeometry | None = None,
+) -> GridMap:
+    """Return a map with one layer that is 1.0 in the cells of a message and NaN elsewhere.
+
+    Args:
+        message: the cells; z is ignored.
+        layer: name of the layer.
+        resolution: side of a cell [m]; None takes it from the message, as the float64 that is
+            written like its float32.
+        geometry: the grid of the map, such as `grid_map.geometry`; cells beside it are left out.
+            None takes the smallest one that covers all cells. They are the cells of that map if
+            their centres lie on one lattice, as those of `to_grid_cells` do.
+
+    Raises:
+        MessageError: width and height of the cells are not the resolution or not positive, a cell
+            is not finite, there is none to take the extent from, or the extent takes too many.
+        GridMapError: the layer has no name.
+    """
+    timestamp = from_stamp(message.header.stamp)
+    side = _side(message, resolution)
+    centres = _centres(message)
+    if geometry is None:
+        geometry = _covering(centres, side)
+    else:
+        _side(message, geometry.resolution)
+    cells, inside = geometry.cells_at(centres)
+    values = np.full(geometry.size, np.nan, np.float32, order="F")
+    values[tuple(cells[inside].T)] = COVERED
+    return GridMap.from_geometry(
+        geometry, {layer: values}, frame_id=message.header.frame_id, timestamp=timestamp
+    )
+
+
+def centres_between(
+    grid_map: GridMap, layer: str, lower: float, upper: float
+) -> npt.NDArray[np.float64]:
+    """Return (N, 3) centres x, y [m, map frame], z = 0 of the cells with values between two bounds.
+
+    They come column after column of the map's buffer. Cells without finite value are left out.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that is compared.
+        lower, upper: bounds, both included and rounded to float32 like the layer; `-inf` and `inf`
+            take all finite cells.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        MessageError: a bound is NaN, or the resolution does not fit the message.
+    """
+    values = grid_map[layer].ravel("F")
+    bounds = as_number(lower, "lower"), as_number(upper, "upper")
+    if any(map(math.isnan, bounds)):
+        raise MessageError("lower, upper", "numbers", bounds)
+    with np.errstate(over="ignore"):
+        low, high = map(np.float32, bounds)
+    chosen = (values >= low) & (values <= high)
+    chosen &= np.isfinite(values)
+    rows, columns = grid_map.size
+    x, y = grid_map.geometry.axes(grid_map.start_index)
+    # A few columns of cells at a time, so that what is looked up stays in the cache. Their x are
+    # always the same.
+    width = max(1, min(BLOCK // rows, columns))
+    x = np.tile(x, width)
+    centres = np.zeros((np.count_nonzero(chosen), 3))
+    first = 0
+    for part in slices(columns, width):
+        cells = np.flatnonzero(chosen[part.start * rows : part.stop * rows])
+        last = first + len(cells)
+        centres[first:last, 0] = x[cells]
+        centres[first:last, 1] = np.repeat(y[part], rows)[cells]
+        first = last
+    return centres
+
+
+def _without_cells(grid_map: GridMap) -> GridCells:
+    side = as_float32("resolution", grid_map.resolution)
+    return GridCells(header=to_header(grid_map), cell_width=side, cell_height=side)
+
+
+def _side(message: GridCells, resolution: float | None) -> float:
+    """Return the side of a cell, which must be that of the cells in the message."""
+    width = check_positive("cell_width", message.cell_width)
+    side = as_written(width) if resolution is None else as_number(resolution, "resolution")
+    held = as_written(as_float32("resolution", side))
+    for name in ("cell_width", "cell_height"):
+        if as_written(getattr(message, name)) != held:
+            raise MessageError(name, f"the resolution {side}", getattr(message, name))
+    return side
+
+
+def _centres(message: GridCells) -> npt.NDArray[np.float64]:
+    """Return (N, 2) x, y of the cells, all finite."""
+    pairs = [(cell.x, cell.y) for cell in message.cells]
+    centres = np.array(pairs, np.float64).reshape(-1, 2)
+    finite = np.isfinite(centres).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        raise MessageError(f"cells[{index}]", "finite coordinates", pairs[index])
+    return centres
+
+
+def _covering(centres: npt.NDArray[np.float64], side: float) -> GridGeometry:
+    if not len(centres):
+        raise MessageError("cells", "a cell, or a geometry for the map", [])
+    lower, upper = centres.min(axis=0) - 0.5 * side, centres.max(axis=0) + 0.5 * side
+    with np.errstate(over="ignore"):
+        check_cells("cells", (upper - lower) / side)
+    return fitting_geometry(lower, upper, side, hold_edges=False)

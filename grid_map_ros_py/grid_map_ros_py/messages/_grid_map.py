@@ -1,0 +1,190 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`grid_map_msgs/GridMap` and `GridMap`."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+
+from grid_map_core_py import GridGeometry, GridMap, LayerNotFoundError
+from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py.map import block
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.msg import GridMapInfo
+
+from ..errors import MessageError
+from ._checks import check_position, check_positive, check_unrotated
+from ._multi_array import from_multi_array, to_multi_array
+from ._time import from_stamp, to_header
+
+LARGEST_START_INDEX = 2**16 - 1
+"""The message has room for a uint16."""
+
+LARGEST_SIDE = 2**31
+"""Cells along a side; no map has more."""
+
+
+def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMapMessage:
+    """Return a map as a message.
+
+    Layers are sent in the order of the buffer together with the start index; a map whose start
+    index does not fit the message is sent in map order with start index (0, 0).
+
+    Args:
+        grid_map: the map; its data is copied.
+        layers: names of the layers to send, in this order; None means all. Basic layers that are
+            not sent are left out of the message's `basic_layers` too.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        MessageError: the timestamp does not fit the message.
+    """
+    fields = outgoing(grid_map, layers)
+    fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
+    return GridMapMessage(**fields)
+
+
+def outgoing(grid_map: GridMap, layers: Iterable[str] | None) -> dict[str, Any]:
+    """Return the fields of a map's message, with (rows, cols) arrays for `data`.
+
+    Args and errors are those of `to_message`. The arrays are the map's own where its start index
+    fits the message.
+    """
+    names = select_layers(grid_map.layers, layers)
+    unwrap = max(grid_map.start_index) > LARGEST_START_INDEX
+    start = (0, 0) if unwrap else grid_map.start_index
+    return {
+        "header": to_header(grid_map),
+        "info": to_info(grid_map.geometry),
+        "layers": list(names),
+        "basic_layers": [name for name in grid_map.basic_layers if name in names],
+        "data": [grid_map.unwrapped(name) if unwrap else grid_map[name] for name in names],
+        "outer_start_index": start[0],
+        "inner_start_index": start[1],
+    }
+
+
+def from_message(
+    message: GridMapMessage,
+    layers: Iterable[str] | None = None,
+    *,
+    copy_basic_layers: bool = True,
+    unwrap: bool = True,
+) -> GridMap:
+    """Return the map in a message, with memory of its own.
+
+    The whole message is checked before anything is allocated. The z coordinate of the position is
+    ignored; a map has none.
+
+    Args:
+        message: layers may be column-major or row-major.
+        layers: names of the layers to take, in this order; None means all.
+        copy_basic_layers: take over those basic layers that are among the layers taken.
+        unwrap: bring the data into map order, with start index (0, 0). False keeps the order of the
+            sender's buffer and its start index.
+
+    Raises:
+        MessageError: a field of the message contradicts another or makes no sense; the error names
+            the field, what it must hold and what it holds.
+        LayerNotFoundError: `layers` names one that the message lacks.
+    """
+    geometry = from_info(message.info)
+    views = _layer_views(message, geometry.size)
+    start = _start_index(message, geometry.size)
+    _check_basic_layers(message)
+    names = select_layers(views, layers)
+    grid_map = GridMap.from_geometry(
+        geometry, frame_id=message.header.frame_id, timestamp=from_stamp(message.header.stamp)
+    )
+    if not unwrap:
+        grid_map.start_index, start = start, (0, 0)
+    grid_map = grid_map.with_layers({name: _copied(views[name], start) for name in names})
+    if copy_basic_layers:
+        grid_map.basic_layers = [name for name in message.basic_layers if name in names]
+    return grid_map
+
+
+def to_info(geometry: GridGeometry) -> GridMapInfo:
+    """Return resolution, lengths and place of a grid as a message."""
+    x, y = geometry.position.tolist()
+    length_x, length_y = geometry.length.tolist()
+    pose = Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0))
+    return GridMapInfo(
+        resolution=geometry.resolution, length_x=length_x, length_y=length_y, pose=pose
+    )
+
+
+def from_info(info: GridMapInfo, field: str = "info") -> GridGeometry:
+    """Return the grid that a message describes; lengths are rounded to whole cells.
+
+    Raises:
+        MessageError: a number is not finite or not positive, a side has no cells, or the grid is
+            rotated.
+    """
+    resolution = check_positive(f"{field}.resolution", info.resolution)
+    for name in ("length_x", "length_y"):
+        _check_length(f"{field}.{name}", getattr(info, name), resolution)
+    position = check_position(f"{field}.pose.position", info.pose.position)
+    check_unrotated(f"{field}.pose.orientation", info.pose.orientation)
+    return GridGeometry(np.array([info.length_x, info.length_y]), resolution, np.array(position))
+
+
+def select_layers(available: Iterable[str], layers: Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names in `layers`, each once, or all that are available for None.
+
+    Raises:
+        LayerNotFoundError: a name is not available.
+    """
+    known = tuple(available)
+    if layers is None:
+        return known
+    names = (layers,) if isinstance(layers, str) else tuple(dict.fromkeys(layers))
+    for name in names:
+        if name not in known:
+            raise LayerNotFoundError(name, known)
+    return names
+
+
+def _check_length(field: str, length: float, resolution: float) -> None:
+    cells = check_positive(field, length) / resolution
+    if not (math.floor(min(cells, LARGEST_SIDE) + 0.5) >= 1 and cells <= LARGEST_SIDE):
+        raise MessageError(field, f"1 to {LARGEST_SIDE} cells of {resolution} m", length)
+
+
+def _layer_views(message: GridMapMessage, size: Size) -> Mapping[str, Layer]:
+    """Return the layers in the message's memory, after checking their names, sizes and data."""
+    names = list(message.layers)
+    if "" in names:
+        raise MessageError(f"layers[{names.index('')}]", "a name", "")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise MessageError("layers", "every name once", repeated)
+    if len(message.data) != len(names):
+        expected = f"{len(names)} arrays, one for each of layers {names}"
+        raise MessageError("data", expected, len(message.data))
+    return {
+        name: from_multi_array(values, size, f"layer {name!r}, data[{index}]")
+        for index, (name, values) in enumerate(zip(names, message.data, strict=True))
+    }
+
+
+def _start_index(message: GridMapMessage, size: Size) -> Size:
+    start = (message.outer_start_index, message.inner_start_index)
+    for name, index, cells in zip(("outer", "inner"), start, size, strict=True):
+        if not 0 <= index < cells:
+            raise MessageError(f"{name}_start_index", f"0 to {cells - 1}", index)
+    return start
+
+
+def _check_basic_layers(message: GridMapMessage) -> None:
+    for index, name in enumerate(message.basic_layers):
+        if name not in message.layers:
+            raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
+
+
+def _copied(view: Layer, start: Size) -> Layer:
+    rows, columns = view.shape
+    return block(view, start, slice(0, rows), slice(0, columns))

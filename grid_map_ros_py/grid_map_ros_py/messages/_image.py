@@ -1,0 +1,278 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`sensor_msgs/Image` and grid maps.
+
+Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
+is +x, left is +y. How values become grey values and back, and what becomes of NaN, is written at
+`grid_map_core_py.conversions._image`; here is how pixels lie in messages.
+
+Encodings are mono8 and mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, and OpenCV's
+names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colours
+under OpenCV's names are in its order, BGR.
+"""
+
+import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import Image
+
+from grid_map_core_py import GridMap
+from grid_map_core_py import conversions as pixels
+from grid_map_core_py.conversions import COLOR_LAYER, Order
+
+from ..errors import MessageError
+from ._multi_array import set_array
+from ._time import from_stamp, to_header
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a pixel is stored.
+
+    Attributes:
+        dtype: of a channel, little-endian.
+        channels: 1, 3, or 4 with alpha.
+        order: of the colours.
+    """
+
+    dtype: np.dtype[Any]
+    channels: int
+    order: Order = "bgr"
+
+    @property
+    def pixel_size(self) -> int:
+        """Bytes of a pixel."""
+        return self.dtype.itemsize * self.channels
+
+
+def _encodings() -> Iterator[tuple[str, Encoding]]:
+    for bits in (8, 16):
+        dtype = np.dtype(f"<u{bits // 8}")
+        yield f"mono{bits}", Encoding(dtype, 1)
+        yield f"rgb{bits}", Encoding(dtype, 3, "rgb")
+        yield f"bgr{bits}", Encoding(dtype, 3)
+        yield f"rgba{bits}", Encoding(dtype, 4, "rgb")
+        yield f"bgra{bits}", Encoding(dtype, 4)
+    types = {"8UC": "<u1", "16UC": "<u2", "32FC": "<f4", "64FC": "<f8"}
+    for (name, code), channels in product(types.items(), (1, 3, 4)):
+        yield f"{name}{channels}", Encoding(np.dtype(code), channels)
+
+
+ENCODINGS = dict(_encodings())
+"""Every encoding by its name in messages."""
+
+
+# --- from layers to images ------------------------------------------------------------------------
+
+
+def to_image(
+    grid_map: GridMap,
+    layer: str,
+    encoding: str,
+    lower: float | None = None,
+    upper: float | None = None,
+) -> Image:
+    """Return a layer as a grey image, with any encoding.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        encoding: see the head of this module. With three or four channels the first three are
+            equal; a fourth one is alpha, 0 for NaN.
+        lower: the value that becomes 0; None means the smallest finite value of the layer.
+        upper: the value that becomes the largest number, 1.0 in images of floats; None means the
+            largest finite value. An image of floats with neither holds the values themselves.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        MessageError: the encoding is unknown.
+        GeometryError: the bounds make no sense.
+    """
+    kind = encoding_of(encoding)
+    image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
+    return _message(grid_map, image, encoding)
+
+
+def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> Image:
+    """Return a layer of packed colours as a colour image.
+
+    Args:
+        grid_map: the map.
+        layer: the layer, as `color_vector_to_value` makes them.
+        encoding: one with three channels, or four with alpha, which is 0 for NaN.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        MessageError: the encoding is unknown or has one channel only.
+    """
+    kind = encoding_of(encoding)
+    if kind.channels < 3:
+        raise MessageError("encoding", "one with colours, such as 'rgb8'", encoding)
+    image = pixels.to_color_image(grid_map, layer, kind.dtype, kind.channels, order=kind.order)
+    return _message(grid_map, image, encoding)
+
+
+# --- from images to layers ------------------------------------------------------------------------
+
+
+def from_image(
+    message: Image,
+    layer: str,
+    resolution: float,
+    lower: float = 0.0,
+    upper: float = 1.0,
+    *,
+    position: npt.ArrayLike = (0.0, 0.0),
+    alpha_threshold: float = 0.5,
+) -> GridMap:
+    """Return a map with one layer that holds the grey values of an image.
+
+    Frame and time are those of the message.
+
+    Args:
+        message: the image, of any encoding. Rows may be padded and numbers big-endian. Colours
+            become grey by their luma.
+        layer: name of the layer.
+        resolution: side of a pixel [m].
+        lower, upper: values of 0 and of the largest number (1.0 in images of floats). With 0 and 1
+            an image of floats holds the values themselves.
+        position: (2,) centre of the map [m].
+        alpha_threshold: pixels with less than this share of full alpha are NaN.
+
+    Raises:
+        MessageError: a field of the message contradicts another or makes no sense.
+        GeometryError: the bounds, the resolution or the position make no sense.
+    """
+    image, order = to_pixels(message)
+    return pixels.from_image(
+        image,
+        layer,
+        resolution,
+        lower,
+        upper,
+        position=position,
+        alpha_threshold=alpha_threshold,
+        order=order,
+        frame_id=message.header.frame_id,
+        timestamp=from_stamp(message.header.stamp),
+    )
+
+
+def add_layer_from_image(
+    grid_map: GridMap,
+    message: Image,
+    layer: str,
+    lower: float = 0.0,
+    upper: float = 1.0,
+    *,
+    alpha_threshold: float = 0.5,
+) -> None:
+    """Add a layer that holds the grey values of an image to a map, or replace it.
+
+    Args:
+        grid_map: the map, as many rows and columns as the image; it may have moved.
+        message, layer, lower, upper, alpha_threshold: as in `from_image`.
+
+    Raises:
+        MessageError: the image is not of the size of the map, or as in `from_image`.
+        GeometryError: the bounds make no sense.
+    """
+    image, order = _sized_pixels(grid_map, message)
+    pixels.add_layer_from_image(
+        grid_map, image, layer, lower, upper, alpha_threshold=alpha_threshold, order=order
+    )
+
+
+def add_color_layer_from_image(
+    grid_map: GridMap, message: Image, layer: str = COLOR_LAYER, *, alpha_threshold: float = 0.5
+) -> None:
+    """Add a layer that holds the packed colours of an image to a map, or replace it.
+
+    Args:
+        grid_map: the map, as many rows and columns as the image; it may have moved.
+        message: the image, of any encoding; grey values become grey colours.
+        layer: name of the layer.
+        alpha_threshold: as in `from_image`.
+
+    Raises:
+        MessageError: the image is not of the size of the map, or as in `from_image`.
+    """
+    image, order = _sized_pixels(grid_map, message)
+    pixels.add_color_layer_from_image(
+        grid_map, image, layer, alpha_threshold=alpha_threshold, order=order
+    )
+
+
+# --- pixels in messages ---------------------------------------------------------------------------
+
+
+def encoding_of(name: str, field: str = "encoding") -> Encoding:
+    """Return the encoding of a name.
+
+    Raises:
+        MessageError: there is none.
+    """
+    try:
+        return ENCODINGS[name]
+    except KeyError:
+        raise MessageError(field, f"one of {', '.join(ENCODINGS)}", name) from None
+
+
+def to_pixels(message: Image) -> tuple[npt.NDArray[Any], Order]:
+    """Return the pixels (rows, cols, channels) of an image and the order of its colours.
+
+    They are a view of the memory of the message, in the byte order of the sender, unless padding
+    puts numbers at odd places.
+
+    Raises:
+        MessageError: the encoding is unknown, or height, width, step and the number of bytes do not
+            fit each other.
+    """
+    kind = encoding_of(message.encoding)
+    for name in ("height", "width"):
+        if getattr(message, name) < 1:
+            raise MessageError(name, "at least one pixel", getattr(message, name))
+    smallest = message.width * kind.pixel_size
+    if message.step < smallest:
+        expected = f"at least {smallest} bytes ({message.width} pixels of {message.encoding})"
+        raise MessageError("step", expected, message.step)
+    if len(message.data) != message.step * message.height:
+        expected = f"{message.step * message.height} bytes ({message.height} rows of "
+        raise MessageError("data", f"{expected}{message.step})", len(message.data))
+    image: npt.NDArray[Any] = np.ndarray(
+        (message.height, message.width, kind.channels),
+        kind.dtype.newbyteorder(">" if message.is_bigendian else "<"),
+        message.data,
+        strides=(message.step, kind.pixel_size, kind.dtype.itemsize),
+    )
+    return np.require(image, requirements="A"), kind.order
+
+
+def _sized_pixels(grid_map: GridMap, message: Image) -> tuple[npt.NDArray[Any], Order]:
+    image, order = to_pixels(message)
+    if image.shape[:2] != grid_map.size:
+        expected = f"{grid_map.size}, as many as the map has rows and columns"
+        raise MessageError("height, width", expected, image.shape[:2])
+    return image, order
+
+
+def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> Image:
+    data = array.array("B")
+    little_endian = image.astype(image.dtype.newbyteorder("<"), copy=False)
+    data.frombytes(little_endian.data.cast("B"))
+    rows, columns = grid_map.size
+    message = Image(
+        header=to_header(grid_map),
+        height=rows,
+        width=columns,
+        encoding=encoding,
+        is_bigendian=0,
+        step=len(data) // rows,
+    )
+    set_array(message, data)
+    return message

@@ -1,0 +1,106 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
+
+import array
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from grid_map_core_py.arrays import Layer, Size
+
+from ..errors import MessageError
+
+COLUMN_LABEL = "column_index"
+ROW_LABEL = "row_index"
+
+
+def to_multi_array(layer: npt.ArrayLike) -> Float32MultiArray:
+    """Return a (rows, cols) array as a column-major message.
+
+    Float32 in Fortran order, as maps hold it, costs one copy.
+    """
+    data = np.asarray(layer, dtype=np.float32, order="F")
+    values = array.array("f")
+    values.frombytes(data.T.data.cast("B"))
+    message = Float32MultiArray(layout=to_layout(data.shape))
+    set_array(message, values)
+    return message
+
+
+def set_array(message: Any, values: "array.array[Any]") -> None:
+    """Let a message keep an array as its `data`, without a copy.
+
+    The constructor and the setter that rosidl generates copy it, unless they check every field. An
+    array of another type than the field's must not come here.
+    """
+    message._data = values
+
+
+def to_layout(size: Size) -> MultiArrayLayout:
+    """Return the layout of a column-major layer with `size` rows and columns."""
+    rows, columns = size
+    dim = [
+        MultiArrayDimension(label=COLUMN_LABEL, size=columns, stride=rows * columns),
+        MultiArrayDimension(label=ROW_LABEL, size=rows, stride=rows),
+    ]
+    return MultiArrayLayout(dim=dim)
+
+
+def from_multi_array(
+    message: Float32MultiArray, size: Size, field: str = "Float32MultiArray"
+) -> Layer:
+    """Return the (rows, cols) values of a message: a view of its memory, nothing is copied.
+
+    Column-major (`column_index` first) and row-major data (`row_index` first) are understood. Data
+    begins after `data_offset` values and must end with the array. Publishers leave strides unset or
+    count them in their own ways, so that all that occur without padding are understood.
+
+    Args:
+        message: the layer.
+        size: rows and columns that it must have.
+        field: what to call the message in an error.
+
+    Raises:
+        MessageError: labels, sizes, strides or the number of values are not those of such an array.
+    """
+    column_major = _is_column_major(message.layout.dim, f"{field}.layout.dim")
+    shape = size[::-1] if column_major else size
+    for axis, (dim, cells) in enumerate(zip(message.layout.dim, shape, strict=True)):
+        if dim.size != cells:
+            expected = f"{cells} ({dim.label} of {size[0]} x {size[1]} cells)"
+            raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
+    _check_count(message, size, field)
+    _check_strides(message, shape, field)
+    values: Layer = np.asarray(message.data)[message.layout.data_offset :].reshape(shape)
+    return values.T if column_major else values
+
+
+def _is_column_major(dim: list[MultiArrayDimension], field: str) -> bool:
+    if len(dim) != 2:
+        raise MessageError(field, "2 dimensions", len(dim))
+    first, second = (entry.label for entry in dim)
+    if first not in (COLUMN_LABEL, ROW_LABEL):
+        raise MessageError(f"{field}[0].label", f"{COLUMN_LABEL!r} or {ROW_LABEL!r}", first)
+    other = ROW_LABEL if first == COLUMN_LABEL else COLUMN_LABEL
+    if second != other:
+        raise MessageError(f"{field}[1].label", f"{other!r} after {first!r}", second)
+    return bool(first == COLUMN_LABEL)
+
+
+def _check_strides(message: Float32MultiArray, shape: Size, field: str) -> None:
+    strides = (0, 1, *shape, shape[0] * shape[1])
+    for axis, dim in enumerate(message.layout.dim):
+        if dim.stride not in strides:
+            expected = f"one of {strides}, as there is no padding"
+            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
+
+
+def _check_count(message: Float32MultiArray, size: Size, field: str) -> None:
+    offset = message.layout.data_offset
+    if len(message.data) != offset + size[0] * size[1]:
+        expected = f"{offset + size[0] * size[1]} values ({size[0]} x {size[1]} cells"
+        expected += f" after data_offset {offset})" if offset else ")"
+        raise MessageError(f"{field}.data", expected, len(message.data))

@@ -1,0 +1,113 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`nav_msgs/OccupancyGrid` and grid maps."""
+
+import array
+
+import numpy as np
+import numpy.typing as npt
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import as_number, slices
+
+from ..errors import MessageError
+from ._checks import as_float32, check_grid
+from ._multi_array import set_array
+from ._time import from_stamp, to_header
+
+UNKNOWN = -1
+OCCUPIED = 100
+
+PIECE = 1 << 15
+"""Cells that are worked on at once."""
+
+_VALUES = np.arange(256).astype(np.int8).astype(np.float32)
+_VALUES[UNKNOWN] = np.nan
+"""What the 256 bytes mean; those of negative numbers come last."""
+
+
+def to_occupancy_grid(
+    grid_map: GridMap, layer: str, data_min: float, data_max: float
+) -> OccupancyGrid:
+    """Return a layer as occupancies.
+
+    Args:
+        grid_map: the map.
+        layer: the layer that gives the values.
+        data_min: the value that becomes 0, free.
+        data_max: the value that becomes 100, occupied; it may be less than `data_min`. Values
+            beyond either are clamped, NaN becomes -1, unknown.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        MessageError: the bounds are equal as float32, or not finite; or the resolution does not fit
+            a float32.
+    """
+    stored = occupancies(grid_map[layer], data_min, data_max)
+    values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
+    header = to_header(grid_map)
+    x, y = (grid_map.position - 0.5 * grid_map.length).tolist()
+    data = array.array("b")
+    # The grid begins at the smallest x and y, where a map ends.
+    data.frombytes(values.ravel("F")[::-1].tobytes())
+    info = MapMetaData(
+        map_load_time=header.stamp,
+        resolution=as_float32("resolution", grid_map.resolution),
+        width=grid_map.size[0],
+        height=grid_map.size[1],
+        origin=Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0)),
+    )
+    message = OccupancyGrid(header=header, info=info)
+    set_array(message, data)
+    return message
+
+
+def from_occupancy_grid(message: OccupancyGrid, layer: str) -> GridMap:
+    """Return a map with one layer that holds the values of an occupancy grid.
+
+    -1 becomes NaN, all other values stay as they are. The resolution is a float32 in the message;
+    the map gets the float64 that is written alike (0.1 for the 0.1 of the sender).
+
+    Args:
+        message: the grid.
+        layer: name of the layer.
+
+    Raises:
+        MessageError: size, resolution, origin or the number of values make no sense, or the grid is
+            rotated.
+        GridMapError: the layer has no name.
+    """
+    geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
+    timestamp = from_stamp(message.header.stamp)
+    # The grid begins at the smallest x and y, where a map ends.
+    values = _VALUES.take(np.frombuffer(message.data, np.uint8)[::-1])
+    return GridMap.from_geometry(
+        geometry, frame_id=message.header.frame_id, timestamp=timestamp
+    ).with_layers({layer: values.reshape(geometry.size, order="F")})
+
+
+def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
+    """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
+
+    The arithmetic is that of float32, so that no value differs from what the C++ library sends.
+
+    Raises:
+        MessageError: the bounds are equal as float32, or not finite.
+    """
+    data_min, data_max = as_number(data_min, "data_min"), as_number(data_max, "data_max")
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.float32(data_min), np.float32(data_max)
+        extent = high - low
+        if not np.isfinite(extent) or extent == 0:
+            expected = "two different finite float32 numbers"
+            raise MessageError("data_min, data_max", expected, (data_min, data_max))
+        cells = np.asarray(values, dtype=np.float32)
+        flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
+        # A piece at a time, so that what is computed of it stays in the cache.
+        for piece in slices(flat.size, PIECE):
+            share = (flat[piece] - low) / extent
+            scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)
+            found[piece] = np.where(np.isnan(scaled), np.float32(UNKNOWN), scaled)
+    return found.reshape(cells.shape, order="F")

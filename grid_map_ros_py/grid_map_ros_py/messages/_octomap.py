@@ -1,0 +1,174 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`octomap_msgs/Octomap` to grid maps, neither OctoMap nor octomap_msgs being needed.
+
+Messages are read by their fields alone, so that anything with the fields of `octomap_msgs/Octomap`
+will do.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import as_array
+from grid_map_core_py.conversions import fitting_geometry, rasterize
+from grid_map_core_py.regions import BORDER_TOLERANCE
+
+from ..errors import MessageError
+from ._checks import check_cells
+from ._octree import (
+    NODE_TYPES,
+    VOXELS,
+    Leaves,
+    Voxel,
+    extent,
+    highest_voxels,
+    occupied_voxels,
+    read_binary,
+    read_full,
+)
+from ._time import from_stamp
+
+if TYPE_CHECKING:
+    from octomap_msgs.msg import Octomap
+
+SMALLEST_VOXEL, LARGEST_VOXEL = 1e-30, 1e30
+"""Beyond these [m], coordinates lose digits or are infinite as float32."""
+
+Points = npt.NDArray[np.float64]
+
+ANYWHERE = (math.nan, math.nan, math.nan)
+"""A bound that is not given along any axis."""
+
+
+def from_octomap(
+    message: "Octomap",
+    layer: str = "elevation",
+    resolution: float | None = None,
+    *,
+    min_bound: npt.ArrayLike = ANYWHERE,
+    max_bound: npt.ArrayLike = ANYWHERE,
+) -> GridMap:
+    """Return a map with the height of the highest occupied voxel of every column.
+
+    A cell is a column of voxels and its height the centre of the highest one within the bounds; it
+    is NaN where none is occupied. The map reaches over the whole tree, free space included, unless
+    bounds are given; along an axis with bounds it reaches from one to the other.
+
+    Args:
+        message: the tree, binary or full, of the class OcTree, OcTreeStamped or ColorOcTree.
+        layer: name of the layer.
+        resolution: side of a cell [m], at least that of a voxel; a cell has the height of the
+            highest column whose middle lies in it. None means that of a voxel.
+        min_bound, max_bound: (3,) x, y, z [m]; voxels whose centre is within count, NaN means that
+            there is no bound.
+
+    Raises:
+        MessageError: the message or the tree in it contradicts itself, there is no voxel within the
+            bounds, the tree has no leaf to take the extent from, or the extent takes too many
+            cells.
+        GeometryError: the resolution makes no sense.
+        GridMapError: the layer has no name.
+    """
+    timestamp = from_stamp(message.header.stamp)
+    leaves = _leaves(message)
+    first, last = _box(leaves, message.resolution, min_bound, max_bound)
+    check_cells("extent", (last - first + 1)[:2])
+    highest = highest_voxels(leaves, first, last)
+    heights = _metres(highest.astype(np.float32), message.resolution)
+    heights[highest < 0] = np.nan
+    # A map begins at the largest x and y.
+    grid_map = GridMap.from_geometry(
+        _geometry(first, last, message.resolution),
+        {layer: heights[::-1, ::-1]},
+        frame_id=message.header.frame_id,
+        timestamp=timestamp,
+    )
+    if resolution is None or resolution == message.resolution:
+        return grid_map
+    return _coarser(grid_map, layer, resolution)
+
+
+def octomap_to_points(
+    message: "Octomap",
+    *,
+    min_bound: npt.ArrayLike = ANYWHERE,
+    max_bound: npt.ArrayLike = ANYWHERE,
+) -> Points:
+    """Return the centres (N, 3) x, y, z [m] of all occupied voxels.
+
+    Args and errors are those of `from_octomap`.
+    """
+    leaves = _leaves(message)
+    if not leaves:
+        return np.empty((0, 3))
+    first, last = _box(leaves, message.resolution, min_bound, max_bound)
+    voxels = occupied_voxels(leaves, first, last).astype(np.float64)
+    return np.ascontiguousarray(_metres(voxels, message.resolution).T)
+
+
+def _leaves(message: "Octomap") -> list[Leaves]:
+    if not SMALLEST_VOXEL < message.resolution < LARGEST_VOXEL:
+        raise MessageError("resolution", "the side of a voxel [m]", message.resolution)
+    data = np.frombuffer(message.data, np.uint8)
+    if message.binary:
+        return read_binary(data)
+    if message.id not in NODE_TYPES:
+        raise MessageError("id", f"one of {', '.join(NODE_TYPES)}", message.id)
+    return read_full(data, NODE_TYPES[message.id])
+
+
+def _box(
+    leaves: list[Leaves], resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
+) -> tuple[Voxel, Voxel]:
+    """Return the first and the last voxel (3,) between bounds that may be NaN."""
+    bounds = np.array([_bound(min_bound, "min_bound"), _bound(max_bound, "max_bound")])
+    tolerance = BORDER_TOLERANCE / resolution
+    # The centre of voxel k lies k + 1/2 voxels from the corner of the root.
+    steps = np.clip(bounds / resolution, -VOXELS, VOXELS) + VOXELS // 2 - 0.5
+    nearest = np.stack([np.ceil(steps[0] - tolerance), np.floor(steps[1] + tolerance)])
+    missing = np.isnan(bounds)
+    if missing.any():
+        nearest = np.where(missing, np.stack(extent(leaves)), nearest)
+    first, last = np.clip(nearest, 0, VOXELS - 1).astype(np.int32)
+    within = (nearest[0] <= nearest[1]) & (nearest[0] < VOXELS) & (nearest[1] >= 0)
+    if not within.all():
+        found = tuple(map(tuple, bounds.tolist()))
+        raise MessageError("min_bound, max_bound", "voxels between them", found)
+    return first, last
+
+
+def _bound(bound: npt.ArrayLike, name: str) -> Points:
+    values = as_array(bound, np.float64, name)
+    if values.shape != (3,):
+        raise MessageError(name, "x, y and z", bound)
+    return values
+
+
+def _metres(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
+    """Return the coordinates of the centres of voxels, in the type of the keys."""
+    return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
+
+
+def _geometry(first: Voxel, last: Voxel, resolution: float) -> GridGeometry:
+    rows, columns = (last - first + 1)[:2].tolist()
+    middle = 0.5 * (first + last)[:2]
+    return GridGeometry.from_size((rows, columns), resolution, _metres(middle, resolution))
+
+
+def _coarser(grid_map: GridMap, layer: str, resolution: float) -> GridMap:
+    if resolution < grid_map.resolution:
+        expected = f"at least that of the tree, {grid_map.resolution}"
+        raise MessageError("resolution", expected, resolution)
+    half = 0.5 * grid_map.length
+    geometry = fitting_geometry(
+        grid_map.position - half, grid_map.position + half, resolution, hold_edges=False
+    )
+    points = np.column_stack([grid_map.get_positions(), grid_map[layer].ravel("F")])
+    coarse = GridMap.from_geometry(
+        geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
+    )
+    return rasterize(points, coarse, {layer: "max"})

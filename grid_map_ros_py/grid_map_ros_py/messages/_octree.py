@@ -1,0 +1,278 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The octrees of OctoMap, from the bytes that its messages and files hold.
+
+A tree is written node after node, every node before its children (preorder). In the binary form a
+node is 16 bits, two per child: 0 unknown, 1 free, 2 occupied, 3 has children itself; leaves are not
+written. In the full form a node is its log-odds as a float32, for trees with colours three bytes of
+colour, and a byte with a bit per child. Both are little-endian. The root is a cube of 65536 voxels
+a side around the origin, and a voxel is a node of depth 16. Bit 0 of a child's number says that it
+is the one with larger x, bit 1 y, bit 2 z.
+
+OctoMap's own reader follows whatever the bytes say until the stack overflows, and so do its Python
+bindings; here every tree is checked before it is looked at. It is read depth by depth rather than
+node by node.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import MessageError
+
+Keys = npt.NDArray[np.int32]
+"""(3, N) x, y, z of nodes, counted in nodes of their depth from the corner of the root."""
+
+Voxel = npt.NDArray[np.int32]
+"""(3,) x, y, z of a voxel, counted from the corner of the root."""
+
+DEPTH = 16
+"""Of a voxel."""
+
+VOXELS = 2**DEPTH
+"""Along a side of the root."""
+
+MOST_VOXELS = 2**23
+"""That leaves are taken apart into; a few bytes may claim all the memory there is."""
+
+NODE_TYPES = {
+    "OcTree": np.dtype([("value", "<f4"), ("children", "u1")]),
+    "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
+    "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
+}
+"""What a node of a full tree holds, by the name of the tree's class."""
+
+_CHILDREN = np.arange(8)
+_OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)
+_FREE, _OCCUPIED, _INNER = 1, 2, 3
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """Leaves of one depth: free or occupied cubes.
+
+    Attributes:
+        depth: 0 is the root, 16 a voxel.
+        keys: (3, N) where they are, in cubes of this depth.
+        occupied: (N,) whether they are; the others are free.
+    """
+
+    depth: int
+    keys: Keys
+    occupied: npt.NDArray[np.bool_]
+
+    @property
+    def side(self) -> int:
+        """Voxels along a side of a leaf."""
+        return 1 << (DEPTH - self.depth)
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def read_binary(data: npt.NDArray[np.uint8], field: str = "data") -> list[Leaves]:
+    """Return the leaves of a tree in the binary form, depth by depth; no bytes are no tree.
+
+    Raises:
+        MessageError: the bytes are no such tree.
+    """
+    words = _records(data, np.dtype("<u2"), field)
+    labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
+    if not labels.any(axis=1).all():
+        raise MessageError(field, "inner nodes with children", "one without")
+    leaves = []
+    for depth, nodes, keys in _levels(labels == _INNER, DEPTH - 1, words.itemsize, field):
+        labels_here = labels.take(nodes, axis=0)
+        is_leaf = (labels_here == _FREE) | (labels_here == _OCCUPIED)
+        occupied = labels_here[is_leaf] == _OCCUPIED
+        leaves.append(Leaves(depth + 1, _child_keys(keys, is_leaf), occupied))
+    return leaves
+
+
+def read_full(
+    data: npt.NDArray[np.uint8], node_type: np.dtype[Any], field: str = "data"
+) -> list[Leaves]:
+    """Return the leaves of a tree in the full form, depth by depth; no bytes are no tree.
+
+    Leaves with a probability of at least one half, which are log-odds of 0, are occupied.
+
+    Args:
+        data: (N,) bytes.
+        node_type: one of `NODE_TYPES`.
+        field: what to call the bytes in an error.
+
+    Raises:
+        MessageError: the bytes are no such tree.
+    """
+    records = _records(data, node_type, field)
+    if np.isnan(records["value"]).any():
+        raise MessageError(field, "log-odds that are numbers", float("nan"))
+    children = ((records["children"][:, None] >> _CHILDREN.astype(np.uint8)) & 1).astype(np.bool_)
+    leaves = []
+    for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize, field):
+        is_leaf = records["children"][nodes] == 0
+        occupied = records["value"][nodes[is_leaf]] >= 0
+        leaves.append(Leaves(depth, keys[:, is_leaf], occupied))
+    return leaves
+
+
+def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any], field: str) -> npt.NDArray[Any]:
+    if len(data) % record.itemsize:
+        raise MessageError(field, f"nodes of {record.itemsize} bytes", f"{len(data)} bytes")
+    return data.view(record)
+
+
+def _levels(
+    children: npt.NDArray[np.bool_], deepest: int, node_size: int, field: str
+) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
+    """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
+
+    Args:
+        children: (N, 8) which children of a node are written after it.
+        deepest: the depth that no node may exceed.
+        node_size: bytes of a node.
+        field: for errors.
+    """
+    if not len(children):
+        return
+    depths = _depths(children.sum(axis=1), node_size, field)
+    if depths.max() > deepest:
+        raise MessageError(field, f"nodes of at most depth {deepest}", int(depths.max()))
+    # In preorder, the nodes of one depth come in the order of their parents and child numbers.
+    by_depth = np.argsort(depths, kind="stable")
+    ends = np.cumsum(np.bincount(depths))
+    keys = np.zeros((3, 1), np.int32)
+    for depth, nodes in enumerate(np.split(by_depth, ends[:-1])):
+        yield depth, nodes, keys
+        keys = _child_keys(keys, children.take(nodes, axis=0))
+
+
+def _depths(counts: npt.NDArray[np.intp], node_size: int, field: str) -> npt.NDArray[np.intp]:
+    """Return the depths (N,) of nodes in preorder with `counts` children each.
+
+    Raises:
+        MessageError: they are fewer or more than one tree.
+    """
+    # How many nodes are still to come after each one, if nothing is to follow the tree.
+    open_ends = np.append(0, np.cumsum(counts - 1)) + 1
+    closed = np.flatnonzero(open_ends == 0)
+    if not len(closed):
+        raise MessageError(field, f"{open_ends[-1]} more nodes of the tree", "the end")
+    if closed[0] != len(counts):
+        found = f"{len(counts) * node_size} bytes"
+        raise MessageError(field, f"{closed[0] * node_size} bytes, where the tree ends", found)
+    # The subtree of a node ends where one node fewer is to come for the first time after it: sorted
+    # by what is to come, then by number, that is what follows the node's own number one less.
+    numbers, count = np.arange(len(open_ends)), len(open_ends)
+    by_open_ends = np.sort(open_ends * count + numbers)
+    one_less = (open_ends[:-1] - 1) * count + numbers[:-1]
+    ends = by_open_ends[np.searchsorted(by_open_ends, one_less)] % count
+    # All nodes before a node are its ancestors, but for those whose subtree has ended.
+    ended = np.cumsum(np.bincount(ends, minlength=len(numbers)))
+    depths: npt.NDArray[np.intp] = (numbers - ended)[:-1]
+    return depths
+
+
+def _child_keys(keys: Keys, children: npt.NDArray[np.bool_]) -> Keys:
+    """Return the keys of those children (N, 8) of nodes (3, N), node after node."""
+    numbers = np.flatnonzero(children)
+    child_keys: Keys = keys.take(numbers >> 3, axis=1)
+    child_keys *= 2
+    child_keys += _OFFSETS.take(numbers & 7, axis=1)
+    return child_keys
+
+
+# --- voxels ---------------------------------------------------------------------------------------
+
+
+def extent(leaves: Iterable[Leaves]) -> tuple[Voxel, Voxel]:
+    """Return the first and the last voxel (3,) of the box around all leaves.
+
+    Raises:
+        MessageError: there are none.
+    """
+    filled = [level for level in leaves if level.keys.size]
+    if not filled:
+        raise MessageError("data", "a tree with leaves", "none")
+    first = np.min([level.keys.min(axis=1) * level.side for level in filled], axis=0)
+    end = np.max([(level.keys.max(axis=1) + 1) * level.side for level in filled], axis=0)
+    return first, end - 1
+
+
+def highest_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
+    """Return z of the highest occupied voxel of every column of a box, -1 where there is none.
+
+    Args:
+        leaves: of all depths, in the order of their depths.
+        first, last: (3,) voxels at the corners of the box.
+
+    Returns:
+        (x, y), counted from `first`.
+    """
+    levels = {level.depth: level for level in leaves}
+    corner, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
+    for depth in range(DEPTH + 1):
+        if depth:
+            # Each column is taken apart into four, and what reaches beyond the box is cut off.
+            highest = highest.repeat(2, axis=0).repeat(2, axis=1)
+            corner, beyond = first[:2] >> (DEPTH - depth), 2 * corner
+            end = (last[:2] >> (DEPTH - depth)) + 1 - beyond
+            start = corner - beyond
+            highest = highest[start[0] : end[0], start[1] : end[1]]
+        if depth in levels:
+            highest = np.ascontiguousarray(highest)
+            _raise_to(highest, levels[depth], corner, int(first[2]), int(last[2]))
+    return highest
+
+
+def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys:
+    """Return the occupied voxels (3, N) of a box.
+
+    Args:
+        leaves: of all depths, in the order of their depths.
+        first, last: voxels at the corners of the box.
+
+    Raises:
+        MessageError: there are more than anybody could work with.
+    """
+    levels = {level.depth: level for level in leaves}
+    count = sum(_count_within(level, first, last) for level in levels.values())
+    if count > MOST_VOXELS:
+        raise MessageError("data", f"at most {MOST_VOXELS} occupied voxels", count)
+    keys = np.empty((3, 0), np.int32)
+    for depth in range(DEPTH + 1):
+        keys = (2 * keys[:, :, None] + _OFFSETS[:, None]).reshape(3, -1)
+        if depth in levels:
+            occupied = levels[depth].keys.compress(levels[depth].occupied, axis=1)
+            keys = np.concatenate([keys, occupied], axis=1)
+        shift = DEPTH - depth
+        within = (keys >= (first >> shift)[:, None]) & (keys <= (last >> shift)[:, None])
+        keys = keys.compress(within.all(axis=0), axis=1)
+    return keys
+
+
+def _count_within(leaves: Leaves, first: Voxel, last: Voxel) -> int:
+    """Return how many voxels of a box are in occupied leaves."""
+    start = leaves.keys.compress(leaves.occupied, axis=1) * np.int32(leaves.side)
+    end = np.minimum(start + np.int32(leaves.side), last[:, None] + 1)
+    overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
+    # As floats, for which no product is too large.
+    return int(overlap.prod(axis=0, dtype=np.float64).sum())
+
+
+def _raise_to(
+    highest: npt.NDArray[np.int32], leaves: Leaves, corner: Voxel, lowest: int, limit: int
+) -> None:
+    """Raise columns in place to the occupied leaves of their depth, from `corner` on."""
+    x, y, z = leaves.keys.compress(leaves.occupied, axis=1)
+    x -= corner[0]
+    y -= corner[1]
+    bottom = z * np.int32(leaves.side)
+    top = np.minimum(bottom + np.int32(leaves.side - 1), np.int32(limit))
+    within = (x >= 0) & (x < highest.shape[0]) & (y >= 0) & (y < highest.shape[1])
+    within &= (top >= lowest) & (bottom <= limit)
+    cells = x[within].astype(np.intp) * highest.shape[1] + y[within]
+    np.maximum.at(highest.reshape(-1), cells, top[within])

@@ -1,0 +1,266 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`sensor_msgs/PointCloud2` as arrays, and maps made of its points.
+
+Fields may have any of the eight number types, lie anywhere in the point and leave gaps; rows may be
+padded, too. Only big-endian clouds are refused.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs.msg import PointCloud2, PointField
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.conversions import COLOR_FIELDS, from_points, rasterize
+from grid_map_core_py.plugins import check, mismatch
+
+from ..errors import MessageError
+from ._time import from_stamp
+
+AXES = ("x", "y", "z")
+COLOR_LAYER = "color"
+COLOR_SIZE = 4
+"""Bytes of a packed colour."""
+
+TYPES: Mapping[int, "np.dtype[Any]"] = MappingProxyType(
+    {
+        PointField.INT8: np.dtype("i1"),
+        PointField.UINT8: np.dtype("u1"),
+        PointField.INT16: np.dtype("<i2"),
+        PointField.UINT16: np.dtype("<u2"),
+        PointField.INT32: np.dtype("<i4"),
+        PointField.UINT32: np.dtype("<u4"),
+        PointField.FLOAT32: np.dtype("<f4"),
+        PointField.FLOAT64: np.dtype("<f8"),
+    }
+)
+
+_NONE: Mapping[str, str] = MappingProxyType({})
+
+
+def from_point_cloud(
+    message: PointCloud2,
+    layer: str = "elevation",
+    resolution: float | None = None,
+    reduction: str = "max",
+    *,
+    length: npt.ArrayLike | None = None,
+    position: npt.ArrayLike | None = None,
+    onto: GridMap | GridGeometry | None = None,
+    more_layers: Mapping[str, str] = _NONE,
+    fields: Iterable[str] | None = None,
+    field_reductions: Mapping[str, str] = _NONE,
+    min_height: float = -np.inf,
+    max_height: float = np.inf,
+) -> GridMap:
+    """Return a map whose cells hold heights and other fields of the points in them.
+
+    The whole message is checked before anything is allocated. Points with a coordinate that is not
+    finite, and those beside the map, are left out. The map has the frame and the time of the cloud.
+
+    Args:
+        message: the cloud, organised or not.
+        layer: name of the layer that holds heights [m].
+        resolution: side of a cell [m].
+        reduction: which height a cell gets: `max`, `min`, `mean`, `median`, `first`, `last`,
+            `variance` or `count`; see `grid_map_core_py.conversions._points`.
+        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
+        position: (2,) centre of the map [m]; None takes the middle of the extent of the points.
+        onto: in place of these three a geometry, or a map whose other layers the result shares.
+        more_layers: names of further layers made of the heights, each with its reduction.
+        fields: names of the fields that become layers, besides the heights. None takes all that
+            have one number per point. `rgb` or `rgba`, packed colours, become the layer `color`
+            unless the cloud has a field of that name.
+        field_reductions: names of fields whose reduction is not to be `mean`.
+        min_height, max_height: points below or above are left out [m].
+
+    Raises:
+        MessageError: a field of the message contradicts another or makes no sense, the cloud lacks
+            a field, or it is in another frame than the map `onto`.
+        ConfigError: a reduction is unknown, or the grid is given twice or not at all.
+        GeometryError: resolution, length or position make no sense.
+        GridMapError: a layer would be made twice, or there are no points to take an extent from.
+    """
+    frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
+    points, columns = read_columns(message, fields)
+    names = layer_names(message)
+    options: dict[str, Any] = {
+        "layers": {layer: reduction, **more_layers},
+        "fields": columns,
+        "field_reductions": {names.get(name, name): r for name, r in field_reductions.items()},
+        "min_height": min_height,
+        "max_height": max_height,
+    }
+    if onto is not None:
+        check(
+            resolution is None and length is None and position is None,
+            "onto",
+            "no resolution, length or position beside it",
+            onto,
+        )
+        result = rasterize(points, _target(onto, frame_id), **options)
+        result.frame_id, result.timestamp = frame_id, timestamp
+        return result
+    if resolution is None:
+        raise mismatch("resolution", "a number, or `onto` in its place", None)
+    return from_points(
+        points,
+        resolution,
+        length=length,
+        position=position,
+        frame_id=frame_id,
+        timestamp=timestamp,
+        **options,
+    )
+
+
+def read_points(message: PointCloud2) -> dict[str, npt.NDArray[Any]]:
+    """Return the fields of a cloud as arrays over its points, row after row.
+
+    The arrays are views of the message's memory, unless rows are padded.
+
+    Args:
+        message: the cloud, organised or not; `array.reshape(message.height, message.width)` has the
+            shape of an organised one.
+
+    Returns:
+        (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
+        point; a count of 0 stands for 1. NaN as the cloud has it.
+
+    Raises:
+        MessageError: a field of the message contradicts another or makes no sense; the error names
+            it, what it must hold and what it holds.
+    """
+    check_layout(message)
+    return {field.name: _column(message, field) for field in message.fields}
+
+
+def read_columns(
+    message: PointCloud2, fields: Iterable[str] | None = None
+) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
+    """Return the points of a cloud and what becomes layers besides their heights.
+
+    Args:
+        message: the cloud.
+        fields: as in `from_point_cloud`.
+
+    Returns:
+        points: (N, 3) x, y, z [m], float32 or float64; a view of the message's memory where x, y, z
+            lie there like that.
+        columns: (N,) values of the fields by the names of their layers.
+
+    Raises:
+        MessageError: as in `from_point_cloud`.
+    """
+    check_layout(message)
+    axes = [_one_number(message, name) for name in AXES]
+    chosen = _chosen(message, fields)
+    names = layer_names(message)
+    columns = {names[field.name]: _column(message, field) for field in chosen}
+    return _positions(message, axes), columns
+
+
+def layer_names(message: PointCloud2) -> dict[str, str]:
+    """Return what the layers of fields are called: mostly as the fields."""
+    names = {field.name: field.name for field in message.fields}
+    for color in ("rgb", "rgba"):
+        if color in names and COLOR_LAYER not in names.values():
+            names[color] = COLOR_LAYER
+    return names
+
+
+def check_layout(message: PointCloud2) -> None:
+    """Raise `MessageError` unless all fields and points lie within the data of a cloud."""
+    if message.is_bigendian:
+        raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
+    for index, field in enumerate(message.fields):
+        _check_field(f"fields[{index}]", field, message.point_step)
+    names = Counter(field.name for field in message.fields)
+    if repeated := [name for name, times in names.items() if times > 1]:
+        raise MessageError("fields", "every name once", repeated)
+    width, height, step = message.width, message.height, message.point_step
+    if message.row_step < width * step:
+        expected = f"at least {width * step} ({width} points of {step} bytes)"
+        raise MessageError("row_step", expected, message.row_step)
+    if len(message.data) != height * message.row_step:
+        expected = f"{height * message.row_step} bytes ({height} rows of {message.row_step})"
+        raise MessageError("data", expected, len(message.data))
+
+
+def _check_field(path: str, field: PointField, point_step: int) -> None:
+    if not field.name:
+        raise MessageError(f"{path}.name", "a name", field.name)
+    if field.datatype not in TYPES:
+        expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
+        raise MessageError(f"{path}.datatype", expected, field.datatype)
+    end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
+    if end > point_step:
+        expected = f"at least {end}, where field {field.name!r} ({path}) ends"
+        raise MessageError("point_step", expected, point_step)
+
+
+def _one_number(message: PointCloud2, name: str) -> PointField:
+    """Return the field of that name, which must have one number per point."""
+    for index, field in enumerate(message.fields):
+        if field.name == name:
+            if field.count > 1:
+                raise MessageError(f"fields[{index}].count", f"1 for {name!r}", field.count)
+            return field
+    raise MessageError("fields", f"one called {name!r}", [field.name for field in message.fields])
+
+
+def _chosen(message: PointCloud2, names: Iterable[str] | None) -> list[PointField]:
+    if names is None:
+        others = [field for field in message.fields if field.name not in AXES and field.count <= 1]
+    else:
+        unique = dict.fromkeys((names,) if isinstance(names, str) else names)
+        others = [_one_number(message, name) for name in unique]
+    for field in others:
+        if field.name in COLOR_FIELDS and TYPES[field.datatype].itemsize != COLOR_SIZE:
+            path = f"fields[{message.fields.index(field)}].datatype"
+            raise MessageError(path, "UINT32 or FLOAT32 for packed colours", field.datatype)
+    return others
+
+
+def _column(message: PointCloud2, field: PointField) -> npt.NDArray[Any]:
+    """Return the values (N,) or (N, count) of a field."""
+    shape = (field.count,) if field.count > 1 else ()
+    return _view(message, field, shape)
+
+
+def _positions(message: PointCloud2, axes: list[PointField]) -> npt.NDArray[Any]:
+    """Return x, y, z as (N, 3)."""
+    x = axes[0]
+    size = TYPES[x.datatype].itemsize
+    side_by_side = all(
+        (axis.datatype, axis.offset) == (x.datatype, x.offset + k * size)
+        for k, axis in enumerate(axes)
+    )
+    if side_by_side and TYPES[x.datatype].kind == "f":
+        return _view(message, x, (3,))
+    columns = [_column(message, axis) for axis in axes]
+    dtype = np.result_type(np.float32, *columns)
+    return np.stack(columns, axis=1, dtype=dtype, casting="unsafe")
+
+
+def _view(message: PointCloud2, first: PointField, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+    """Return (N, *shape) numbers of every point, which lie side by side from a field on."""
+    rows, dtype = (message.height, message.width), TYPES[first.datatype]
+    if not message.height * message.width:
+        return np.empty((0, *shape), dtype)
+    steps = (message.row_step, message.point_step, *(dtype.itemsize for _ in shape))
+    values = np.ndarray((*rows, *shape), dtype, message.data, first.offset, steps)
+    return values.reshape(-1, *shape)
+
+
+def _target(onto: GridMap | GridGeometry, frame_id: str) -> GridMap:
+    if isinstance(onto, GridGeometry):
+        return GridMap.from_geometry(onto)
+    if onto.frame_id and frame_id != onto.frame_id:
+        raise MessageError("header.frame_id", f"that of the map, {onto.frame_id!r}", frame_id)
+    return onto

@@ -1,0 +1,120 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`grid_map_msgs/GridMap` as bytes (CDR) and `GridMap`, without a message object between them.
+
+Every layer is copied once, and only the layers that are wanted.
+"""
+
+from collections.abc import Iterable
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import Layer
+from grid_map_msgs.msg import GridMap as GridMapMessage
+
+from ._cdr import Buffer, serialize_view, view
+from ._grid_map import from_info, from_message, outgoing
+from ._multi_array import to_layout
+from ._time import from_stamp
+
+
+def to_serialized_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> bytes:
+    """Return what `to_message` does, in CDR: publishers accept it in place of the message.
+
+    Args and errors are those of `to_message`; besides, a name that UTF-8 cannot hold is a
+    MessageError.
+    """
+    fields = outgoing(grid_map, layers)
+    layout = to_layout(grid_map.size)
+    data = [SimpleNamespace(layout=layout, data=_values(layer)) for layer in fields.pop("data")]
+    return serialize_view(SimpleNamespace(data=data, **fields), GridMapMessage)
+
+
+def from_serialized_message(
+    data: Buffer,
+    layers: Iterable[str] | None = None,
+    *,
+    copy_basic_layers: bool = True,
+    unwrap: bool = True,
+) -> GridMap:
+    """Return the map in a serialized message, as `from_message` does, with memory of its own.
+
+    Args:
+        data: the message in CDR, as a raw subscription receives it and bags hold it.
+        layers, copy_basic_layers, unwrap: as for `from_message`.
+
+    Raises:
+        MessageError: the bytes are no such message, or it contradicts itself.
+        LayerNotFoundError: `layers` names one that the message lacks.
+    """
+    received = ReceivedMap(data)
+    return received.decode(layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap)
+
+
+class ReceivedMap:
+    """A serialized map message, of which no more is decoded than somebody asks for.
+
+    All but `data` raises MessageError if the bytes are no map message, or if what is asked for
+    makes no sense.
+
+    Args:
+        data: the message in CDR.
+
+    Attributes:
+        data: as given. Publishers accept it in place of the message.
+    """
+
+    def __init__(self, data: Buffer) -> None:
+        self.data = data
+
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame of the map."""
+        frame_id: str = self._message.header.frame_id
+        return frame_id
+
+    @property
+    def timestamp(self) -> int:
+        """Time of the data [ns]."""
+        return from_stamp(self._message.header.stamp)
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Size, resolution and place of the grid."""
+        return from_info(self._message.info)
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers."""
+        return tuple(self._message.layers)
+
+    @property
+    def basic_layers(self) -> tuple[str, ...]:
+        """Names of the layers that must be finite for a cell to be valid."""
+        return tuple(self._message.basic_layers)
+
+    def decode(
+        self,
+        layers: Iterable[str] | None = None,
+        *,
+        copy_basic_layers: bool = True,
+        unwrap: bool = True,
+    ) -> GridMap:
+        """Return the map, or some of its layers; args and errors are those of `from_message`."""
+        return from_message(
+            self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap
+        )
+
+    @cached_property
+    def _message(self) -> Any:
+        return view(self.data, GridMapMessage)
+
+
+def _values(layer: Layer) -> npt.NDArray[np.float32]:
+    """Return the (cells,) values of a layer, column after column."""
+    return np.asarray(layer, dtype=np.float32, order="F").ravel("K")

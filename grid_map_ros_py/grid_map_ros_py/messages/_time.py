@@ -1,0 +1,59 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Integer nanoseconds and `builtin_interfaces/Time`, exactly."""
+
+import operator
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+from grid_map_core_py import GridMap
+
+from ..errors import MessageError
+
+NANOSECONDS = 1_000_000_000
+LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
+"""The last nanosecond whose seconds fit the message's int32."""
+
+
+def to_stamp(nanoseconds: int) -> Time:
+    """Return a point in time [ns since the epoch] as a message.
+
+    Raises:
+        MessageError: it is no integer, negative, or later than the message can hold.
+    """
+    seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def check_nanoseconds(nanoseconds: int) -> int:
+    """Return a point in time [ns since the epoch] that a message can hold.
+
+    Raises:
+        MessageError: it is no integer, negative, or too late.
+    """
+    try:
+        exact = operator.index(nanoseconds)
+    except TypeError:
+        raise MessageError("stamp", "an integer number of nanoseconds", nanoseconds) from None
+    if not 0 <= exact <= LATEST:
+        raise MessageError("stamp", f"nanoseconds from 0 to {LATEST}", exact)
+    return exact
+
+
+def from_stamp(stamp: Time, field: str = "header.stamp") -> int:
+    """Return a message's point in time as nanoseconds since the epoch.
+
+    Raises:
+        MessageError: it lies before the epoch, or has a full second of nanoseconds or more.
+    """
+    if stamp.sec < 0:
+        raise MessageError(f"{field}.sec", "no negative number", stamp.sec)
+    if stamp.nanosec >= NANOSECONDS:
+        raise MessageError(f"{field}.nanosec", f"0 to {NANOSECONDS - 1}", stamp.nanosec)
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
+
+
+def to_header(grid_map: GridMap) -> Header:
+    """Return frame and time of a map."""
+    return Header(stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id)

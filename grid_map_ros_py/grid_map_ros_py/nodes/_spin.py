@@ -1,0 +1,119 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The life of an executable: from its arguments to its exit code."""
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import ok, try_shutdown
+
+from grid_map_core_py.errors import GridMapError
+
+from ..errors import NodeFailedError
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
+
+WAKE_PERIOD = 0.1
+"""Seconds after which a node that waits for messages looks whether a signal has come."""
+
+
+def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+    """Create a node, spin it until the process is told to stop, and return the exit code.
+
+    For the `main` of an executable, in its main thread. Interrupts and requests to terminate take
+    effect between two callbacks. rclpy's own handlers shut ROS down at once: what is being made,
+    published or taken down then is left in pieces, and a spinning executor may miss it.
+
+    Args:
+        create_node: makes the node. A `GridMapError` that it raises, or a name that ROS refuses,
+            means that the node cannot work as configured: it is logged as one message. So is a
+            `NodeFailedError` of a callback; other errors of callbacks are bugs and pass through.
+        args: command line arguments; None means those of the process.
+
+    Returns:
+        0 after an interrupt or a shutdown, 1 when the arguments or the configuration cannot be used
+        or the node gave up.
+    """
+    signals = _Signals()
+    try:
+        return _run(create_node, None if args is None else list(args), signals)
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        signals.ignore()
+        try_shutdown()
+
+
+class _Signals:
+    """Takes note of the first signal; a second one breaks off whatever goes on."""
+
+    def __init__(self) -> None:
+        self.has_come = False
+        self._may_break_off = True
+        for number in _SIGNALS:
+            signal.signal(number, self._take_note)
+        # `tools/run` holds interrupts back until somebody handles them.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+
+    def ignore(self) -> None:
+        """Let the process end undisturbed; Python gives up handlers of its own when it ends."""
+        self._may_break_off = False
+        for number in _SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+    def _take_note(self, _number: int, _frame: FrameType | None) -> None:
+        if self.has_come and self._may_break_off:
+            self._may_break_off = False
+            raise KeyboardInterrupt
+        self.has_come = True
+
+
+def _run(create_node: Callable[[], Node], args: list[str] | None, signals: _Signals) -> int:
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except _ARGUMENT_ERRORS as error:
+        return _failed(error)
+    try:
+        node = create_node()
+    except GridMapError as error:
+        return _failed(error)
+    except NameValidationException as error:
+        # The last of its lines points at a character of the line before.
+        message, _, _ = str(error).rpartition("\n")
+        return _failed(" ".join(message.split()))
+    try:
+        _spin(node, signals)
+    except NodeFailedError as error:
+        return _failed(error)
+    return 0
+
+
+def _spin(node: Node, signals: _Signals) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while ok() and not signals.has_come:
+            executor.spin_once(timeout_sec=WAKE_PERIOD)
+    except (ExternalShutdownException, KeyboardInterrupt):
+        pass
+    finally:
+        signals.ignore()
+        node.destroy_node()
+        # Left to the garbage collector, it may find its parts gone, and say so with a traceback.
+        executor.shutdown()
+
+
+def _failed(error: Exception | str) -> int:
+    get_logger(Path(sys.argv[0]).stem or "grid_map").fatal(str(error))
+    return 1

@@ -1,0 +1,133 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A subscription to maps that decodes nothing, and gets along with every reliable publisher."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+
+from grid_map_msgs.msg import GridMap as GridMapMessage
+
+from ..messages._serialized import ReceivedMap
+from ._qos import map_qos
+
+
+class LatchedSubscription:
+    """Calls back with the last message of a topic and all that follow.
+
+    A transient local subscription gets the message that was published before it, but does not
+    connect to volatile publishers. So it asks for that message first, and does without once it
+    meets such a publisher.
+
+    Args:
+        node: the node that subscribes.
+        message_type: of the topic.
+        topic: its name.
+        callback: gets every message.
+        qos: quality of service, for subscriptions that do not change; None means the above.
+        raw: whether the callback gets the bytes of the message.
+        hears_best_effort: whether to give up reliability, too, once it meets a publisher that is
+            not reliable, as those of sensors are; it is only named in the log otherwise.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        *,
+        qos: QoSProfile | None = None,
+        raw: bool = False,
+        hears_best_effort: bool = False,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._topic = topic
+        self._callback = callback
+        self._raw = raw
+        self._qos = qos or map_qos()
+        self._can_give_up = set[QoSPolicyKind]()
+        if qos is None:
+            self._can_give_up.add(QoSPolicyKind.DURABILITY)
+        if qos is None and hears_best_effort:
+            self._can_give_up.add(QoSPolicyKind.RELIABILITY)
+        self._given_up = set[QoSPolicyKind]()
+        self._subscription: Any = None
+        self._subscribe()
+
+    def destroy(self) -> None:
+        """Give the subscription up."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _subscribe(self) -> None:
+        self._subscription = self._node.create_subscription(
+            self._message_type,
+            self._topic,
+            self._callback,
+            self._qos,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            raw=self._raw,
+        )
+
+    def _on_incompatible(self, event: Any) -> None:
+        kind = QoSPolicyKind(event.last_policy_kind)
+        executor = self._node.executor
+        if kind not in self._can_give_up:
+            self._node.get_logger().warning(
+                f"a publisher of {self._topic} is not heard: its quality of service does not fit "
+                f"in {kind.name.lower()}"
+            )
+        elif kind not in self._given_up and executor is not None:
+            self._given_up.add(kind)
+            # Not from within an event of the very subscription that goes.
+            executor.create_task(self._subscribe_without, kind)
+
+    def _subscribe_without(self, kind: QoSPolicyKind) -> None:
+        if self._subscription is None:
+            return
+        if kind == QoSPolicyKind.DURABILITY:
+            self._qos.durability = DurabilityPolicy.VOLATILE
+            text = "is volatile: its past is not asked for any more"
+        else:
+            self._qos.reliability = ReliabilityPolicy.BEST_EFFORT
+            text = "is best effort: what gets lost is not asked for again any more"
+        self._node.get_logger().info(f"a publisher of {self._topic} {text}")
+        self.destroy()
+        self._subscribe()
+
+
+class MapSubscription(LatchedSubscription):
+    """Calls back with the last map of a topic and all that follow, as they were received.
+
+    The callback decodes what it needs, if it needs the map at all: nothing is converted before.
+
+    Args:
+        node: the node that subscribes.
+        topic: of `grid_map_msgs/GridMap`.
+        callback: gets every map.
+        qos: quality of service, for subscriptions that do not change; None means what is said at
+            `LatchedSubscription`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        callback: Callable[[ReceivedMap], None],
+        *,
+        qos: QoSProfile | None = None,
+    ) -> None:
+        super().__init__(
+            node,
+            GridMapMessage,
+            topic,
+            lambda data: callback(ReceivedMap(data)),
+            qos=qos,
+            raw=True,
+        )

@@ -1,0 +1,96 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `web_viewer`: serves a page that shows a map in the browser."""
+
+import sys
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from grid_map_core_py.plugins import check
+from grid_map_ros_py.nodes import (
+    LogThrottle,
+    MapSubscription,
+    check_topic,
+    read_parameter,
+    read_positive,
+    run,
+)
+
+from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
+from ..surface import check_max_cells
+from ..viewer.page import Page, is_loopback
+from ..viewer.settings import Settings
+from ..viewer.viewer import Viewer
+
+
+class WebViewerNode(Node):
+    """Hands maps over to a page."""
+
+    def __init__(self) -> None:
+        super().__init__("web_viewer")
+        about = "maps come from here"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
+        check_topic(self, "grid_map_topic", topic)
+        max_cells = _read_max_cells(self)
+        about = "how often the page is brought up to date at most [Hz]"
+        period = 1 / read_positive(self, "update_rate", 20.0, description=about)
+        self._page = _serve_page(self)
+        self._viewer = Viewer(self._page, max_cells)
+        self._throttle = LogThrottle()
+        self._maps = MapSubscription(self, topic, self._viewer.receive)
+        # The page lives on while a simulation is paused.
+        self.create_timer(period, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info(f"shows {topic} at {self._page.url}")
+
+    def destroy_node(self) -> None:
+        """Give the node and its page up."""
+        self._page.close()
+        Node.destroy_node(self)
+
+    def _update(self) -> None:
+        problem = self._viewer.update()
+        if problem and self._throttle.allow(problem):
+            self.get_logger().error(problem)
+
+
+def _read_max_cells(node: Node) -> int:
+    about = "larger maps are thinned out to so many cells; 0 for never"
+    max_cells = read_parameter(node, "max_cells", int, 150_000, description=about)
+    check_max_cells(max_cells)
+    return max_cells
+
+
+def _serve_page(node: Node) -> Page:
+    about = "address at which the page is served; `127.0.0.1` is for this machine alone"
+    host = read_parameter(node, "host", str, "127.0.0.1", description=about)
+    about = "of that address; 0 takes a free one"
+    port = read_parameter(node, "port", int, 8080, description=about)
+    check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
+    page = Page(host, port, _read_settings(node))
+    if not is_loopback(host):
+        node.get_logger().warning(
+            f"everybody who reaches {page.url} sees the map and may change what is shown"
+        )
+    return page
+
+
+def _read_settings(node: Node) -> Settings:
+    about = "the layer that gives the heights at first"
+    height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
+    about = "the layer that gives the colours at first; empty for that of the heights"
+    color_layer = read_parameter(node, "color_layer", str, "", description=about)
+    about = "the colour map at first, by its name in Matplotlib"
+    color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
+    coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
+    return Settings(height_layer=height_layer, coloring=coloring)
+
+
+def main() -> int:
+    """Run the node until it is told to stop; return the exit code."""
+    return run(WebViewerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

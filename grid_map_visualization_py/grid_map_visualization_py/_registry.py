@@ -1,0 +1,78 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The visualizations by the names under which YAML files ask for them.
+
+Other packages add theirs through the entry-point group `grid_map_visualization_py.visualizations`:
+the entry's name is the type, its value a class as `Visualization` describes it.
+"""
+
+from collections.abc import Mapping
+
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.plugins import Registry, build
+
+from ._visualization import Visualization
+from .builtin._contours import Contours
+from .builtin._flat_point_cloud import FlatPointCloud
+from .builtin._grid_cells import GridCells
+from .builtin._image import Image
+from .builtin._map_region import MapRegion
+from .builtin._occupancy_grid import OccupancyGrid
+from .builtin._point_cloud import PointCloud
+from .builtin._surface import Surface
+from .builtin._vectors import Vectors
+
+BUILT_IN: Mapping[str, type[Visualization]] = {
+    "contours": Contours,
+    "flat_point_cloud": FlatPointCloud,
+    "grid_cells": GridCells,
+    "image": Image,
+    "map_region": MapRegion,
+    "occupancy_grid": OccupancyGrid,
+    "point_cloud": PointCloud,
+    "surface": Surface,
+    "vectors": Vectors,
+}
+
+VISUALIZATIONS: Registry[Visualization] = Registry(
+    BUILT_IN, "grid_map_visualization_py.visualizations"
+)
+"""All visualizations: `VISUALIZATIONS["vectors"]`, `VISUALIZATIONS.types`."""
+
+
+def create(name: str, config: Mapping[str, object]) -> Visualization:
+    """Return the visualization that a parameter file describes.
+
+    Args:
+        name: what the user calls it; for messages only.
+        config: `type`, a name in the registry, and `params`, its parameters by name.
+
+    Raises:
+        ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
+            package is not installed; the message names the visualization, its type and the cause.
+    """
+    type_name, parameters = _checked(name, config)
+    try:
+        return build(VISUALIZATIONS[type_name], parameters)
+    except GridMapError as error:
+        raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error
+
+
+def _checked(name: str, config: Mapping[str, object]) -> tuple[str, Mapping[str, object]]:
+    unknown = sorted(set(config) - {"type", "params"})
+    if unknown:
+        raise ConfigError(
+            f"visualization {name!r}: unknown entry {unknown[0]!r}; known: type, params"
+        )
+    type_name, parameters = config.get("type"), config.get("params")
+    if not isinstance(type_name, str):
+        known = ", ".join(VISUALIZATIONS.types)
+        found = "nothing" if type_name is None else repr(type_name)
+        raise ConfigError(f"visualization {name!r}: type: expected one of {known}, found {found}")
+    # ROS hands over an empty mapping as a value without type.
+    parameters = {} if parameters is None else parameters
+    if not isinstance(parameters, Mapping):
+        raise ConfigError(
+            f"visualization {name!r}: params: expected parameters by name, found {parameters!r}"
+        )
+    return type_name, parameters

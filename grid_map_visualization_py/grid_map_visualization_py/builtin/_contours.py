@@ -1,0 +1,126 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Lines of equal height."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import max_of_finites, min_of_finites
+from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.plugins import check
+
+from .._markers import check_line, line_marker
+
+MOST_LEVELS = 10_000
+REMEDY = "install python3-matplotlib (apt) or contourpy (pip)"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contours:
+    """Draw lines along which a layer has the same value, interpolated between centres of cells.
+
+    A line ends where a cell without a finite value is near: of a square of four cells, three must
+    have one.
+
+    Attributes:
+        layer: the layer, in most cases heights [m].
+        interval: lines at its multiples.
+        levels: lines at these values instead, in any order.
+        flat: draw the lines at height zero, for layers that are not heights; else each at its
+            value.
+        line_width: width of the lines [m].
+        color: 0xRRGGBB.
+
+    Raises:
+        ConfigError: the interval is not positive, a level not finite, the colour out of range, or
+            the width not positive.
+        MissingPackageError: contourpy is not installed.
+    """
+
+    message_type: ClassVar[type] = Marker
+
+    layer: str
+    interval: float = 0.1
+    levels: tuple[float, ...] = ()
+    flat: bool = False
+    line_width: float = 0.003
+    color: int = 0xFFFFFF
+
+    def __post_init__(self) -> None:
+        positive = math.isfinite(self.interval) and self.interval > 0
+        check(positive, "interval", "a positive number", self.interval)
+        finite = all(map(math.isfinite, self.levels))
+        check(finite, "levels", "finite numbers", self.levels)
+        check_line(self.color, self.line_width)
+        _contourpy()
+
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the marker, serialized.
+
+        Raises:
+            LayerNotFoundError: the map lacks the layer.
+            GridMapError: the interval is so small that there would be too many lines.
+        """
+        lines = list(self._lines(grid_map))
+        return line_marker(
+            grid_map,
+            np.concatenate(lines) if lines else np.empty((0, 3)),
+            kind=Marker.LINE_LIST,
+            namespace="contours",
+            color=self.color,
+            line_width=self.line_width,
+        )
+
+    def _lines(self, grid_map: GridMap) -> Iterator[npt.NDArray[np.float64]]:
+        """Yield (2 N, 3) ends of the pieces of the lines, level by level."""
+        values = grid_map.unwrapped(self.layer).T
+        if min(values.shape) < 2:
+            return
+        generator = _contourpy().contour_generator(
+            *grid_map.geometry.axes(),
+            np.ma.masked_invalid(values.astype(np.float64)),
+            corner_mask=True,
+            line_type="ChunkCombinedOffset",
+        )
+        for level in self._levels_of(values):
+            (points,), (offsets,) = generator.lines(level)
+            if points is not None:
+                height = 0.0 if self.flat else level
+                yield np.insert(_pieces(points, offsets), 2, height, axis=1)
+
+    def _levels_of(self, values: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+        if self.levels:
+            return np.unique(self.levels)
+        low, high = min_of_finites(values), max_of_finites(values)
+        if math.isnan(low):
+            return np.empty(0)
+        first, last = np.ceil(low / self.interval), np.floor(high / self.interval)
+        if last - first >= MOST_LEVELS:
+            raise GridMapError(
+                f"parameter 'interval': {self.interval} gives more than {MOST_LEVELS} lines between"
+                f" {low} and {high}"
+            )
+        return np.arange(first, last + 1) * self.interval
+
+
+def _pieces(
+    points: npt.NDArray[np.float64], offsets: npt.NDArray[np.uint32]
+) -> npt.NDArray[np.float64]:
+    """Return (2 N, 2) ends of the pieces of lines; line k begins at point `offsets[k]`."""
+    begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
+    return points[np.stack([begins, begins + 1], axis=-1).ravel()]
+
+
+def _contourpy() -> Any:
+    try:
+        import contourpy
+    except ImportError as error:
+        raise MissingPackageError("contourpy", "contours", REMEDY) from error
+    return contourpy

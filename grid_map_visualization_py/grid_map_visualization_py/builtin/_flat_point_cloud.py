@@ -1,0 +1,36 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cells as points in a plane, with every layer as a field."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+from grid_map_ros_py.messages import to_flat_point_cloud
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatPointCloud:
+    """Draw all cells as points at one height; those without finite basic layers are left out.
+
+    Attributes:
+        height: height of the points [m].
+
+    Raises:
+        ConfigError: the height is not finite.
+    """
+
+    message_type: ClassVar[type] = PointCloud2
+
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.height), "height", "a finite number", self.height)
+
+    def __call__(self, grid_map: GridMap) -> PointCloud2:
+        """Return the cloud."""
+        return to_flat_point_cloud(grid_map, self.height)

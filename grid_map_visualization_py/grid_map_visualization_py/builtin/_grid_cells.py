@@ -1,0 +1,44 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The cells whose value lies between two thresholds."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from nav_msgs import msg
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+from grid_map_ros_py.messages import to_serialized_grid_cells
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridCells:
+    """Show the cells of a layer whose finite value lies between two thresholds, both included.
+
+    Attributes:
+        layer: the layer to look at.
+        lower_threshold: smallest value that is shown.
+        upper_threshold: largest value that is shown.
+
+    Raises:
+        ConfigError: the thresholds are not in order, so that nothing would ever be shown.
+    """
+
+    message_type: ClassVar[type] = msg.GridCells
+
+    layer: str
+    lower_threshold: float = -math.inf
+    upper_threshold: float = math.inf
+
+    def __post_init__(self) -> None:
+        expected = f"at least lower_threshold ({self.lower_threshold})"
+        in_order = self.lower_threshold <= self.upper_threshold
+        check(in_order, "upper_threshold", expected, self.upper_threshold)
+
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the cells, serialized."""
+        return to_serialized_grid_cells(
+            grid_map, self.layer, self.lower_threshold, self.upper_threshold
+        )

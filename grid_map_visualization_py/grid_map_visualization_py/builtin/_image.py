@@ -1,0 +1,77 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A layer as a coloured image."""
+
+import array
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from sensor_msgs import msg
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py.messages import to_header
+
+from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
+
+OPAQUE = 255
+
+
+@dataclass(frozen=True, kw_only=True)
+class Image:
+    """Show a layer as an image: a pixel per cell, up is +x and left is +y.
+
+    Attributes:
+        layer: the layer to show.
+        color_mode: "intensity" colours by its values, "color" takes the packed colours in it.
+        color_map: name of a colour map of Matplotlib.
+        lower: value at the lower end of the colour map; without it the smallest.
+        upper: value at the upper end; without it the largest.
+        invert: swap the ends of the colour map.
+        encoding: order of the colours. With alpha, cells without a value are transparent; without,
+            they are grey.
+
+    Raises:
+        ConfigError: the colour map is unknown, or the bounds make no sense.
+        MissingPackageError: Matplotlib is not installed.
+    """
+
+    message_type: ClassVar[type] = msg.Image
+
+    layer: str
+    color_mode: Literal["intensity", "color"] = "intensity"
+    color_map: str = DEFAULT_COLOR_MAP
+    lower: float | None = None
+    upper: float | None = None
+    invert: bool = False
+    encoding: Literal["rgb8", "rgba8", "bgr8", "bgra8"] = "rgb8"
+
+    def __post_init__(self) -> None:
+        self._coloring()
+
+    def __call__(self, grid_map: GridMap) -> msg.Image:
+        """Return the image."""
+        pixels = self._pixels(grid_map)
+        rows, columns, channels = pixels.shape
+        message = msg.Image(header=to_header(grid_map), encoding=self.encoding)
+        message.height, message.width, message.step = rows, columns, columns * channels
+        message.data = array.array("B", pixels.tobytes())
+        return message
+
+    def _pixels(self, grid_map: GridMap) -> npt.NDArray[np.uint8]:
+        """Return (rows, cols, channels) in map order."""
+        values = grid_map.unwrapped(self.layer)
+        colors = self._coloring()(values)
+        if self.encoding.startswith("bgr"):
+            colors = colors[..., ::-1]
+        if "a" not in self.encoding:
+            return colors
+        alpha = np.where(np.isnan(values), 0, OPAQUE).astype(np.uint8)
+        return np.concatenate([colors, alpha[..., None]], axis=-1)
+
+    def _coloring(self) -> Coloring:
+        scale = ColorScale(
+            color_map=self.color_map, lower=self.lower, upper=self.upper, invert=self.invert
+        )
+        return Coloring(self.color_mode, self.layer, scale)

@@ -1,0 +1,56 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The outline of the map."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+
+from .._markers import check_line, line_marker
+
+_CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapRegion:
+    """Draw the border of the map as a closed line at height zero.
+
+    Attributes:
+        color: 0xRRGGBB.
+        line_width: width of the line [m].
+
+    Raises:
+        ConfigError: the colour is out of range, or the width not positive.
+    """
+
+    message_type: ClassVar[type] = Marker
+
+    color: int = 0xFFFFFF
+    line_width: float = 0.003
+
+    def __post_init__(self) -> None:
+        check_line(self.color, self.line_width)
+
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the marker, serialized."""
+        return line_marker(
+            grid_map,
+            _outline(grid_map),
+            kind=Marker.LINE_STRIP,
+            namespace="map_region",
+            color=self.color,
+            line_width=self.line_width,
+        )
+
+
+def _outline(grid_map: GridMap) -> npt.NDArray[np.float64]:
+    points = np.zeros((len(_CORNERS), 3))
+    # The C++ node halves in single precision; the same points come out here to the last bit.
+    half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
+    points[:, :2] = grid_map.position + _CORNERS * half_length
+    return points

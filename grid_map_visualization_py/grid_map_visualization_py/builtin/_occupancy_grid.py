@@ -1,0 +1,43 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""One layer as an occupancy grid."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from nav_msgs import msg
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError
+from grid_map_ros_py.errors import MessageError
+from grid_map_ros_py.messages import occupancies, to_occupancy_grid
+
+
+@dataclass(frozen=True, kw_only=True)
+class OccupancyGrid:
+    """Show a layer in the 101 steps between free and occupied; NaN is unknown.
+
+    Attributes:
+        layer: the layer to show.
+        data_min: the value that counts as free.
+        data_max: the value that counts as occupied; it may be less than `data_min`.
+
+    Raises:
+        ConfigError: the two bounds are equal or not finite.
+    """
+
+    message_type: ClassVar[type] = msg.OccupancyGrid
+
+    layer: str
+    data_min: float = 0.0
+    data_max: float = 1.0
+
+    def __post_init__(self) -> None:
+        try:
+            occupancies((), self.data_min, self.data_max)
+        except MessageError as error:
+            raise ConfigError(f"parameters {error}") from error
+
+    def __call__(self, grid_map: GridMap) -> msg.OccupancyGrid:
+        """Return the grid."""
+        return to_occupancy_grid(grid_map, self.layer, self.data_min, self.data_max)

@@ -1,0 +1,34 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cells as points, with every layer as a field."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py.messages import to_point_cloud
+
+from ._flat_point_cloud import FlatPointCloud
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointCloud:
+    """Draw the cells as points at the height that a layer gives.
+
+    Attributes:
+        layer: heights [m]; cells without a finite one are left out.
+        flat: draw all cells at height zero instead.
+    """
+
+    message_type: ClassVar[type] = PointCloud2
+
+    layer: str = "elevation"
+    flat: bool = False
+
+    def __call__(self, grid_map: GridMap) -> PointCloud2:
+        """Return the cloud."""
+        if self.flat:
+            return FlatPointCloud()(grid_map)
+        return to_point_cloud(grid_map, self.layer)

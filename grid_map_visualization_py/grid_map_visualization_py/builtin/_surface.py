@@ -1,0 +1,86 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The map as a surface in three dimensions."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+from grid_map_ros_py.messages import serialize, to_header
+
+from .. import surface
+from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale, check_color
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surface:
+    """Draw the map as a coloured surface of triangles; cells without a height are holes.
+
+    Attributes:
+        height_layer: heights [m].
+        flat: draw all at height zero.
+        color_mode: "intensity" colours by the values of `color_layer`, "color" takes the packed
+            colours in it, "flat" paints everything in `color`.
+        color_layer: the layer that gives the colours; empty for the heights.
+        color_map: name of a colour map of Matplotlib.
+        lower: value at the lower end of the colour map; without it the smallest.
+        upper: value at the upper end; without it the largest.
+        invert: swap the ends of the colour map.
+        color: 0xRRGGBB.
+        opacity: from 0, invisible, to 1.
+        max_cells: thin out larger maps to at most so many cells; 0 for never.
+
+    Raises:
+        ConfigError: the colour map is unknown, or a number is out of range.
+        MissingPackageError: Matplotlib is not installed.
+    """
+
+    message_type: ClassVar[type] = Marker
+
+    height_layer: str = "elevation"
+    flat: bool = False
+    color_mode: Literal["intensity", "color", "flat"] = "intensity"
+    color_layer: str = ""
+    color_map: str = DEFAULT_COLOR_MAP
+    lower: float | None = None
+    upper: float | None = None
+    invert: bool = False
+    color: int = 0xC0C0C0
+    opacity: float = 1.0
+    max_cells: int = 0
+
+    def __post_init__(self) -> None:
+        check_color(self.color)
+        check(0 <= self.opacity <= 1, "opacity", "0 to 1", self.opacity)
+        surface.check_max_cells(self.max_cells)
+        self._coloring()
+
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the marker, serialized."""
+        cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_cells)
+        corners = cells.triangles.ravel()
+        arrays = {
+            "points": np.take(cells.points(), corners, axis=0),
+            "colors": np.take(self._rgba(cells), corners, axis=0),
+        }
+        header, kind = to_header(grid_map), Marker.TRIANGLE_LIST
+        marker = Marker(header=header, ns="surface", type=kind, action=Marker.ADD)
+        marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+        return serialize(marker, arrays)
+
+    def _rgba(self, cells: surface.Surface) -> npt.NDArray[np.float32]:
+        rgb = cells.colors(self._coloring())
+        rgba = np.full((len(rgb), 4), self.opacity, np.float32)
+        np.divide(rgb, np.float32(255), out=rgba[:, :3])
+        return rgba
+
+    def _coloring(self) -> Coloring:
+        scale = ColorScale(
+            color_map=self.color_map, lower=self.lower, upper=self.upper, invert=self.invert
+        )
+        return Coloring(self.color_mode, self.color_layer, scale, self.color)

@@ -1,0 +1,67 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Vectors, such as surface normals, as lines."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.plugins import check
+
+from .._markers import check_line, line_marker
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vectors:
+    """Draw a line from the surface along a vector, for every cell where both are finite.
+
+    Attributes:
+        layer_prefix: followed by x, y or z it is the name of the layer of that component.
+        position_layer: heights [m] at which the lines start.
+        scale: length of a line per length of its vector [m].
+        line_width: width of the lines [m].
+        color: 0xRRGGBB.
+
+    Raises:
+        ConfigError: the colour is out of range, the scale not finite, or the width not positive.
+    """
+
+    message_type: ClassVar[type] = Marker
+
+    layer_prefix: str
+    position_layer: str
+    scale: float = 1.0
+    line_width: float = 0.003
+    color: int = 0x00FF00
+
+    def __post_init__(self) -> None:
+        check(math.isfinite(self.scale), "scale", "a finite number", self.scale)
+        check_line(self.color, self.line_width)
+
+    def __call__(self, grid_map: GridMap) -> bytes:
+        """Return the marker, serialized."""
+        return line_marker(
+            grid_map,
+            self._lines(grid_map).reshape(-1, 3),
+            kind=Marker.LINE_LIST,
+            namespace="vector",
+            color=self.color,
+            line_width=self.line_width,
+        )
+
+    def _lines(self, grid_map: GridMap) -> npt.NDArray[np.float64]:
+        """Return (N, 2, 3) start and end of the lines, column after column of the buffer."""
+        components = [f"{self.layer_prefix}{axis}" for axis in "xyz"]
+        valid = grid_map.valid_mask((self.position_layer, *components)).ravel("F")
+        lines = np.empty((np.count_nonzero(valid), 2, 3))
+        lines[:, 0, :2] = grid_map.get_positions()[valid]
+        lines[:, 0, 2] = grid_map[self.position_layer].ravel("F")[valid]
+        for axis, layer in enumerate(components):
+            lines[:, 1, axis] = grid_map[layer].ravel("F")[valid]
+        lines[:, 1] = lines[:, 0] + self.scale * lines[:, 1]
+        return lines

@@ -1,0 +1,174 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values of layers as colours.
+
+Colours are red, green, blue in [0, 255]. Colour maps are those of Matplotlib, under their names
+there (https://matplotlib.org/stable/gallery/color/colormap_reference.html), so that a map has the
+same colours in RViz, in the browser and in a picture. Matplotlib is imported when the first colour
+map is asked for.
+"""
+
+import difflib
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py.arrays import max_of_finites, min_of_finites
+from grid_map_core_py.conversions import color_value_to_bytes
+from grid_map_core_py.errors import ConfigError, MissingPackageError
+from grid_map_core_py.plugins import check
+
+Colors: TypeAlias = npt.NDArray[np.uint8]
+"""(..., 3) red, green, blue."""
+
+MISSING = 128
+"""Red, green and blue of cells without a value: grey."""
+
+DEFAULT_COLOR_MAP = "viridis"
+
+REMEDY = "install python3-matplotlib (apt) or matplotlib (pip)"
+
+_STEPS = 256
+
+
+def color_map_names() -> list[str]:
+    """Return the names of all colour maps but the reversed ones.
+
+    Raises:
+        MissingPackageError: Matplotlib is not installed.
+    """
+    return sorted(name for name in _matplotlib().colormaps if not name.endswith("_r"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColorScale:
+    """A colour map and the values at its ends.
+
+    Attributes:
+        color_map: name of the colour map.
+        lower, upper: values at its ends; values beyond have the colours of the ends. None means
+            the smallest and the largest finite value.
+        invert: swap the ends.
+
+    Raises:
+        ConfigError: there is no such colour map, or the bounds are not finite and in order.
+        MissingPackageError: Matplotlib is not installed.
+    """
+
+    color_map: str = DEFAULT_COLOR_MAP
+    lower: float | None = None
+    upper: float | None = None
+    invert: bool = False
+
+    def __post_init__(self) -> None:
+        _table(self.color_map)
+        for name, bound in (("lower", self.lower), ("upper", self.upper)):
+            check(bound is None or np.isfinite(bound), name, "a finite number", bound)
+        if self.lower is not None and self.upper is not None:
+            expected = f"more than lower ({self.lower}); `invert` swaps the colours"
+            check(self.lower < self.upper, "upper", expected, self.upper)
+
+    def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
+        """Return the values at the ends of the colour map for these values.
+
+        A bound that is given stands, and the other is not beyond it. Where nothing is finite and
+        nothing given, they are 0 and 0.
+        """
+        lower = min_of_finites(values) if self.lower is None else self.lower
+        upper = max_of_finites(values) if self.upper is None else self.upper
+        if np.isnan(lower):
+            lower = 0.0 if np.isnan(upper) else upper
+        if np.isnan(upper):
+            upper = lower
+        if self.lower is None:
+            return min(lower, upper), upper
+        return lower, max(lower, upper)
+
+    def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
+        """Return the colours (..., 3) of values (...); NaN is grey.
+
+        The range is divided into 256 equal steps, one per colour.
+        """
+        lower, upper = self.bounds(values)
+        factor = _STEPS / (upper - lower) if upper > lower else 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = (values - np.float32(lower)) * np.float32(factor)
+        # These two take NaN for the bound.
+        steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
+        table = _table(self.color_map)
+        if self.invert:
+            table = table[::-1]
+        colors: Colors = np.take(table, steps.astype(np.uint8), axis=0)
+        colors[np.isnan(values)] = MISSING
+        return colors
+
+
+def packed_colors(values: npt.NDArray[np.float32]) -> Colors:
+    """Return the colours (..., 3) of packed colour values (...), 0x00RRGGBB; NaN is grey."""
+    colors = np.stack(color_value_to_bytes(values), axis=-1)
+    colors[np.isnan(values)] = MISSING
+    return colors
+
+
+def check_color(color: int) -> None:
+    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
+    check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
+
+
+def flat_color(color: int) -> Colors:
+    """Return the colour (3,) of 0xRRGGBB."""
+    return np.array([color >> 16 & 0xFF, color >> 8 & 0xFF, color & 0xFF], np.uint8)
+
+
+@dataclass(frozen=True)
+class Coloring:
+    """Where the colours of cells come from.
+
+    Attributes:
+        mode: "intensity", the values of a layer by a colour map; "color", the packed colours of a
+            layer; "flat", one colour for all.
+        layer: the layer of the first two.
+        scale: the colour map of the first.
+        color: the one colour, 0xRRGGBB.
+    """
+
+    mode: Literal["intensity", "color", "flat"] = "intensity"
+    layer: str = ""
+    scale: ColorScale = field(default_factory=ColorScale)
+    color: int = 0xC0C0C0
+
+    def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
+        """Return the colours (..., 3) of the cells in which `layer` has these values (...)."""
+        if self.mode == "intensity":
+            return self.scale(values)
+        if self.mode == "color":
+            return packed_colors(values)
+        return np.broadcast_to(flat_color(self.color), (*values.shape, 3))
+
+
+@cache
+def _table(name: str) -> Colors:
+    """Return the (256, 3) colours of a colour map."""
+    maps = _matplotlib().colormaps
+    if name not in maps:
+        raise ConfigError(_unknown(name, list(maps)))
+    colors = maps[name](np.linspace(0.0, 1.0, _STEPS))[:, :3]
+    table: Colors = np.rint(255 * colors).astype(np.uint8)
+    return table
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known)
+    hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
+    return f"parameter 'color_map': expected a colour map of Matplotlib, found {name!r}; {hint}"
+
+
+def _matplotlib() -> Any:
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise MissingPackageError("matplotlib", "a colour map", REMEDY) from error
+    return matplotlib
