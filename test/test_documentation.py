@@ -12,6 +12,7 @@ How blocks are run:
             Other lines from the root of the workspace: one with the comment `publishes /topic` runs
             until that topic has brought a message, and is then interrupted. Those that begin with
             `ros2` are run where there is a `ros2`; their names are checked everywhere.
+            The block marked `ros` runs with stand-ins for the network; `pip` names packages.
     yaml    a filter chain or the parameters of a node of ours, which are built or looked up.
     text, xml, cpp are not run.
 
@@ -55,7 +56,7 @@ from grid_map_ros_py.testing import (
 )
 from grid_map_visualization_py._registry import BUILT_IN, create
 from grid_map_visualization_py.pictures import plot, plot_3d
-from scratch import ROOT, run
+from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, run
 
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
 INDEX = page("docs/index.md")
@@ -166,7 +167,7 @@ def commands(block: Block) -> list[tuple[str, str]]:
 def scripts() -> Iterator[tuple[str, str]]:
     """Yield every command of the documentation with the topic that ends it, or an empty one."""
     for block in blocks("bash"):
-        if is_finite(block):
+        if is_finite(block) or block.info in {"ros", "pip"}:
             continue
         before = ""
         for command, comment in commands(block):
@@ -239,6 +240,35 @@ def test_commands_that_end_are_targets_of_make_or_launch_files():
     assert {script.partition(" ")[0] for script in FINITE if not is_ros2(script)} == {"make"}
     assert all("ros2 launch " in script for script in FINITE if is_ros2(script))
     assert {f"make {target}" for target in EXECUTED_TARGETS} <= FINITE
+
+
+STAND_INS = f"""
+source() {{ [ "$1" = /opt/ros/jazzy/setup.bash ]; }}
+git() {{ [ "$1 $2" = "clone $GRID_MAP_PY" ] && ln -s "$2" "$3"; }}
+rosdep() {{ [ "$*" = "install --from-paths src --ignore-src -y" ]; }}
+colcon() {{ [ "$*" = build ] && command colcon list --names-only; }}
+GRID_MAP_PY={ROOT}
+"""
+"""They replace ROS and the network; colcon only lists the packages that it would build."""
+
+
+def install_command(info: str) -> str:
+    (block,) = (block for block in BLOCKS if block.info == info)
+    return block.text
+
+
+def test_ros_workspace_of_readme_has_all_packages(tmp_path):
+    script = STAND_INS + install_command("ros")
+    done = run("bash", "-ec", script, environ=environment() | {"HOME": str(tmp_path)})
+    assert done.returncode == 0, done.stderr
+    assert sorted(done.stdout.split()) == sorted(path.name for path in PACKAGES)
+
+
+def test_pip_command_of_readme_names_packages():
+    """They are installed for real, into an environment of their own, by the tests of packages."""
+    program, *paths = install_command("pip").removeprefix("pip ").split()
+    assert program == "install"
+    assert {*paths} <= {f"./{path.name}" for path in PYTHON_PACKAGES}
 
 
 def test_make_demo_ends_well_and_leaves_its_pictures():
