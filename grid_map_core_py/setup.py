@@ -1,24 +1,54 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_core_py"
+URL = "https://github.com/grid-map-py/grid_map_py"
+
+options = {}
+requirements = ["numpy>=1.26", "opencv-python-headless>=4.6", "PyYAML>=6.0", "scipy>=1.11"]
+if {"develop", "install"} & set(sys.argv):
+    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
+    requirements = []
+else:
+    # pip and build leave nothing behind in the sources.
+    scratch = TemporaryDirectory()
+    options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="0.2.0",
     description="Layered 2-D grid maps for robots in NumPy, without ROS.",
+    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    url=URL,
+    project_urls={
+        "Documentation": f"{URL}/tree/main/docs",
+        "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+    },
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
     license="BSD-3-Clause",
+    license_files=["LICENSE"],
+    options=options,
+    python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
     package_data={"": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=requirements,
     tests_require=["pytest"],
-    extras_require={"files": ["pypcd4>=1.1", "trimesh>=4.8"], "test": ["pytest"]},
+    extras_require={
+        "completion": ["argcomplete>=3"],
+        "files": ["pypcd4>=1.1", "trimesh>=4.8"],
+        "geo": ["rasterio>=1.3"],
+        "test": ["pytest"],
+    },
     zip_safe=True,
 )

@@ -1,18 +1,45 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+import sys
 from glob import glob
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_demos_py"
+URL = "https://github.com/grid-map-py/grid_map_py"
+
+options = {}
+requirements = [
+    "grid_map_filters_py~=0.2.0",
+    "grid_map_visualization_py[pictures]~=0.2.0",
+]
+if {"develop", "install"} & set(sys.argv):
+    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
+    requirements = []
+else:
+    # pip and build leave nothing behind in the sources.
+    scratch = TemporaryDirectory()
+    options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="0.2.0",
     description="Demonstrations of the grid map packages on real terrain.",
+    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    url=URL,
+    project_urls={
+        "Documentation": f"{URL}/tree/main/docs",
+        "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+    },
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
     license="BSD-3-Clause",
+    license_files=["LICENSE"],
+    options=options,
+    python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
     package_data={"": ["py.typed"]},
     data_files=[
@@ -26,9 +53,9 @@ setup(
         (f"share/{PACKAGE}/launch", glob("launch/*")),
         (f"share/{PACKAGE}/rviz", glob("rviz/*")),
     ],
-    install_requires=["setuptools"],
+    install_requires=requirements,
     tests_require=["pytest"],
-    extras_require={"completion": ["argcomplete"], "geotiff": ["rasterio"], "test": ["pytest"]},
+    extras_require={"test": ["pytest"]},
     zip_safe=True,
     entry_points={
         "console_scripts": [

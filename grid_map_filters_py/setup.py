@@ -1,23 +1,48 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_filters_py"
+URL = "https://github.com/grid-map-py/grid_map_py"
+
+options = {}
+requirements = ["grid_map_core_py~=0.2.0", "lark>=1.1.9"]
+if {"develop", "install"} & set(sys.argv):
+    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
+    requirements = []
+else:
+    # pip and build leave nothing behind in the sources.
+    scratch = TemporaryDirectory()
+    options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="0.2.0",
     description="Chains of grid map filters, configured in YAML.",
+    long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    url=URL,
+    project_urls={
+        "Documentation": f"{URL}/tree/main/docs",
+        "Changelog": f"{URL}/blob/main/{PACKAGE}/CHANGELOG.rst",
+    },
     maintainer="grid_map_py contributors",
     maintainer_email="grid-map-py@users.noreply.github.com",
     license="BSD-3-Clause",
+    license_files=["LICENSE"],
+    options=options,
+    python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
     package_data={"": ["py.typed", "*.lark"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    install_requires=requirements,
     tests_require=["pytest"],
     extras_require={"test": ["pytest"]},
     zip_safe=True,

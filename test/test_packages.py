@@ -3,6 +3,7 @@
 """What the packages declare is what they are."""
 
 import ast
+import importlib
 import json
 import re
 import sys
@@ -90,9 +91,12 @@ def test_every_declared_executable_is_installed(package):
 @pytest.mark.parametrize("package", PACKAGES, ids=by_name)
 def test_all_packages_carry_one_version(package):
     version = ElementTree.parse(package / "package.xml").getroot().findtext("version")
-    assert version == "0.1.0"
+    assert version == "0.2.0"
     if package in PYTHON_PACKAGES:
-        assert f'version="{version}"' in (package / "setup.py").read_text()
+        setup = (package / "setup.py").read_text()
+        assert f'version="{version}"' in setup
+        assert set(re.findall(r'"grid_map_\w+_py[^=]*=([\d.]+)"', setup)) <= {version}
+        assert importlib.import_module(package.name).__version__ == version
 
 
 def test_the_map_message_has_the_type_hash_of_the_cpp_suite():

@@ -43,6 +43,8 @@ from .regions import (
 )
 from .regions._polygon import Polygon
 
+__version__ = "0.2.0"
+
 __all__ = [
     "BufferRegion",
     "ConfigError",

@@ -17,6 +17,8 @@ from ._step_times import StepTimes
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 
+__version__ = "0.2.0"
+
 __all__ = [
     "FILTERS",
     "Expression",

@@ -46,6 +46,8 @@ from .messages._polygon import (
 )
 from .messages._serialized import ReceivedMap, from_serialized_message, to_serialized_message
 
+__version__ = "0.2.0"
+
 __all__ = [
     "BagError",
     "BagReader",

@@ -11,4 +11,6 @@ Matplotlib.
 from ._registry import VISUALIZATIONS, create
 from ._visualization import Visualization
 
+__version__ = "0.2.0"
+
 __all__ = ["VISUALIZATIONS", "Visualization", "create"]

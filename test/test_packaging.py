@@ -1,0 +1,115 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The packages install with pip and without ROS, and from wheels and source archives."""
+
+import tarfile
+import zipfile
+from email import message_from_string
+from email.message import Message
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+
+from scratch import BASE_PYTHON, PYTHON_PACKAGES, ROOT, fresh_environment, run
+
+NAMES = [package.name for package in PYTHON_PACKAGES]
+LIBRARIES = {
+    "grid_map_core_py": {"numpy", "opencv-python-headless", "PyYAML", "scipy"},
+    "grid_map_filters_py": {"grid_map_core_py", "lark"},
+    "grid_map_ros_py": {"grid_map_core_py"},
+    "grid_map_visualization_py": {"grid_map_ros_py"},
+    "grid_map_demos_py": {"grid_map_filters_py", "grid_map_visualization_py"},
+}
+USE = """
+import grid_map_core_py as gm
+from grid_map_filters_py import FilterChain
+step = {
+    "name": "double",
+    "type": "gridMapFilters/MathExpressionFilter",
+    "params": {"expression": "2 * elevation", "output_layer": "doubled"},
+}
+chain = FilterChain.from_config([step])
+print(chain(gm.GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))["doubled"].max())
+"""
+
+
+def files_of_packages() -> set[Path]:
+    every = {path for package in PYTHON_PACKAGES for path in package.rglob("*")}
+    return {path for path in every if "__pycache__" not in path.parts}
+
+
+def pip(venv: Path, *arguments: str | Path) -> None:
+    done = run(venv / "bin/pip", "install", "-q", *arguments, environ=fresh_environment())
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.fixture(scope="module")
+def venv(tmp_path_factory) -> Path:
+    """A new environment with core and filters, installed with pip from this clone."""
+    folder = tmp_path_factory.mktemp("packaging") / "venv"
+    run(BASE_PYTHON, "-m", "venv", folder, environ=fresh_environment())
+    before = files_of_packages()
+    pip(folder, "./grid_map_core_py", "./grid_map_filters_py")
+    assert files_of_packages() == before
+    return folder
+
+
+@pytest.fixture(scope="module")
+def archives(venv) -> Path:
+    """A folder with a source archive of each package and the wheel that was built from it."""
+    pip(venv, "build", "setuptools>=68", "wheel")
+    folder = venv.with_name("archives")
+    before = files_of_packages()
+    for package in PYTHON_PACKAGES:
+        command = (venv / "bin/python", "-m", "build", "--no-isolation", "--outdir", folder)
+        done = run(*command, package, environ=fresh_environment())
+        assert done.returncode == 0, done.stderr
+    assert files_of_packages() == before
+    return folder
+
+
+def metadata(archives: Path, name: str) -> Message:
+    (path,) = archives.glob(f"{name}-*.whl")
+    with zipfile.ZipFile(path) as wheel:
+        return message_from_string(wheel.read(f"{name}-0.2.0.dist-info/METADATA").decode())
+
+
+def libraries(requirements: list[str]) -> set[str]:
+    """Return the names of the requirements that belong to no extra."""
+    always = [text for text in requirements if "extra ==" not in text]
+    return {text.partition("[")[0].split("~")[0].split(">")[0].strip() for text in always}
+
+
+def test_core_and_filters_work_after_pip_install(venv):
+    done = run(venv / "bin/python", "-c", USE, environ=fresh_environment(), cwd=venv)
+    assert (done.stdout, done.stderr) == ("4.0\n", "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_wheel_describes_its_package(archives, name):
+    described = metadata(archives, name)
+    assert described["License"] == "BSD-3-Clause"
+    assert described["Requires-Python"] == ">=3.11"
+    assert described["Description-Content-Type"] == "text/markdown"
+    assert described.get_payload().startswith(f"# {name}\n")
+    assert any("Documentation, https://" in url for url in described.get_all("Project-URL"))
+    assert libraries(described.get_all("Requires-Dist")) == LIBRARIES[name]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_archives_contain_licence_and_marker_of_types(archives, name):
+    (wheel,) = archives.glob(f"{name}-*.whl")
+    (source,) = archives.glob(f"{name}-*.tar.gz")
+    files = zipfile.ZipFile(wheel).namelist()
+    assert f"{name}/py.typed" in files
+    assert any(path.endswith("/LICENSE") for path in files)
+    with tarfile.open(source) as archive:
+        licence = archive.extractfile(f"{name}-0.2.0/LICENSE").read()
+    assert licence == (ROOT / "LICENSE").read_bytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_colcon_build_leaves_libraries_to_rosdep(name):
+    """PyPI's names of them are unknown to apt, and scripts that check would refuse to start."""
+    assert libraries(distribution(name).requires or []) == set()
