@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How `make docs` builds the site.
+"""Sphinx configuration of the documentation site, used by `make docs`.
 
-Its source is the whole repository, of which Sphinx takes the Markdown: links between pages, and to
-files beside them, are the same on the site as where the code is hosted.
+The source of the site is the whole repository, from which Sphinx takes the Markdown files. Links
+between pages, and to files beside them, are therefore the same on the site and on a code host.
 """
 
 import pkgutil
@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import numpy.typing as npt
 from sphinx.application import Sphinx
@@ -39,7 +40,7 @@ html_title = project
 html_copy_source = False
 
 myst_heading_anchors = 4
-# Links to folders, which a code host shows and the site has not.
+# A code host shows folders; the site does not.
 nitpick_ignore_regex = [("myst", r".*/")]
 
 OVERVIEWS = {
@@ -48,11 +49,11 @@ OVERVIEWS = {
     "docs/demos/README": "*",
     "docs/filters": "filters/*",
 }
-"""Pages that have others below them in the navigation; the rest of it stands in index.md."""
+"""Pages that have others below them in the navigation; index.md lists the rest."""
 
 default_role = "literal"
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "show-inheritance": True}
+autodoc_default_options = {"show-inheritance": True}
 autodoc_preserve_defaults = True
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True
@@ -66,23 +67,37 @@ def add_navigation(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def add_modules(_app: Sphinx, page: str, source: list[str]) -> None:
-    """Append to a page of the API reference what the docstrings of its package say."""
+    """Append to a page of the API reference the public names of its package, room by room."""
     if not page.startswith("docs/api/grid_map_"):
         return
     package = import_module(page.rpartition("/")[2])
     below = pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-    names = [package.__name__, *(module.name for module in below if "._" not in module.name)]
-    source[0] += "".join(map(reference, names))
+    rooms = [import_module(module.name) for module in below if "._" not in module.name]
+    elsewhere = {name for room in rooms for name in public_names(room)}
+    elsewhere |= {x for x in public_names(package) if is_borrowed(getattr(package, x), package)}
+    source[0] += section(package, [x for x in public_names(package) if x not in elsewhere])
+    offered = [f"`{name}`" for name in public_names(package) if name in elsewhere]
+    if offered:
+        source[0] += f"\nAlso offers {', '.join(offered)}, described in the rooms.\n"
+    source[0] += "".join(section(room, public_names(room)) for room in rooms if public_names(room))
 
 
-def reference(name: str) -> str:
-    """Return the section on a module. What packages offer is described where it is defined."""
-    module = import_module(name)
-    offered = ", ".join(f"`{each}`" for each in getattr(module, "__all__", ()))
-    is_package = hasattr(module, "__path__")
-    members = "\n   :no-members:" if is_package else ""
-    text = f"\n\n## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}{members}\n```\n"
-    return f"{text}\nOffers {offered}.\n" if is_package and offered else text
+def public_names(module: ModuleType) -> list[str]:
+    """Return the names that a package, a room or a module exports."""
+    return list(getattr(module, "__all__", ()))
+
+
+def is_borrowed(member: object, package: ModuleType) -> bool:
+    """Return whether another package defines a class or function."""
+    owner = getattr(member, "__module__", package.__name__)
+    return owner.partition(".")[0] != package.__name__
+
+
+def section(module: ModuleType, names: list[str]) -> str:
+    """Return a section with the docstrings of a module and of these names in it."""
+    members = f"\n   :members: {', '.join(names)}" if names else "\n   :no-members:"
+    name = module.__name__
+    return f"\n\n## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}{members}\n```\n"
 
 
 ARRAY_LIKE = stringify_annotation(npt.ArrayLike, "smart")
@@ -90,7 +105,7 @@ Docstring = Callable[[Sphinx, str, str, object, object, list[str]], None]
 
 
 def rewrites(change: Callable[[str], str]) -> Docstring:
-    """Return what changes every docstring."""
+    """Return an autodoc hook that applies `change` to every docstring."""
 
     def rewrite(
         _app: Sphinx, _what: str, _name: str, _of: object, _options: object, lines: list[str]
@@ -101,7 +116,7 @@ def rewrites(change: Callable[[str], str]) -> Docstring:
 
 
 def list_returns(text: str) -> str:
-    """Make a list of several values that are returned, for which Napoleon has no form."""
+    """Turn several return values into a list, which Napoleon cannot do."""
     section = re.search(r"^Returns:\n((?: {4}.*\n)+)", text, re.MULTILINE)
     if not section or len(re.findall(r"^ {4}\w+: ", section[1], re.MULTILINE)) < 2:
         return text
@@ -111,7 +126,7 @@ def list_returns(text: str) -> str:
 
 
 def escape(text: str) -> str:
-    """Let stars and bars, where they are signs of mathematics, mean themselves."""
+    """Escape stars and bars that are mathematical signs."""
     sign = re.compile(r"(?<=[\w)\]])[*|]|[*|](?=[\w(])")
     is_code = re.compile(r" *(>>>|\.\.\.)")
     lines = text.split("\n")
@@ -130,12 +145,12 @@ def shorten(
     takes: str | None,
     gives: str | None,
 ) -> Signature | None:
-    """Write the types of arrays in a signature as the code does."""
+    """Shorten array types in a signature to the names used in the code."""
     return None if takes is None else (short(takes), gives and short(gives))
 
 
 def short(text: str) -> str:
-    """Return types with the usual names of arrays."""
+    """Return `text` with array types under their usual names."""
     array = (
         r"~numpy\.ndarray\[tuple\[~typing\.Any, \.\.\.\], ~numpy\.dtype\[~?(?:numpy\.)?([\w.]+)\]\]"
     )
@@ -143,7 +158,7 @@ def short(text: str) -> str:
 
 
 def add_index(app: Sphinx, error: Exception | None) -> None:
-    """Lead from the folder of the site to its first page."""
+    """Write an index.html that redirects to the first page of the site."""
     if error is None:
         target = f"{app.config.root_doc}.html"
         page = (
@@ -153,7 +168,7 @@ def add_index(app: Sphinx, error: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Hook the functions above in."""
+    """Connect the functions above to Sphinx."""
     app.connect("source-read", add_navigation)
     app.connect("source-read", add_modules)
     app.connect("autodoc-process-docstring", rewrites(escape), priority=400)

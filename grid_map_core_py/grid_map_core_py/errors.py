@@ -12,6 +12,15 @@ GridMapError
 
 from collections.abc import Iterable
 
+__all__ = [
+    "ConfigError",
+    "GeometryError",
+    "GridMapError",
+    "LayerNotFoundError",
+    "MissingPackageError",
+    "OutOfMapError",
+]
+
 
 class GridMapError(Exception):
     """Base of all errors of the grid_map packages: catch this one to catch them all."""

@@ -16,6 +16,14 @@ import numpy as np
 
 from .map._grid_map import GridMap
 
+__all__ = [
+    "assert_maps_equal",
+    "grid_maps",
+    "killed_at_every_step",
+    "moved_in_buffer",
+    "register_profiles",
+]
+
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 

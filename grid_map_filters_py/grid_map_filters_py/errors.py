@@ -12,6 +12,8 @@ An error is also one of those above it::
 
 from grid_map_core_py.errors import ConfigError, GridMapError
 
+__all__ = ["ExpressionError", "FilterConfigError", "FilterError"]
+
 
 class FilterError(GridMapError):
     """A filter, or the chain it stands in, failed; the message names filter and cause."""

@@ -11,6 +11,8 @@ GridMapError (grid_map_core_py)
 
 from grid_map_core_py.errors import GridMapError
 
+__all__ = ["BagError", "MessageError", "NodeFailedError", "RequestError"]
+
 
 class MessageError(GridMapError, ValueError):
     """A message, or a value meant for one, does not hold what it must.

@@ -29,6 +29,22 @@ from rclpy.utilities import try_shutdown
 
 from .nodes._qos import map_qos
 
+__all__ = [
+    "DOMAINS",
+    "LOCK_PORTS",
+    "TIMEOUT",
+    "Peer",
+    "Process",
+    "environment",
+    "peer",
+    "reserve_domain",
+    "reserved_domain",
+    "running",
+    "running_node",
+    "start_node",
+    "wait_until",
+]
+
 DOMAINS = 100
 """Domains from 1 to this number are safe on every system."""
 

@@ -21,6 +21,19 @@ from grid_map_core_py.conversions import color_value_to_bytes
 from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_core_py.plugins import check
 
+__all__ = [
+    "DEFAULT_COLOR_MAP",
+    "MISSING",
+    "REMEDY",
+    "ColorScale",
+    "Coloring",
+    "Colors",
+    "check_color",
+    "color_map_names",
+    "flat_color",
+    "packed_colors",
+]
+
 Colors: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) red, green, blue."""
 

@@ -33,6 +33,8 @@ try:
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
 
+__all__ = ["MAX_CELLS_3D", "plot", "plot_3d", "save_picture"]
+
 LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
 """Direction to the light."""
 

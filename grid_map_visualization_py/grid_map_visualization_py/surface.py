@@ -27,6 +27,8 @@ from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors
 
+__all__ = ["SMALLEST_MAX_CELLS", "Mesh", "Surface", "check_max_cells"]
+
 SMALLEST_MAX_CELLS = 9
 """A map cannot be thinned out to fewer cells: first, last and one in between, both ways."""
 
