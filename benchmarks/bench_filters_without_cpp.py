@@ -7,14 +7,14 @@ import pytest
 from oracles import PROBES, disc_points, normal_of
 from terrain import terrain
 
-from grid_map_filters_py.builtin.__bilateral import Bilateral
-from grid_map_filters_py.builtin.__dilation import Dilation
-from grid_map_filters_py.builtin.__gaussian_blur import GaussianBlur
-from grid_map_filters_py.builtin.__inpaint import Inpaint
-from grid_map_filters_py.builtin.__roughness import Roughness
-from grid_map_filters_py.builtin.__slope import Slope
-from grid_map_filters_py.builtin.__step_height import StepHeight
-from grid_map_filters_py.builtin.__traversability import Traversability
+from grid_map_filters_py.builtin._bilateral import Bilateral
+from grid_map_filters_py.builtin._dilation import Dilation
+from grid_map_filters_py.builtin._gaussian_blur import GaussianBlur
+from grid_map_filters_py.builtin._inpaint import Inpaint
+from grid_map_filters_py.builtin._roughness import Roughness
+from grid_map_filters_py.builtin._slope import Slope
+from grid_map_filters_py.builtin._step_height import StepHeight
+from grid_map_filters_py.builtin._traversability import Traversability
 
 IN_OUT = {"input_layer": "elevation", "output_layer": "out"}
 

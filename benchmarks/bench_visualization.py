@@ -7,10 +7,10 @@ from rclpy.serialization import deserialize_message
 from terrain import terrain
 from visualization_msgs.msg import Marker
 
-from grid_map_visualization_py.builtin.__contours import Contours
-from grid_map_visualization_py.builtin.__image import Image
-from grid_map_visualization_py.builtin.__surface import Surface
-from grid_map_visualization_py.builtin.__vectors import Vectors
+from grid_map_visualization_py.builtin._contours import Contours
+from grid_map_visualization_py.builtin._image import Image
+from grid_map_visualization_py.builtin._surface import Surface
+from grid_map_visualization_py.builtin._vectors import Vectors
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Surface as Triangles
 

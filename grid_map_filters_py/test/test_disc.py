@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py._shared.disc import Disc, tiles, typical_value
-from grid_map_filters_py.builtin.__mean_in_radius import MeanInRadius
+from grid_map_filters_py.builtin._mean_in_radius import MeanInRadius
 
 RESOLUTION = 0.1
 

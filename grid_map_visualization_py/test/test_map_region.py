@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import grid_maps
-from grid_map_visualization_py.builtin.__map_region import MapRegion
+from grid_map_visualization_py.builtin._map_region import MapRegion
 
 
 def drawn(grid_map: GridMap, **parameters: object) -> Marker:

@@ -5,8 +5,8 @@
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_visualization_py.builtin.__flat_point_cloud import FlatPointCloud
-from grid_map_visualization_py.builtin.__point_cloud import PointCloud
+from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloud
+from grid_map_visualization_py.builtin._point_cloud import PointCloud
 
 
 def points(cloud) -> np.ndarray:

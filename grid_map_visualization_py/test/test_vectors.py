@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, LayerNotFoundError, map_cells
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_visualization_py.builtin.__vectors import Vectors
+from grid_map_visualization_py.builtin._vectors import Vectors
 
 LAYERS = ("height", "normal_x", "normal_y", "normal_z")
 PARAMETERS = {"layer_prefix": "normal_", "position_layer": "height"}

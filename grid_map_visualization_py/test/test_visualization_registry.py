@@ -10,15 +10,15 @@ import pytest
 from grid_map_core_py.errors import ConfigError
 from grid_map_visualization_py import VISUALIZATIONS, create
 from grid_map_visualization_py import _registry as registry
-from grid_map_visualization_py.builtin.__contours import Contours
-from grid_map_visualization_py.builtin.__flat_point_cloud import FlatPointCloud
-from grid_map_visualization_py.builtin.__grid_cells import GridCells
-from grid_map_visualization_py.builtin.__image import Image
-from grid_map_visualization_py.builtin.__map_region import MapRegion
-from grid_map_visualization_py.builtin.__occupancy_grid import OccupancyGrid
-from grid_map_visualization_py.builtin.__point_cloud import PointCloud
-from grid_map_visualization_py.builtin.__surface import Surface
-from grid_map_visualization_py.builtin.__vectors import Vectors
+from grid_map_visualization_py.builtin._contours import Contours
+from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloud
+from grid_map_visualization_py.builtin._grid_cells import GridCells
+from grid_map_visualization_py.builtin._image import Image
+from grid_map_visualization_py.builtin._map_region import MapRegion
+from grid_map_visualization_py.builtin._occupancy_grid import OccupancyGrid
+from grid_map_visualization_py.builtin._point_cloud import PointCloud
+from grid_map_visualization_py.builtin._surface import Surface
+from grid_map_visualization_py.builtin._vectors import Vectors
 
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
 
