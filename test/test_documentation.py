@@ -61,6 +61,7 @@ from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, run
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
 INDEX = page("docs/index.md")
 TUTORIAL = page("docs/tutorial.md")
+LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
 EXECUTED_TARGETS = {"demo"}
 """Targets of make that are run here; the others would not end, or take minutes."""
 
@@ -369,6 +370,15 @@ def test_every_error_is_in_the_tree():
     assert len(errors) > 5
     tree = page("docs/architecture.md").section("Errors")
     assert [error.__name__ for error in errors if error.__name__ not in tree] == []
+
+
+@pytest.mark.parametrize("package", LIBRARIES, ids=lambda package: package.name)
+def test_architecture_shows_every_room(package):
+    paths = (package / package.name).iterdir()
+    rooms = {path.stem for path in paths if path.stem[0].isalpha()} - {"py", "viewer"}
+    tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
+    shown = re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)
+    assert rooms == {*shown}
 
 
 # --- pages ----------------------------------------------------------------------------------------
