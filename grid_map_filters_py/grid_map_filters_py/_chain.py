@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import build, check
 
 from ._config import StepConfig, parse_steps, read_chain
-from ._filter import Filter, warnings_of
+from ._filter import Filter, running
 from ._registry import FILTERS
 from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError, FilterError
@@ -35,7 +36,10 @@ class FilterChain:
     """Filters that run one after the other.
 
     `chain(grid_map)` never changes its input and shares no data with it. The result keeps the start
-    index of the input, unless a `BufferNormalizer` is among the filters.
+    index of the input, unless a `BufferNormalizer` is among the filters. Several threads may call
+    one chain at the same time.
+
+    Filters get maps whose layers are read-only: one that writes into a layer fails.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -72,28 +76,69 @@ class FilterChain:
         """
         return cls.from_config(read_chain(path, name))
 
-    def __call__(self, grid_map: GridMap, observer: StepObserver | None = None) -> GridMap:
+    def __call__(
+        self,
+        grid_map: GridMap,
+        observer: StepObserver | None = None,
+        *,
+        warnings: list[str] | None = None,
+    ) -> GridMap:
         """Return the filtered map.
 
         Args:
             grid_map: stays as it is.
             observer: is called after each step with the step and its duration [s].
+            warnings: list to which the warnings of the filters are appended; None issues each as a
+                `FilterWarning`.
 
         Raises:
             FilterError: a filter failed; the message names it.
         """
-        # The copy keeps filters, which share what they leave alone, from sharing it with the
-        # caller.
-        result = grid_map.stored_from((0, 0))
+        result, own = self._run(grid_map, observer, warnings)
+        start = self._start_index(grid_map, result)
+        if start != (0, 0):
+            return result.stored_from(start)
+        return result.with_layers(
+            {name: own[name] if name in own else result[name].copy("F") for name in result}
+        )
+
+    def without_copies(
+        self,
+        grid_map: GridMap,
+        observer: StepObserver | None = None,
+        *,
+        warnings: list[str] | None = None,
+    ) -> tuple[GridMap, Size]:
+        """Return the filtered map in map order, and the start index that a call would give it.
+
+        Layers that no filter has changed are those of the input, unless it has moved. All layers
+        are read-only. Nodes use this to write the result into a message at once.
+
+        Args and errors are those of a call.
+        """
+        result, _ = self._run(grid_map, observer, warnings)
+        return result, self._start_index(grid_map, result)
+
+    def _run(
+        self, grid_map: GridMap, observer: StepObserver | None, warnings: list[str] | None
+    ) -> tuple[GridMap, dict[str, Layer]]:
+        """Return the result, read-only, and the arrays behind those layers that are its own."""
+        moved = grid_map.start_index != (0, 0)
+        result = grid_map.stored_from((0, 0)) if moved else grid_map
+        own = {name: result[name] for name in result} if moved else {}
         for step in self.steps:
+            given = _read_only(result)
             begin = time.perf_counter()
-            result = _run(step, result)
+            result = _filtered(step, given, warnings)
             if observer is not None:
                 observer(step, time.perf_counter() - begin)
-        keeps_start = not any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
-        if keeps_start and grid_map.start_index != (0, 0) and result.size == grid_map.size:
-            return result.stored_from(grid_map.start_index)
-        return result
+            own = _own_layers(result, given, own)
+        return _read_only(result), own
+
+    def _start_index(self, grid_map: GridMap, result: GridMap) -> Size:
+        """Return the start index that the result shall have."""
+        normalizes = any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
+        return (0, 0) if normalizes or result.size != grid_map.size else grid_map.start_index
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -127,12 +172,45 @@ def _check_layers_have_names(made: Any) -> None:
             check(value != "", field.name, "the name of a layer", value)
 
 
-def _run(step: Step, grid_map: GridMap) -> GridMap:
+def _read_only(grid_map: GridMap) -> GridMap:
+    views = {name: grid_map[name].view() for name in grid_map}
+    for view in views.values():
+        view.flags.writeable = False
+    return grid_map.with_layers(views)
+
+
+def _own_layers(result: GridMap, given: GridMap, own: dict[str, Layer]) -> dict[str, Layer]:
+    """Return the arrays behind the layers of a result that nothing else shares.
+
+    Args:
+        result: what a filter has made.
+        given: its read-only input.
+        own: the same for the input.
+    """
+    behind = {id(given[name]): own.get(name) for name in given}
+    found = {}
+    for name in result:
+        layer = result[name]
+        array = behind.get(id(layer), layer if layer.flags.writeable else None)
+        # A second layer with the same array would share it with the first.
+        behind[id(layer)] = None
+        if array is not None:
+            found[name] = array
+    return found
+
+
+def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> GridMap:
     try:
-        with warnings_of(step.config):
+        with running(step.config, warnings):
             result = step.filter(grid_map)
     except Exception as error:
-        raise FilterError(f"{step.config}: {message_of(error)}") from error
+        message = message_of(error)
+        if isinstance(error, ValueError) and "read-only" in str(error):
+            message = (
+                f"it writes into a layer of its input ({error}); "
+                "change a copy and return `grid_map.with_layers({name: copy})`"
+            )
+        raise FilterError(f"{step.config}: {message}") from error
     if not isinstance(result, GridMap):
         raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
     # A filter may move its map, but the next one shall see no start index.

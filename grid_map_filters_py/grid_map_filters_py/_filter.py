@@ -34,14 +34,14 @@ class FilterWarning(UserWarning):
     """A filter did its work, but the user should know something about the result."""
 
 
-_running: ContextVar[str] = ContextVar("_running", default="")
-"""What the chain of this thread is running."""
+_running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))
+"""Name of the step that this thread runs, and the list that collects its warnings."""
 
 
 @contextmanager
-def warnings_of(step: object) -> Iterator[None]:
-    """Let `warn` name a step of a chain."""
-    token = _running.set(f"{step}: ")
+def running(step: object, collected: list[str] | None) -> Iterator[None]:
+    """Let `warn` name a step of a chain, and append to `collected` unless it is None."""
+    token = _running.set((f"{step}: ", collected))
     try:
         yield
     finally:
@@ -49,8 +49,16 @@ def warnings_of(step: object) -> Iterator[None]:
 
 
 def warn(message: str) -> None:
-    """Issue a `FilterWarning`; in a chain it names the filter that calls this."""
-    warnings.warn(_running.get() + message, FilterWarning, stacklevel=2)
+    """Warn the user of something that does not keep a filter from doing its work.
+
+    In a chain the message names the filter, and goes to the list that the caller gave to the chain.
+    Without such a list, and outside of chains, it becomes a `FilterWarning` of Python.
+    """
+    step, collected = _running.get()
+    if collected is None:
+        warnings.warn(step + message, FilterWarning, stacklevel=2)
+    else:
+        collected.append(step + message)
 
 
 def check_radius(radius: float, name: str = "radius") -> None:

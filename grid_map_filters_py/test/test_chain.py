@@ -7,12 +7,13 @@ import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.testing import assert_maps_equal
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_filters_py import (
     FilterChain,
     FilterConfigError,
@@ -52,15 +53,108 @@ def test_filters_run_in_numeric_order(grid_map):
     np.testing.assert_allclose(chain(grid_map)["elevation"], expected, rtol=1e-6)
 
 
+COPY = {
+    "name": "copy",
+    "type": DUPLICATION,
+    "params": {"input_layer": "elevation", "output_layer": "copy"},
+}
+
+
+def chain_of(*functions):
+    return FilterChain(
+        Step(StepConfig(number, function.__name__, "my/Filter"), function)
+        for number, function in enumerate(functions, start=1)
+    )
+
+
+def shares_a_layer(grid_map):
+    return grid_map.with_layers({"same": grid_map["elevation"]})
+
+
+def adds_a_layer_twice(grid_map):
+    array = np.ones(grid_map.size, np.float32, order="F")
+    return grid_map.with_layers({"one": array, "other": array})
+
+
 @pytest.mark.parametrize("start_index", [(0, 0), (1, 2)])
-def test_the_input_is_neither_changed_nor_shared(grid_map, start_index):
+@pytest.mark.parametrize(
+    "chain",
+    [
+        FilterChain([]),
+        FilterChain.from_config([step("one", "elevation + 1", "other"), COPY]),
+        chain_of(shares_a_layer),
+        chain_of(adds_a_layer_twice, shares_a_layer),
+    ],
+    ids=["empty", "built in", "shared", "added twice"],
+)
+def test_a_result_shares_no_memory(grid_map, chain, start_index):
     grid_map.start_index = start_index
     before = grid_map.copy()
-    result = FilterChain.from_config([step("one", "elevation + 1", "other")])(grid_map)
-    assert not np.shares_memory(result["elevation"], grid_map["elevation"])
-    result["elevation"][...] = 7.0
+    result = chain(grid_map)
+    for name in result:
+        others = [result[other] for other in result if other != name]
+        for layer in (grid_map["elevation"], *others):
+            assert not np.shares_memory(result[name], layer)
+        result[name][...] = 7.0
     assert_maps_equal(grid_map, before)
     assert grid_map.start_index == start_index
+
+
+def test_without_copies_shares_unchanged_layers(grid_map):
+    chain = FilterChain.from_config([step("one", "elevation + 1", "other")])
+    result, start_index = chain.without_copies(grid_map)
+    assert start_index == (0, 0)
+    assert np.shares_memory(result["elevation"], grid_map["elevation"])
+    assert_maps_equal(result, chain(grid_map))
+    assert not any(result[name].flags.writeable for name in result)
+
+
+def test_without_copies_unwraps_a_moved_map(grid_map):
+    grid_map["elevation"] = np.arange(8).reshape(2, 4)
+    grid_map.start_index = (1, 2)
+    before = grid_map.copy()
+    result, start_index = FilterChain.from_config([COPY]).without_copies(grid_map)
+    assert (result.start_index, start_index) == ((0, 0), (1, 2))
+    np.testing.assert_array_equal(result["copy"], grid_map.unwrapped("elevation"))
+    assert_maps_equal(grid_map, before)
+
+
+def writes(grid_map):
+    grid_map["elevation"][0, 0] = 5.0
+    return grid_map
+
+
+def moves_in_place(grid_map):
+    grid_map.move(grid_map.position + grid_map.resolution)
+    return grid_map
+
+
+def writes_with_opencv(grid_map):
+    cv2.GaussianBlur(grid_map["elevation"].T, (3, 3), 1.0, dst=grid_map["elevation"].T)
+    return grid_map
+
+
+@pytest.mark.parametrize("function", [writes, moves_in_place])
+@pytest.mark.parametrize("before", [(), (adds_a_layer_twice,)])
+@pytest.mark.parametrize("start_index", [(0, 0), (1, 2)])
+def test_a_filter_that_writes_into_its_input_fails(grid_map, function, before, start_index):
+    grid_map.start_index = start_index
+    untouched = grid_map.copy()
+    with pytest.raises(FilterError) as caught:
+        chain_of(*before, function)(grid_map)
+    assert str(caught.value).startswith(
+        f"filter {len(before) + 1} {function.__name__!r} (my/Filter): "
+        "it writes into a layer of its input ("
+    )
+    assert "with_layers" in str(caught.value)
+    assert_maps_equal(grid_map, untouched)
+
+
+def test_opencv_cannot_write_into_the_input_of_a_filter(grid_map):
+    untouched = grid_map.copy()
+    with pytest.raises(FilterError, match=r"filter 1 'writes_with_opencv' \(my/Filter\): "):
+        chain_of(writes_with_opencv)(grid_map)
+    assert_maps_equal(grid_map, untouched)
 
 
 def test_the_result_keeps_the_start_index_unless_it_is_normalized(grid_map):
@@ -165,23 +259,69 @@ def test_a_warning_of_a_filter_carries_its_name_and_others_pass_through(grid_map
     }
 
 
-def test_warnings_of_chains_in_two_threads_do_not_mix(grid_map):
-    """Each waits in the middle of its step until the other one is there, too."""
-    both_run = threading.Barrier(2, timeout=30)
-
+def test_warnings_go_to_the_list_of_the_caller(grid_map):
     def warns(grid_map):
-        both_run.wait()
         warn("careful")
-        both_run.wait()
         return grid_map
 
-    chains = [FilterChain([Step(StepConfig(1, name, "F"), warns)]) for name in "ab"]
-    with pytest.warns() as caught, ThreadPoolExecutor() as threads:
-        list(threads.map(lambda chain: chain(grid_map), chains))
-    assert sorted(str(w.message) for w in caught) == [
-        "filter 1 'a' (F): careful",
-        "filter 1 'b' (F): careful",
-    ]
+    collected = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        chain_of(warns, warns)(grid_map, warnings=collected)
+    assert collected == [f"filter {n} 'warns' (my/Filter): careful" for n in (1, 2)]
+    with pytest.warns(FilterWarning, match=r"^careful$"):
+        warns(grid_map)
+
+
+def test_one_chain_runs_in_many_threads(grid_map):
+    """Four calls are in the middle of the chain at the same time, each with a map of its own."""
+    all_run = threading.Barrier(4, timeout=30)
+
+    def warns(grid_map):
+        all_run.wait()
+        warn(str(grid_map["elevation"][0, 0]))
+        all_run.wait()
+        return grid_map
+
+    built_in = FilterChain.from_config(
+        [
+            step("double", "2 * elevation", "elevation"),
+            {
+                "name": "color",
+                "type": "gridMapFilters/ColorMapFilter",
+                "params": {
+                    "input_layer": "elevation",
+                    "output_layer": "color",
+                    "min": {"value": 0, "color": [0, 0, 1]},
+                    "max": {"value": 300, "color": [1, 0, 0]},
+                },
+            },
+            {
+                "name": "window",
+                "type": "gridMapFilters/SlidingWindowMathExpressionFilter",
+                "params": {
+                    "input_layer": "elevation",
+                    "output_layer": "mean",
+                    "expression": "meanOfFinites(elevation)",
+                    "edge_handling": "crop",
+                },
+            },
+        ]
+    )
+    chain = FilterChain([*built_in.steps, Step(StepConfig(4, "w", "F"), warns)])
+
+    def run(height):
+        start = (height % 2, height % 4)
+        given = moved_in_buffer(grid_map.with_layers({"elevation": height}), start)
+        collected = []
+        return chain(given, warnings=collected), collected
+
+    with ThreadPoolExecutor(4) as threads:
+        results = list(threads.map(run, range(100)))
+    for height, (result, collected) in enumerate(results):
+        assert collected == [f"filter 4 'w' (F): {2.0 * height}"]
+        expected = built_in(grid_map.with_layers({"elevation": height}))
+        assert_maps_equal(result, expected)
 
 
 def test_a_filter_after_one_that_moves_its_map_sees_no_start_index(grid_map):

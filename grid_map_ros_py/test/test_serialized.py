@@ -17,7 +17,7 @@ from test_grid_map import maps, sample_map
 from test_grid_map_malformed import MALFORMED
 from test_multi_array import row_major
 
-from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py import GridMap, LayerNotFoundError, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
@@ -63,6 +63,45 @@ def test_a_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
     received = from_serialized_message(to_serialized_message(grid_map), unwrap=False)
     assert_maps_equal(received, grid_map)
     assert buffers_equal(received, grid_map)
+
+
+@settings(max_examples=60)
+@given(maps, st.data())
+def test_a_map_is_sent_from_any_start_index(grid_map: GridMap, data: st.DataObject) -> None:
+    rows, columns = grid_map.size
+    start = data.draw(st.tuples(st.integers(0, rows - 1), st.integers(0, columns - 1)))
+    serialized = to_serialized_message(grid_map, start_index=start)
+    assert serialized == to_serialized_message(moved_in_buffer(grid_map, start))
+
+
+def test_a_start_index_beyond_the_map_is_refused() -> None:
+    rows, _ = sample_map().size
+    with pytest.raises(OutOfMapError, match="outside the map"):
+        to_serialized_message(sample_map(), start_index=(rows, 0))
+
+
+@settings(max_examples=30)
+@given(maps)
+def test_a_map_without_a_copy_shares_the_message(grid_map: GridMap) -> None:
+    data = to_serialized_message(grid_map)
+    received = from_serialized_message(data, unwrap=False, copy=False)
+    assert buffers_equal(received, grid_map)
+    memory = np.frombuffer(data, np.uint8)
+    for name in received:
+        assert not received[name].flags.writeable
+        assert np.shares_memory(received[name], memory)
+
+
+def test_what_cannot_be_shared_is_copied() -> None:
+    message = to_message(sample_map(start=(0, 0)))
+    for index, name in enumerate(sample_map()):
+        message.data[index] = row_major(sample_map(start=(0, 0))[name], data_offset=3)
+    received = from_message(message, copy=False)
+    assert_maps_equal(received, sample_map())
+    assert received["elevation"].flags.f_contiguous
+    moved = from_message(to_message(sample_map(start=(1, 1))), copy=False)
+    assert_maps_equal(moved, sample_map())
+    assert moved.start_index == (0, 0)
 
 
 @pytest.mark.parametrize("unwrap", [True, False])

@@ -61,15 +61,20 @@ def turn(pairs: Integers, by: Integers, size: Integers, scratch: Integers) -> No
     np.minimum(unsigned, beyond.view(np.uint64), out=unsigned)
 
 
-def block(layer: Layer, start: Size, rows: slice, columns: slice) -> Layer:
+def block(
+    layer: Layer, start: Size, rows: slice, columns: slice, out: Layer | None = None
+) -> Layer:
     """Copy a block of map cells out of the buffer, in map order.
 
     Args:
         layer: (rows, cols) the whole buffer.
         start: where cell (0, 0) of the map lies.
         rows, columns: the block, as cells of the map.
+        out: array of the block's shape to copy into; None makes one.
     """
-    out: Layer = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    if out is None:
+        shape = rows.stop - rows.start, columns.stop - columns.start
+        out = np.empty(shape, layer.dtype, "F")
     for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
         for from_columns, to_columns in _pieces(columns, start[1], layer.shape[1]):
             out[to_rows, to_columns] = layer[from_rows, from_columns]

@@ -12,7 +12,6 @@ the mean and of the longest, by filter.
 
 import array
 import sys
-import warnings
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +22,6 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
@@ -40,7 +38,6 @@ from grid_map_ros_py.nodes import (
 
 from .._chain import FilterChain
 from .._config import nested
-from .._filter import FilterWarning
 from .._step_times import StepTimes
 
 NODE_NAME = "grid_map_filters"
@@ -173,7 +170,7 @@ class FilterChainNode(Node):
     def _on_map(self, received: ReceivedMap) -> None:
         self._statistics.maps_in += 1
         try:
-            reply = to_serialized_message(self._filter(received.decode(unwrap=False)))
+            reply = self._filter(received)
         except GridMapError as error:
             self._statistics.count_dropped(error)
             text = f"dropped a map: {error}"
@@ -183,15 +180,18 @@ class FilterChainNode(Node):
             self._publisher.publish(reply)
             self._statistics.count_out()
 
-    def _filter(self, grid_map: GridMap) -> GridMap:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", FilterWarning)
-            result = self._chain(grid_map, self._statistics.times)
-        for warning in caught:
-            text = str(warning.message)
-            if self._throttle.allow(text):
-                self.get_logger().warning(text)
-        return result
+    def _filter(self, received: ReceivedMap) -> bytes:
+        grid_map = received.decode(unwrap=False, copy=False)
+        warnings: list[str] = []
+        try:
+            result, start_index = self._chain.without_copies(
+                grid_map, self._statistics.times, warnings=warnings
+            )
+        finally:
+            for text in warnings:
+                if self._throttle.allow(text):
+                    self.get_logger().warning(text)
+        return to_serialized_message(result, start_index=start_index)
 
     # --- diagnostics ------------------------------------------------------------------------------
 

@@ -103,6 +103,9 @@ class CellFunction:
             float32 whose bits are the results, in the shape of the layers, in Fortran order.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
+        # Numba compiles anew for each combination of read-only and other arrays.
+        for values in flat:
+            values.flags.writeable = False
         with np.errstate(over="ignore"):
             constants = tuple(np.float32(float(number)) for number in numbers)
         if self._loop is None:

@@ -19,11 +19,12 @@ import array
 import importlib
 import struct
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import SEEK_CUR, BytesIO
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import Any, Protocol, TypeAlias, TypeGuard, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeGuard, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -140,6 +141,22 @@ def _read(data: Buffer, message_type: type, *, as_views: bool) -> Any:
         raise _inside(message_type.__name__, error) from None
 
 
+@dataclass(frozen=True)
+class Deferred:
+    """A sequence of numbers for `serialize_view` that is written where it belongs in the bytes.
+
+    Args:
+        count: how many numbers there are.
+        write: is called with an array (count,) of the type on the wire, and fills it.
+    """
+
+    count: int
+    write: Callable[[npt.NDArray[Any]], object]
+
+    def __len__(self) -> int:
+        return self.count
+
+
 class _Packing:
     """Numbers of one size that follow each other; `codes` are those of `struct`."""
 
@@ -157,11 +174,29 @@ class _Writer:
     """Collects pieces of a message, each aligned to its own size as CDR demands."""
 
     def __init__(self) -> None:
-        self._pieces: list[bytes | memoryview] = [_HEADER]
+        # A number is the length of a gap for deferred values.
+        self._pieces: list[bytes | memoryview | int] = [_HEADER]
         self._size = 0
+        self._deferred: list[tuple[int, np.dtype[Any], Deferred]] = []
 
     def joined(self) -> bytes:
-        return b"".join(self._pieces)
+        if not self._deferred:
+            return b"".join(cast(list[bytes], self._pieces))
+        # `bytes` cannot be written into, but the memory of `BytesIO` can be, and becomes bytes
+        # without a copy.
+        stream = BytesIO()
+        stream.seek(len(_HEADER) + self._size - 1)
+        stream.write(b"\0")
+        stream.seek(0)
+        for piece in self._pieces:
+            if isinstance(piece, int):
+                stream.seek(piece, SEEK_CUR)
+            else:
+                stream.write(piece)
+        with stream.getbuffer() as memory:
+            for begin, dtype, deferred in self._deferred:
+                deferred.write(np.frombuffer(memory, dtype, len(deferred), begin))
+        return stream.getvalue()
 
     def add(self, data: bytes | memoryview, alignment: int = 1) -> None:
         if padding := -self._size % alignment:
@@ -171,6 +206,13 @@ class _Writer:
 
     def count(self, number: int) -> None:
         self.add(_COUNT.pack(number), _COUNT.alignment)
+
+    def defer(self, values: Deferred, dtype: np.dtype[Any]) -> None:
+        if values.count:
+            self.add(b"", dtype.itemsize)
+            self._deferred.append((len(_HEADER) + self._size, dtype, values))
+            self._pieces.append(values.count * dtype.itemsize)
+            self._size += values.count * dtype.itemsize
 
     def array(self, values: npt.NDArray[Any]) -> None:
         if values.size:
@@ -272,7 +314,10 @@ class _Number:
         return values.astype(self.code, copy=False)
 
     def write_array(self, writer: _Writer, values: Any) -> None:
-        writer.array(np.asarray(values, self.code))
+        if isinstance(values, Deferred):
+            writer.defer(values, np.dtype("<" + self.code))
+        else:
+            writer.array(np.asarray(values, self.code))
 
 
 @dataclass(frozen=True)

@@ -42,29 +42,43 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMa
         LayerNotFoundError: the map lacks a layer.
         MessageError: the timestamp does not fit the message.
     """
-    fields = outgoing(grid_map, layers)
+    fields, first = outgoing(grid_map, layers, grid_map.start_index)
+    if first != (0, 0):
+        fields["data"] = [_copied(layer, first) for layer in fields["data"]]
     fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
     return GridMapMessage(**fields)
 
 
-def outgoing(grid_map: GridMap, layers: Iterable[str] | None) -> dict[str, Any]:
-    """Return the fields of a map's message, with (rows, cols) arrays for `data`.
+def outgoing(
+    grid_map: GridMap, layers: Iterable[str] | None, start: Size
+) -> tuple[dict[str, Any], Size]:
+    """Return the fields of a map's message, with the map's own (rows, cols) arrays for `data`.
 
-    Args and errors are those of `to_message`. The arrays are the map's own where its start index
-    fits the message.
+    Args:
+        grid_map, layers: as for `to_message`, as are the errors.
+        start: start index of the message; (0, 0) replaces one that does not fit the message.
+
+    Returns:
+        fields: attributes of the message.
+        first: the cell of the arrays that the message stores first; the others follow cyclically.
     """
     names = select_layers(grid_map.layers, layers)
-    unwrap = max(grid_map.start_index) > LARGEST_START_INDEX
-    start = (0, 0) if unwrap else grid_map.start_index
-    return {
+    if max(start) > LARGEST_START_INDEX:
+        start = (0, 0)
+    first, second = (
+        (stored - sent) % cells
+        for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
+    )
+    fields = {
         "header": to_header(grid_map),
         "info": to_info(grid_map.geometry),
         "layers": list(names),
         "basic_layers": [name for name in grid_map.basic_layers if name in names],
-        "data": [grid_map.unwrapped(name) if unwrap else grid_map[name] for name in names],
+        "data": [grid_map[name] for name in names],
         "outer_start_index": start[0],
         "inner_start_index": start[1],
     }
+    return fields, (first, second)
 
 
 def from_message(
@@ -73,6 +87,7 @@ def from_message(
     *,
     copy_basic_layers: bool = True,
     unwrap: bool = True,
+    copy: bool = True,
 ) -> GridMap:
     """Return the map in a message, with memory of its own.
 
@@ -85,6 +100,8 @@ def from_message(
         copy_basic_layers: take over those basic layers that are among the layers taken.
         unwrap: bring the data into map order, with start index (0, 0). False keeps the order of the
             sender's buffer and its start index.
+        copy: False makes read-only layers that share the memory of the message, where it holds them
+            as a map does: column-major, and not to be unwrapped.
 
     Raises:
         MessageError: a field of the message contradicts another or makes no sense; the error names
@@ -101,7 +118,7 @@ def from_message(
     )
     if not unwrap:
         grid_map.start_index, start = start, (0, 0)
-    grid_map = grid_map.with_layers({name: _copied(views[name], start) for name in names})
+    grid_map = grid_map.with_layers({name: _layer(views[name], start, copy=copy) for name in names})
     if copy_basic_layers:
         grid_map.basic_layers = [name for name in message.basic_layers if name in names]
     return grid_map
@@ -183,6 +200,15 @@ def _check_basic_layers(message: GridMapMessage) -> None:
     for index, name in enumerate(message.basic_layers):
         if name not in message.layers:
             raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
+
+
+def _layer(view: Layer, start: Size, *, copy: bool) -> Layer:
+    flags = view.flags
+    if copy or start != (0, 0) or not (flags.f_contiguous and flags.aligned):
+        return _copied(view, start)
+    shared = view.view()
+    shared.flags.writeable = False
+    return shared
 
 
 def _copied(view: Layer, start: Size) -> Layer:

@@ -14,24 +14,44 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
-from grid_map_core_py.arrays import Layer
+from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py.map import block
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ._cdr import Buffer, serialize_view, view
+from ._cdr import Buffer, Deferred, serialize_view, view
 from ._grid_map import from_info, from_message, outgoing
 from ._multi_array import to_layout
 from ._time import from_stamp
 
 
-def to_serialized_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> bytes:
-    """Return what `to_message` does, in CDR: publishers accept it in place of the message.
+def to_serialized_message(
+    grid_map: GridMap,
+    layers: Iterable[str] | None = None,
+    *,
+    start_index: Size | None = None,
+) -> bytes:
+    """Return the message of `to_message` in CDR; publishers accept it in place of the message.
 
-    Args and errors are those of `to_message`; besides, a name that UTF-8 cannot hold is a
-    MessageError.
+    Every layer is copied once, also where the start index changes.
+
+    Args:
+        grid_map, layers: as for `to_message`.
+        start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
+            None keeps the start index of the map.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        OutOfMapError: the start index is no cell of the map.
+        MessageError: the timestamp does not fit the message, or UTF-8 cannot hold a name.
     """
-    fields = outgoing(grid_map, layers)
+    if start_index is None:
+        start_index = grid_map.start_index
+    grid_map.geometry.check_cells(np.asarray(start_index))
+    fields, first = outgoing(grid_map, layers, start_index)
     layout = to_layout(grid_map.size)
-    data = [SimpleNamespace(layout=layout, data=_values(layer)) for layer in fields.pop("data")]
+    data = [
+        SimpleNamespace(layout=layout, data=_values(layer, first)) for layer in fields.pop("data")
+    ]
     return serialize_view(SimpleNamespace(data=data, **fields), GridMapMessage)
 
 
@@ -41,19 +61,20 @@ def from_serialized_message(
     *,
     copy_basic_layers: bool = True,
     unwrap: bool = True,
+    copy: bool = True,
 ) -> GridMap:
-    """Return the map in a serialized message, as `from_message` does, with memory of its own.
+    """Return the map in a serialized message, as `from_message` does.
 
     Args:
         data: the message in CDR, as a raw subscription receives it and bags hold it.
-        layers, copy_basic_layers, unwrap: as for `from_message`.
+        layers, copy_basic_layers, unwrap, copy: as for `from_message`.
 
     Raises:
         MessageError: the bytes are no such message, or it contradicts itself.
         LayerNotFoundError: `layers` names one that the message lacks.
     """
     received = ReceivedMap(data)
-    return received.decode(layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap)
+    return received.decode(layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy)
 
 
 class ReceivedMap:
@@ -104,10 +125,15 @@ class ReceivedMap:
         *,
         copy_basic_layers: bool = True,
         unwrap: bool = True,
+        copy: bool = True,
     ) -> GridMap:
         """Return the map, or some of its layers; args and errors are those of `from_message`."""
         return from_message(
-            self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap
+            self._message,
+            layers,
+            copy_basic_layers=copy_basic_layers,
+            unwrap=unwrap,
+            copy=copy,
         )
 
     @cached_property
@@ -115,6 +141,18 @@ class ReceivedMap:
         return view(self.data, GridMapMessage)
 
 
-def _values(layer: Layer) -> npt.NDArray[np.float32]:
-    """Return the (cells,) values of a layer, column after column."""
-    return np.asarray(layer, dtype=np.float32, order="F").ravel("K")
+def _values(layer: Layer, first: Size) -> npt.NDArray[np.float32] | Deferred:
+    """Return the values of a layer, column after column from the cell `first`."""
+    if first == (0, 0):
+        return np.asarray(layer, dtype=np.float32, order="F").ravel("K")
+    rows, columns = layer.shape
+    return Deferred(
+        layer.size,
+        lambda values: block(
+            layer,
+            first,
+            slice(0, rows),
+            slice(0, columns),
+            out=values.reshape(layer.shape, order="F"),
+        ),
+    )
