@@ -55,7 +55,7 @@ from grid_map_ros_py.testing import (
     running_node,
 )
 from grid_map_visualization_py._registry import BUILT_IN, create
-from grid_map_visualization_py.pictures import plot, plot_3d
+from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief
 from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, run
 
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
@@ -594,7 +594,7 @@ def test_the_page_of_pictures_has_all_options_and_defaults():
     defaults = {names.strip("` "): text.strip("` ").replace(" ", "") for names, text, _ in rows}
     options = {
         parameter.name: parameter.default
-        for function in (plot, plot_3d)
+        for function in (plot, plot_3d, plot_relief)
         for parameter in inspect.signature(function).parameters.values()
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }

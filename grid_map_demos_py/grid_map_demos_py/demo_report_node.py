@@ -144,15 +144,14 @@ class DemoReportNode(Node):
         traversability = self._directory / "traversability.png"
         save_picture(
             grid_map,
-            "traversability",
+            "elevation_inpainted",
             traversability,
-            shade_by="elevation_inpainted",
-            title="Traversability",
-            label="traversability (0: none, 1: flat and even)",
-            color_map="RdYlGn",
-            lower=0.0,
+            style="relief",
+            color_layer="traversability",
+            color_map="BrBG",
+            lower=0.2,
             upper=1.0,
-            exaggeration=1.5,
+            exaggeration=1.3,
         )
         self._report.files = [elevation, traversability]
 

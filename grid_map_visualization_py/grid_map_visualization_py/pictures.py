@@ -22,6 +22,7 @@ from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.files import new_file
 from grid_map_core_py.plugins import check
 
+from ._relief import draw_relief
 from .colors import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
 from .surface import Surface
 
@@ -33,13 +34,16 @@ try:
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
 
-__all__ = ["MAX_CELLS_3D", "plot", "plot_3d", "save_picture"]
+__all__ = ["MAX_CELLS_3D", "plot", "plot_3d", "plot_relief", "save_picture"]
 
 LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
 """Direction to the light."""
 
 MAX_CELLS_3D = 20_000
 """Cells to which surfaces are thinned out by default; Matplotlib takes a second for so many."""
+
+_RELIEF_SIZE = (1200, 560)
+"""Default width and height of pictures of terrain in relief [pixels]."""
 
 _SIZE, _DPI = (9.0, 7.0), 110
 
@@ -171,33 +175,106 @@ def plot_3d(
     return axes
 
 
+def plot_relief(
+    grid_map: GridMap,
+    height_layer: str,
+    ax: Any = None,
+    *,
+    color_layer: str = "",
+    color_mode: Literal["intensity", "color"] = "intensity",
+    color_map: str = DEFAULT_COLOR_MAP,
+    lower: float | None = None,
+    upper: float | None = None,
+    invert: bool = False,
+    exaggeration: float = 1.0,
+    azimuth: float = math.radians(40.0),
+    elevation: float = math.radians(25.0),
+    size: tuple[int, int] = _RELIEF_SIZE,
+    label: str = "",
+    title: str = "",
+    color_bar: bool = True,
+) -> Any:
+    """Draw a map as a block of terrain in perspective, with sunlight and shadows.
+
+    The surface is drawn at the resolution of the picture, which takes about a second. It shows how
+    the ground looks; `plot` and `plot_3d` have axes to read positions and heights from.
+
+    Args:
+        grid_map: the map.
+        height_layer: heights [m]. Holes get the height of the nearest cell.
+        ax: Matplotlib axes to draw on; None means the current ones.
+        color_layer: gives the colors; empty means the heights. Cells without a value are gray.
+        color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
+        exaggeration: factor on the heights.
+        azimuth: direction from the map to the camera [rad], from +x towards +y.
+        elevation: angle of the camera above the ground [rad], between 0 and pi / 3.
+        size: width and height of the picture [pixels].
+
+    Returns:
+        The axes.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        ConfigError: the color map is unknown, or another option makes no sense.
+    """
+    _check_options(color_mode, exaggeration)
+    # Near pi / 2 the picture of a camera that looks level is stretched beyond recognition.
+    check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
+    check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
+    check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)
+    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
+    axes = _pyplot().gca() if ax is None else ax
+    layer = color_layer or height_layer
+    # Along +x and +y, while rows and columns run along -x and -y.
+    heights, values = (grid_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
+    in_cells = heights * (exaggeration / grid_map.resolution)
+    colors = Coloring(color_mode, layer, scale)(values)
+    axes.imshow(draw_relief(in_cells, colors, size, azimuth, elevation))
+    axes.set_axis_off()
+    axes.set_title(title)
+    if color_bar and color_mode == "intensity":
+        place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
+        bar = _mappable(scale, values)
+        axes.figure.colorbar(bar, cax=place, orientation="horizontal", label=label or layer)
+    return axes
+
+
 def save_picture(
     grid_map: GridMap,
     layer: str,
     path: str | PathLike[str],
     *,
-    three_d: bool = False,
+    style: Literal["flat", "surface", "relief"] = "flat",
     **options: Any,
 ) -> None:
     """Write a picture of a map to a PNG file, which appears complete or not at all.
 
     Args:
         grid_map: the map.
-        layer: gives the colours; for `three_d` the heights.
-        path: the file; one that is there is replaced.
-        three_d: draw as `plot_3d` does, else as `plot` does.
-        options: those of the one or the other, but for the axes.
+        layer: gives the colors of a flat picture, else the heights.
+        path: the file; an existing one is replaced.
+        style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
+        options: those of that function, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
         ConfigError: the colour map is unknown, or another option makes no sense.
         OSError: the file cannot be written.
     """
+    styles = "flat", "surface", "relief"
+    check(style in styles, "style", f"one of {', '.join(styles)}", style)
     figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
-    if three_d:
+    if style == "flat":
+        plot(grid_map, layer, figure.add_subplot(), **options)
+    elif style == "surface":
         plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
     else:
-        plot(grid_map, layer, figure.add_subplot(), **options)
+        # One pixel of the relief is one of the picture.
+        figure.set_layout_engine("none")
+        width, height = options.get("size", _RELIEF_SIZE)
+        figure.set_size_inches(width / _DPI, height / _DPI)
+        top = 0.93 if options.get("title") else 1.0
+        plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
     with new_file(path) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import moved_in_buffer
-from grid_map_visualization_py.pictures import plot, plot_3d, save_picture
+from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief, save_picture
 
 YELLOW, PURPLE = (253, 231, 37), (68, 1, 84)
 """The ends of viridis, which Matplotlib rounds in one way and NumPy in another."""
@@ -110,6 +110,7 @@ def test_any_map_gives_pictures(size, value):
     grid_map = GridMap(size, 1.0, layers={"a": value})
     plot(grid_map, "a", flat_axes(), shade_by="a").figure.canvas.draw()
     plot_3d(grid_map, "a", flat_axes(projection="3d")).figure.canvas.draw()
+    plot_relief(grid_map, "a", flat_axes(), size=(40, 30)).figure.canvas.draw()
 
 
 def test_surface_in_three_dimensions_has_the_triangles_of_the_map(corner_map):
@@ -119,6 +120,71 @@ def test_surface_in_three_dimensions_has_the_triangles_of_the_map(corner_map):
     assert len(surface.get_facecolor()) == 2 * 13 + 2
     assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
     assert axes.figure.axes[1].get_ylabel() == "g"
+
+
+def relief_of(grid_map: GridMap, **options: object) -> np.ndarray:
+    axes = plot_relief(grid_map, "z", flat_axes(), size=(120, 90), **options)
+    return np.asarray(pixels(axes)).astype(int)
+
+
+def hill_map() -> GridMap:
+    grid_map = GridMap((30, 20), 0.5, layers={"z": 0.0, "side": 0.0})
+    x, y = (axis.reshape(grid_map.size, order="F") for axis in grid_map.get_positions().T)
+    grid_map["z"] = 3 * np.exp(-(x**2 + y**2) / 20)
+    grid_map["side"] = y > 0
+    return grid_map
+
+
+def test_relief_fills_the_picture_and_leaves_the_background_white():
+    shown = (relief_of(hill_map()) < 255).any(axis=-1)
+    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
+    assert (np.ptp(rows) > 0.9 * 90) or (np.ptp(columns) > 0.9 * 120)
+    assert not shown[[0, 0, -1, -1], [0, -1, 0, -1]].any()
+
+
+@pytest.mark.parametrize(("azimuth", "left"), [(0.0, "brown"), (np.pi, "teal")])
+def test_relief_is_seen_from_the_azimuth(azimuth, left):
+    # Seen from +x, +y is to the right.
+    image = relief_of(hill_map(), azimuth=azimuth, color_layer="side", color_map="BrBG")
+    red, _, blue = np.moveaxis(image, -1, 0)
+    brown_columns = np.nonzero(red > blue + 40)[1]
+    teal_columns = np.nonzero(blue > red + 40)[1]
+    assert min(len(brown_columns), len(teal_columns)) > 500
+    assert (np.median(brown_columns) < np.median(teal_columns)) == (left == "brown")
+
+
+def test_relief_of_a_moved_map_is_the_same():
+    grid_map = hill_map()
+    np.testing.assert_array_equal(relief_of(grid_map), relief_of(moved_in_buffer(grid_map, (7, 5))))
+
+
+def test_relief_wall_casts_its_shadow_away_from_the_sun():
+    # The sun stands to the left of the camera.
+    grid_map = GridMap((30, 20), 0.5, layers={"z": 0.0, "white": 1.0})
+    grid_map["z"][25:35, 18:20] = 4.0
+    view = {"azimuth": 0.0, "elevation": 0.8}
+    image = relief_of(
+        grid_map, color_layer="white", color_map="gray", lower=0.0, upper=1.5, **view
+    )[..., 1]
+    level = np.median(image[(image > 100) & (image < 255)])
+    # The cut sides are darker still.
+    _, shadow = np.nonzero((image > 100) & (image < 0.85 * level))
+    assert len(shadow) > 50
+    assert np.median(shadow) > 60
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"elevation": 0.0}, "'elevation': expected an angle between 0 and pi / 3"),
+        ({"azimuth": np.nan}, "'azimuth': expected a finite angle"),
+        ({"size": (0, 5)}, "'size': expected a width and height"),
+        ({"exaggeration": -1.0}, "'exaggeration': expected a positive number"),
+    ],
+)
+def test_relief_refuses_a_senseless_view(corner_map, options, message):
+    with pytest.raises(ConfigError, match=message):
+        plot_relief(corner_map, "a", flat_axes(), **options)
 
 
 def test_missing_layer_and_unknown_colour_map_are_errors(corner_map):
@@ -164,11 +230,11 @@ def test_current_axes_are_those_of_pyplot(corner_map):
 # --- on disk --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("three_d", [False, True])
-def test_picture_replaces_the_old_one_and_leaves_nothing_else(corner_map, tmp_path, three_d):
+@pytest.mark.parametrize("style", ["flat", "surface", "relief"])
+def test_saved_picture_replaces_the_old_file(corner_map, tmp_path, style):
     path = tmp_path / "picture.png"
     path.write_bytes(b"old")
-    save_picture(corner_map, "a", path, three_d=three_d, title="t", label="a")
+    save_picture(corner_map, "a", path, style=style, title="t", label="a")
     image = matplotlib.image.imread(path)
     assert image.shape[0] > 300
     assert len(np.unique(image.reshape(-1, image.shape[-1]), axis=0)) > 50

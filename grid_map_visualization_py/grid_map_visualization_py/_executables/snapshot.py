@@ -117,10 +117,11 @@ def write(grid_map: GridMap, options: argparse.Namespace) -> None:
 def _style(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `save_picture` that were given."""
     names = (
-        *("three_d", "color_layer", "max_cells", "shade_by", "exaggeration"),
+        *("color_layer", "max_cells", "shade_by", "exaggeration"),
         *("color_mode", "color_map", "lower", "upper", "invert", "label"),
     )
     style = {name: getattr(options, name) for name in names}
+    style["style"] = "surface" if options.three_d else "flat"
     return {name: value for name, value in style.items() if value is not None}
 
 

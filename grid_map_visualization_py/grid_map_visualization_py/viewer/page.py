@@ -28,7 +28,7 @@ from .texts import as_note, legend
 
 REMEDY = "install viser (pip)"
 
-FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "RdYlGn", "coolwarm", "gray")
+FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Colour maps that stand at the top of the list."""
 
 MODES = {"layer": "intensity", "packed colour layer": "color", "one colour": "flat"}
