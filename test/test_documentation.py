@@ -245,10 +245,9 @@ def test_commands_that_end_are_targets_of_make_or_launch_files():
 
 STAND_INS = f"""
 source() {{ [ "$1" = /opt/ros/jazzy/setup.bash ]; }}
-git() {{ [ "$1 $2" = "clone $GRID_MAP_PY" ] && ln -s "$2" "$3"; }}
+git() {{ [ "$1 $2" = "clone https://github.com/grid-map-py/grid_map_py" ] && ln -s {ROOT} "$3"; }}
 rosdep() {{ [ "$*" = "install --from-paths src --ignore-src -y" ]; }}
 colcon() {{ [ "$*" = build ] && command colcon list --names-only; }}
-GRID_MAP_PY={ROOT}
 """
 """They replace ROS and the network; colcon only lists the packages that it would build."""
 

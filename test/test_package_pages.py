@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""README and CHANGELOG of each package tell what it has."""
+"""README and CHANGELOG of each package name all that it contains."""
 
 import re
 
@@ -23,15 +23,17 @@ def words(package, file: str) -> set[str]:
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=by_name)
-def test_a_changelog_has_the_form_that_release_tools_read(package):
-    first, title, last, _, heading, line, *items = (
-        (package / "CHANGELOG.rst").read_text().splitlines()
-    )
+def test_changelog_has_the_form_that_release_tools_read(package):
+    text = (package / "CHANGELOG.rst").read_text()
+    first, title, last, _, *lines = text.splitlines()
     assert title == f"Changelog for package {package.name}"
     assert first == last == "^" * len(title)
-    assert (heading, line) == ("Forthcoming", "-" * len("Forthcoming"))
-    assert items
-    assert all(item.startswith(("* ", "  ")) for item in items)
+    sections = re.split(r"^(.+)\n(-+)\n", "\n".join(lines), flags=re.MULTILINE)[1:]
+    headings, underlines, items = sections[0::3], sections[1::3], sections[2::3]
+    assert headings[0] == "Forthcoming"
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", each) for each in headings[1:])
+    assert [len(each) for each in headings] == [len(each) for each in underlines]
+    assert all(re.fullmatch(r"\* .+\n((\* |  ).+\n?)*", each.rstrip() + "\n") for each in items)
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
