@@ -11,7 +11,7 @@ PACKAGE = "grid_map_ros_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
 
 options = {}
-requirements = ["grid_map_core_py~=0.2.0"]
+requirements = ["grid_map_core_py~=0.2.0", "mcap>=1.1"]
 if {"develop", "install"} & set(sys.argv):
     # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
     requirements = []

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py.bags._metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
+from grid_map_ros_py.bags._metadata import GRID_MAP_TYPE
 from grid_map_ros_py.messages import to_serialized_message
+from grid_map_ros_py.messages._definition import DEFINITION, TYPE_HASH
 
 DATA = Path(__file__).parent / "data"
 TOPIC = "/grid_map"

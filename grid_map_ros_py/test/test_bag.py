@@ -46,8 +46,9 @@ from grid_map_ros_py import (
     load_from_bag,
     save_to_bag,
 )
-from grid_map_ros_py.bags._metadata import DEFINITION, GRID_MAP_TYPE, TYPE_HASH
+from grid_map_ros_py.bags._metadata import GRID_MAP_TYPE
 from grid_map_ros_py.messages import deserialize, to_serialized_message
+from grid_map_ros_py.messages._definition import DEFINITION, TYPE_HASH
 
 typesys = pytest.importorskip("rosbags.typesys")
 

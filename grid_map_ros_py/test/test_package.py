@@ -29,7 +29,48 @@ print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 """
 
 
-def test_the_conversions_work_without_rclpy() -> None:
+WITHOUT_MESSAGES = """
+import importlib.abc, sys
+
+class NoMessages(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, *_):
+        package = name.partition(".")[0]
+        if package.endswith(("_msgs", "_interfaces")) or package.startswith(("rcl", "rosidl")):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, NoMessages())
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import MissingPackageError
+import grid_map_ros_py as ros
+from grid_map_ros_py import bags, errors, messages
+
+grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)
+grid_map.move((0.5, 0.25))
+for storage in ("mcap", "sqlite3"):
+    path = f"{sys.argv[1]}/{storage}"
+    ros.save_to_bag(grid_map, path, "/grid_map")
+    print(ros.load_from_bag(path).position, len(ros.bag_topics(path)))
+received = ros.ReceivedMap(ros.to_serialized_message(grid_map))
+print(received.start_index == grid_map.start_index, received.frame_id)
+ros.from_message(messages.view(received.data, "grid_map_msgs/GridMap"))
+try:
+    ros.to_message(grid_map)
+except MissingPackageError as error:
+    print(error)
+"""
+
+
+def test_import_needs_no_message_package(tmp_path):
+    result = subprocess.run(
+        [sys.executable, "-c", WITHOUT_MESSAGES, str(tmp_path)], capture_output=True, text=True
+    )
+    assert result.stderr == ""
+    *rest, refusal = result.stdout.splitlines()
+    assert rest == ["[0.5  0.25] 1"] * 2 + ["True map"]
+    assert "install ros-jazzy-" in refusal
+
+
+def test_conversions_work_without_rclpy() -> None:
     result = subprocess.run(
         [sys.executable, "-c", CONVERSIONS_ALONE], capture_output=True, text=True, check=False
     )

@@ -18,7 +18,8 @@ from typing import IO, Any
 from grid_map_core_py.errors import MissingPackageError
 
 from ..errors import BagError
-from ._metadata import DEFINITION, GRID_MAP_TYPE, QOS_PROFILES, TYPE_HASH, dump
+from ..messages._definition import DEFINITION, TYPE_HASH
+from ._metadata import GRID_MAP_TYPE, QOS_PROFILES, dump
 from ._storage import Entry, Topic
 
 MAGIC = b"\x89MCAP0\r\n"

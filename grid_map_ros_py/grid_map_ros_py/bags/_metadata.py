@@ -13,51 +13,13 @@ import yaml
 from grid_map_core_py.files import load_yaml
 
 from ..errors import BagError
+from ..messages._definition import TYPE_HASH
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
 """Of the metadata, as ROS 2 Jazzy writes it."""
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
-TYPE_HASH = "RIHS01_343b0e72887541beda6b035cc053f2d6fffaad9d6dcb2773c15a808dfca31fde"
-"""Of `GRID_MAP_TYPE` and all types in it."""
-
-_SEPARATOR = "=" * 80
-_NESTED = {
-    "grid_map_msgs/GridMapInfo": (
-        "float64 resolution",
-        "float64 length_x",
-        "float64 length_y",
-        "geometry_msgs/Pose pose",
-    ),
-    "std_msgs/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
-    "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
-    "geometry_msgs/Pose": ("Point position", "Quaternion orientation"),
-    "geometry_msgs/Point": ("float64 x", "float64 y", "float64 z"),
-    "geometry_msgs/Quaternion": ("float64 x 0", "float64 y 0", "float64 z 0", "float64 w 1"),
-    "std_msgs/Float32MultiArray": ("MultiArrayLayout layout", "float32[] data"),
-    "std_msgs/MultiArrayLayout": ("MultiArrayDimension[] dim", "uint32 data_offset"),
-    "std_msgs/MultiArrayDimension": ("string label", "uint32 size", "uint32 stride"),
-}
-_FIELDS = (
-    "std_msgs/Header header",
-    "GridMapInfo info",
-    "string[] layers",
-    "string[] basic_layers",
-    "std_msgs/Float32MultiArray[] data",
-    "uint16 outer_start_index",
-    "uint16 inner_start_index",
-)
-
-DEFINITION = "\n".join(
-    [*_FIELDS]
-    + [
-        line
-        for name, fields in _NESTED.items()
-        for line in ("", _SEPARATOR, f"MSG: {name}", *fields)
-    ]
-)
-"""Of `GRID_MAP_TYPE`, with those of all types in it, so that readers need no message packages."""
 
 _UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
 QOS_PROFILES = [

@@ -1,22 +1,20 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages and their bytes (CDR, the encoding on the wire and in bags), without rclpy.
+"""Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
 
-`serialize` and `deserialize` know every type of message. They are for messages that rclpy turns
-into too many Python objects (a marker with 280 000 points takes it a second), and for programs that
-have no rclpy. The bytes are those that rclpy makes, and publishers accept them in place of a
-message.
+`serialize` and `deserialize` work for every message type and give the same bytes as rclpy.
+Publishers accept the bytes in place of a message, which saves one Python object per element: rclpy
+takes a second for a marker with 280 000 points.
 
-`view` and `serialize_view` save the copies, too: a view has the attributes of a message, but its
+`view` and `serialize_view` also save the copies: a view has the attributes of a message, but its
 sequences of numbers are NumPy arrays that share the memory of the bytes.
 
-Nothing that the bytes claim is believed before the bytes are there: whatever is cut off or absurd
-raises one `MessageError` that names the field, and no more memory is taken than a small multiple of
-the bytes.
+Lengths in the bytes are checked against the bytes that remain. Damaged bytes raise one
+`MessageError` that names the field, and take no more memory than a small multiple of their size.
 """
 
 import array
-import importlib
+import re
 import struct
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,11 +26,15 @@ from typing import Any, Protocol, TypeAlias, TypeGuard, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from rosidl_parser import definition
 
 from ..errors import MessageError
+from ._definition import FIELDS_BY_TYPE
+from ._packages import messages_of
 
 Message = TypeVar("Message")
+
+MessageType: TypeAlias = "type | str"
+"""Class of a message, or a name in `FIELDS_BY_TYPE`, for which no message package is needed."""
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
 """Contiguous memory."""
@@ -65,6 +67,14 @@ _CODES = {
     "float": "f",
     "double": "d",
 }
+_TYPE = re.compile(
+    r"sequence<(?P<items>.+?)(, (?P<bound>\d+))?>"
+    r"|(?P<item>.+)\[(?P<count>\d+)\]"
+    r"|string(<(?P<length>\d+)>)?"
+    r"|(?P<package>\w+)/(?P<name>\w+)"
+)
+"""Types that are no numbers, as the classes of messages write them."""
+
 _OBJECTS = "?c"
 """Numbers that messages keep in lists; sequences of all others are arrays."""
 
@@ -109,7 +119,7 @@ def deserialize(data: Buffer, message_type: type[Message]) -> Message:
     return message
 
 
-def serialize_view(view: Any, message_type: type) -> bytes:
+def serialize_view(view: Any, message_type: MessageType) -> bytes:
     """Return in CDR what has the attributes of a message: see `view`. Arrays are copied once.
 
     Raises:
@@ -120,8 +130,8 @@ def serialize_view(view: Any, message_type: type) -> bytes:
     return writer.joined()
 
 
-def view(data: Buffer, message_type: type) -> Any:
-    """Return an object with the attributes of a message, which it shares with the bytes.
+def view(data: Buffer, message_type: MessageType) -> Any:
+    """Return an object with the attributes of a message, whose arrays share memory with the bytes.
 
     Messages in it are such objects, too. Sequences and arrays of numbers are NumPy arrays; those of
     little-endian bytes are not copied, and keep the memory of the bytes alive.
@@ -131,14 +141,15 @@ def view(data: Buffer, message_type: type) -> Any:
     return _read(data, message_type, as_views=True)
 
 
-def _read(data: Buffer, message_type: type, *, as_views: bool) -> Any:
+def _read(data: Buffer, message_type: MessageType, *, as_views: bool) -> Any:
+    codec = _struct(message_type)
     try:
-        return _struct(message_type).read(_Reader(data, as_views=as_views))
+        return codec.read(_Reader(data, as_views=as_views))
     except MessageError as error:
         if error.field:
             raise
         # The numbers of a point are read at once, and none of them is to blame.
-        raise _inside(message_type.__name__, error) from None
+        raise _inside(codec.name, error) from None
 
 
 @dataclass(frozen=True)
@@ -392,6 +403,7 @@ class _Struct:
     """A message.
 
     Attributes:
+        name: of its type.
         fields: their names and what reads and writes them.
         codes: those of all its numbers, if it consists of numbers of one size, as points and poses
             do; they are read and written at once. Otherwise empty.
@@ -399,11 +411,15 @@ class _Struct:
     """
 
     def __init__(self, message_type: Any) -> None:
-        names = message_type.get_fields_and_field_types()
         self._message_type = message_type
+        if isinstance(message_type, str):
+            self.name, types = message_type, FIELDS_BY_TYPE[message_type]
+        else:
+            self.name, types = message_type.__name__, message_type.get_fields_and_field_types()
+        is_known = isinstance(message_type, str)
         self.fields = tuple(
-            (name, _codec(kind, f"{message_type.__name__}.{name}"))
-            for name, kind in zip(names, message_type.SLOT_TYPES, strict=True)
+            (name, _codec(kind, f"{self.name}.{name}", is_known=is_known))
+            for name, kind in types.items()
         )
         self.codes = _common_codes([codec for _, codec in self.fields])
         self._packing = _Packing(self.codes) if self.codes else None
@@ -473,31 +489,30 @@ def _common_codes(codecs: Sequence[_Codec]) -> str:
     return "".join(codes) if all(codes) and len(sizes) == 1 else ""
 
 
-def _struct(message_type: type) -> _Struct:
+def _struct(message_type: MessageType) -> _Struct:
     if message_type not in _STRUCTS:
         _STRUCTS[message_type] = _Struct(message_type)
     return _STRUCTS[message_type]
 
 
-_STRUCTS: dict[type, _Struct] = {}
+_STRUCTS: dict[MessageType, _Struct] = {}
 
 
-def _codec(kind: Any, field: str) -> _Codec:
-    """Return what reads and writes a type of the interface definition language."""
-    if isinstance(kind, definition.NamespacedType):
-        module = importlib.import_module(".".join(kind.namespaces))
-        return _struct(getattr(module, kind.name))
-    if isinstance(kind, definition.AbstractString):
-        return _Text(kind.maximum_size if kind.has_maximum_size() else sys.maxsize)
-    if isinstance(kind, definition.Array):
-        return _Array(_codec(kind.value_type, field), kind.size)
-    if isinstance(kind, definition.AbstractSequence):
-        bound = kind.maximum_size if kind.has_maximum_size() else sys.maxsize
-        return _Sequence(_codec(kind.value_type, field), bound)
-    name = getattr(kind, "typename", type(kind).__name__)
-    if name not in _CODES:
-        raise MessageError(field, "a type that can be serialized", name)
-    return _Number(_CODES[name])
+def _codec(kind: str, field: str, *, is_known: bool) -> _Codec:
+    """Return the codec of a type; `is_known` takes nested messages from `FIELDS_BY_TYPE`."""
+    if kind in _CODES:
+        return _Number(_CODES[kind])
+    match = _TYPE.fullmatch(kind)
+    if match is None:
+        raise MessageError(field, "a type that can be serialized", kind)
+    if items := match["items"]:
+        bound = int(match["bound"] or sys.maxsize)
+        return _Sequence(_codec(items, field, is_known=is_known), bound)
+    if item := match["item"]:
+        return _Array(_codec(item, field, is_known=is_known), int(match["count"]))
+    if name := match["name"]:
+        return _struct(kind if is_known else getattr(messages_of(match["package"]), name))
+    return _Text(int(match["length"] or sys.maxsize))
 
 
 def _order(buffer: memoryview) -> str:

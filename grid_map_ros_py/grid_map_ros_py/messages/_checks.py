@@ -4,15 +4,17 @@
 
 import math
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Point, Quaternion
 
 from grid_map_core_py import GeometryError, GridGeometry
 
 from ..errors import MessageError
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import Point, Quaternion
 
 ROTATION_TOLERANCE = 1e-6
 """Largest component of a rotation axis, relative to w, that still counts as no rotation."""
@@ -29,7 +31,7 @@ def check_positive(field: str, value: float) -> float:
     return value
 
 
-def check_position(field: str, position: Point) -> tuple[float, float]:
+def check_position(field: str, position: "Point") -> tuple[float, float]:
     """Return x and y of a position whose coordinates are all finite."""
     for axis in ("x", "y", "z"):
         if not math.isfinite(value := getattr(position, axis)):
@@ -37,7 +39,7 @@ def check_position(field: str, position: Point) -> tuple[float, float]:
     return position.x, position.y
 
 
-def check_unrotated(field: str, orientation: Quaternion) -> None:
+def check_unrotated(field: str, orientation: "Quaternion") -> None:
     """Refuse a rotated grid, which a map whose rows run along x cannot hold.
 
     All zeros count as unrotated: publishers that never set the orientation send them.

@@ -11,14 +11,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Quaternion
 
 from grid_map_core_py import GridMap
 from grid_map_core_py import conversions as costs
 from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
-from grid_map_core_py.errors import MissingPackageError
 
 from ._checks import as_float32, as_written, check_grid, check_positive
+from ._packages import messages_of
 from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
@@ -59,24 +58,19 @@ def to_costmap(
         MessageError: the resolution does not fit a float32.
         MissingPackageError: nav2_msgs is not installed.
     """
-    try:
-        from nav2_msgs.msg import Costmap, CostmapMetaData
-    except ImportError as error:
-        remedy = "install ros-jazzy-nav2-msgs and source ROS"
-        raise MissingPackageError("nav2_msgs", "to_costmap", remedy) from error
+    messages = messages_of("nav2_msgs", "to_costmap")
     costmap = costs.to_costmap(grid_map, layer, codec or CostRange(data_min, data_max))
     header = to_header(grid_map)
-    origin = Point(x=costmap.origin_x, y=costmap.origin_y)
-    metadata = CostmapMetaData(
+    metadata = messages.CostmapMetaData(
         map_load_time=header.stamp,
         update_time=header.stamp,
         layer=layer,
         resolution=as_float32("resolution", costmap.resolution),
         size_x=costmap.size_x,
         size_y=costmap.size_y,
-        origin=Pose(position=origin, orientation=Quaternion(w=1.0)),
     )
-    message = Costmap(header=header, metadata=metadata)
+    metadata.origin.position.x, metadata.origin.position.y = costmap.origin_x, costmap.origin_y
+    message: Costmap = messages.Costmap(header=header, metadata=metadata)
     data = array.array("B")
     data.frombytes(costmap.costmap.data)
     # The constructor would copy the data once more.

@@ -3,11 +3,10 @@
 """`nav_msgs/GridCells` and grid maps."""
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Point
-from nav_msgs.msg import GridCells
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import as_number, slices
@@ -16,7 +15,11 @@ from grid_map_core_py.conversions import fitting_geometry
 from ..errors import MessageError
 from ._cdr import serialize
 from ._checks import as_float32, as_written, check_cells, check_positive
+from ._packages import messages_of
 from ._time import from_stamp, to_header
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import GridCells
 
 BLOCK = 8192
 """Cells that are worked on at once."""
@@ -25,7 +28,7 @@ COVERED = 1.0
 """What `from_grid_cells` puts into the cells of a message."""
 
 
-def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> GridCells:
+def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
     """Return the cells whose value is finite and lies between two bounds.
 
     The message holds one Python object per cell, about a microsecond each: to publish a large map,
@@ -35,7 +38,8 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     """
     message = _without_cells(grid_map)
     centres = centres_between(grid_map, layer, lower, upper).tolist()
-    message.cells = [Point(x=x, y=y, z=z) for x, y, z in centres]
+    point = messages_of("geometry_msgs").Point
+    message.cells = [point(x=x, y=y, z=z) for x, y, z in centres]
     return message
 
 
@@ -46,7 +50,7 @@ def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper:
 
 
 def from_grid_cells(
-    message: GridCells,
+    message: "GridCells",
     layer: str,
     resolution: float | None = None,
     *,
@@ -125,12 +129,14 @@ def centres_between(
     return centres
 
 
-def _without_cells(grid_map: GridMap) -> GridCells:
+def _without_cells(grid_map: GridMap) -> "GridCells":
     side = as_float32("resolution", grid_map.resolution)
-    return GridCells(header=to_header(grid_map), cell_width=side, cell_height=side)
+    cells = messages_of("nav_msgs").GridCells
+    message: GridCells = cells(header=to_header(grid_map), cell_width=side, cell_height=side)
+    return message
 
 
-def _side(message: GridCells, resolution: float | None) -> float:
+def _side(message: "GridCells", resolution: float | None) -> float:
     """Return the side of a cell, which must be that of the cells in the message."""
     width = check_positive("cell_width", message.cell_width)
     side = as_written(width) if resolution is None else as_number(resolution, "resolution")
@@ -141,7 +147,7 @@ def _side(message: GridCells, resolution: float | None) -> float:
     return side
 
 
-def _centres(message: GridCells) -> npt.NDArray[np.float64]:
+def _centres(message: "GridCells") -> npt.NDArray[np.float64]:
     """Return (N, 2) x, y of the cells, all finite."""
     pairs = [(cell.x, cell.y) for cell in message.cells]
     centres = np.array(pairs, np.float64).reshape(-1, 2)

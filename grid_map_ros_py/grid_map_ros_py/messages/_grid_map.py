@@ -4,21 +4,23 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Quaternion
 
 from grid_map_core_py import GridGeometry, GridMap, LayerNotFoundError
 from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.map import block
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_msgs.msg import GridMapInfo
 
 from ..errors import MessageError
 from ._checks import check_position, check_positive, check_unrotated
 from ._multi_array import from_multi_array, to_multi_array
+from ._packages import messages_of
 from ._time import from_stamp, to_header
+
+if TYPE_CHECKING:
+    from grid_map_msgs.msg import GridMap as GridMapMessage
+    from grid_map_msgs.msg import GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
 """The message has room for a uint16."""
@@ -27,7 +29,7 @@ LARGEST_SIDE = 2**31
 """Cells along a side; no map has more."""
 
 
-def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMapMessage:
+def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridMapMessage":
     """Return a map as a message.
 
     Layers are sent in the order of the buffer together with the start index; a map whose start
@@ -46,13 +48,14 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> GridMa
     if first != (0, 0):
         fields["data"] = [_copied(layer, first) for layer in fields["data"]]
     fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
-    return GridMapMessage(**fields)
+    header, info = to_header(grid_map), to_info(grid_map.geometry)
+    return messages_of("grid_map_msgs").GridMap(header=header, info=info, **fields)
 
 
 def outgoing(
     grid_map: GridMap, layers: Iterable[str] | None, start: Size
 ) -> tuple[dict[str, Any], Size]:
-    """Return the fields of a map's message, with the map's own (rows, cols) arrays for `data`.
+    """Return the fields of a map's message but `header` and `info`; `data` is the map's layers.
 
     Args:
         grid_map, layers: as for `to_message`, as are the errors.
@@ -70,8 +73,6 @@ def outgoing(
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
     fields = {
-        "header": to_header(grid_map),
-        "info": to_info(grid_map.geometry),
         "layers": list(names),
         "basic_layers": [name for name in grid_map.basic_layers if name in names],
         "data": [grid_map[name] for name in names],
@@ -82,7 +83,7 @@ def outgoing(
 
 
 def from_message(
-    message: GridMapMessage,
+    message: "GridMapMessage",
     layers: Iterable[str] | None = None,
     *,
     copy_basic_layers: bool = True,
@@ -110,7 +111,7 @@ def from_message(
     """
     geometry = from_info(message.info)
     views = _layer_views(message, geometry.size)
-    start = _start_index(message, geometry.size)
+    start = received_start(message, geometry.size)
     _check_basic_layers(message)
     names = select_layers(views, layers)
     grid_map = GridMap.from_geometry(
@@ -124,17 +125,18 @@ def from_message(
     return grid_map
 
 
-def to_info(geometry: GridGeometry) -> GridMapInfo:
+def to_info(geometry: GridGeometry) -> "GridMapInfo":
     """Return resolution, lengths and place of a grid as a message."""
     x, y = geometry.position.tolist()
     length_x, length_y = geometry.length.tolist()
-    pose = Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0))
-    return GridMapInfo(
-        resolution=geometry.resolution, length_x=length_x, length_y=length_y, pose=pose
+    info: GridMapInfo = messages_of("grid_map_msgs").GridMapInfo(
+        resolution=geometry.resolution, length_x=length_x, length_y=length_y
     )
+    info.pose.position.x, info.pose.position.y = x, y
+    return info
 
 
-def from_info(info: GridMapInfo, field: str = "info") -> GridGeometry:
+def from_info(info: "GridMapInfo", field: str = "info") -> GridGeometry:
     """Return the grid that a message describes; lengths are rounded to whole cells.
 
     Raises:
@@ -171,7 +173,7 @@ def _check_length(field: str, length: float, resolution: float) -> None:
         raise MessageError(field, f"1 to {LARGEST_SIDE} cells of {resolution} m", length)
 
 
-def _layer_views(message: GridMapMessage, size: Size) -> Mapping[str, Layer]:
+def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
     """Return the layers in the message's memory, after checking their names, sizes and data."""
     names = list(message.layers)
     if "" in names:
@@ -188,7 +190,8 @@ def _layer_views(message: GridMapMessage, size: Size) -> Mapping[str, Layer]:
     }
 
 
-def _start_index(message: GridMapMessage, size: Size) -> Size:
+def received_start(message: "GridMapMessage", size: Size) -> Size:
+    """Return the start index of a message, which must be a cell of the map."""
     start = (message.outer_start_index, message.inner_start_index)
     for name, index, cells in zip(("outer", "inner"), start, size, strict=True):
         if not 0 <= index < cells:
@@ -196,7 +199,7 @@ def _start_index(message: GridMapMessage, size: Size) -> Size:
     return start
 
 
-def _check_basic_layers(message: GridMapMessage) -> None:
+def _check_basic_layers(message: "GridMapMessage") -> None:
     for index, name in enumerate(message.basic_layers):
         if name not in message.layers:
             raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)

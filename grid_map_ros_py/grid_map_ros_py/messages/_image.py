@@ -15,11 +15,10 @@ import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
 from grid_map_core_py import conversions as pixels
@@ -27,7 +26,11 @@ from grid_map_core_py.conversions import COLOR_LAYER, Order
 
 from ..errors import MessageError
 from ._multi_array import set_array
+from ._packages import messages_of
 from ._time import from_stamp, to_header
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import Image
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ def to_image(
     encoding: str,
     lower: float | None = None,
     upper: float | None = None,
-) -> Image:
+) -> "Image":
     """Return a layer as a grey image, with any encoding.
 
     Args:
@@ -98,7 +101,7 @@ def to_image(
     return _message(grid_map, image, encoding)
 
 
-def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> Image:
+def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> "Image":
     """Return a layer of packed colours as a colour image.
 
     Args:
@@ -121,7 +124,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
 
 def from_image(
-    message: Image,
+    message: "Image",
     layer: str,
     resolution: float,
     lower: float = 0.0,
@@ -165,7 +168,7 @@ def from_image(
 
 def add_layer_from_image(
     grid_map: GridMap,
-    message: Image,
+    message: "Image",
     layer: str,
     lower: float = 0.0,
     upper: float = 1.0,
@@ -189,7 +192,7 @@ def add_layer_from_image(
 
 
 def add_color_layer_from_image(
-    grid_map: GridMap, message: Image, layer: str = COLOR_LAYER, *, alpha_threshold: float = 0.5
+    grid_map: GridMap, message: "Image", layer: str = COLOR_LAYER, *, alpha_threshold: float = 0.5
 ) -> None:
     """Add a layer that holds the packed colours of an image to a map, or replace it.
 
@@ -223,7 +226,7 @@ def encoding_of(name: str, field: str = "encoding") -> Encoding:
         raise MessageError(field, f"one of {', '.join(ENCODINGS)}", name) from None
 
 
-def to_pixels(message: Image) -> tuple[npt.NDArray[Any], Order]:
+def to_pixels(message: "Image") -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image and the order of its colours.
 
     They are a view of the memory of the message, in the byte order of the sender, unless padding
@@ -253,7 +256,7 @@ def to_pixels(message: Image) -> tuple[npt.NDArray[Any], Order]:
     return np.require(image, requirements="A"), kind.order
 
 
-def _sized_pixels(grid_map: GridMap, message: Image) -> tuple[npt.NDArray[Any], Order]:
+def _sized_pixels(grid_map: GridMap, message: "Image") -> tuple[npt.NDArray[Any], Order]:
     image, order = to_pixels(message)
     if image.shape[:2] != grid_map.size:
         expected = f"{grid_map.size}, as many as the map has rows and columns"
@@ -261,12 +264,12 @@ def _sized_pixels(grid_map: GridMap, message: Image) -> tuple[npt.NDArray[Any], 
     return image, order
 
 
-def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> Image:
+def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> "Image":
     data = array.array("B")
     little_endian = image.astype(image.dtype.newbyteorder("<"), copy=False)
     data.frombytes(little_endian.data.cast("B"))
     rows, columns = grid_map.size
-    message = Image(
+    message = messages_of("sensor_msgs").Image(
         header=to_header(grid_map),
         height=rows,
         width=columns,

@@ -3,29 +3,36 @@
 """`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
 
 import array
-from typing import Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from grid_map_core_py.arrays import Layer, Size
 
 from ..errors import MessageError
+from ._packages import messages_of
+
+if TYPE_CHECKING:
+    from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 COLUMN_LABEL = "column_index"
 ROW_LABEL = "row_index"
 
 
-def to_multi_array(layer: npt.ArrayLike) -> Float32MultiArray:
+def to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
     """Return a (rows, cols) array as a column-major message.
 
-    Float32 in Fortran order, as maps hold it, costs one copy.
+    Float32 in Fortran order, as maps hold it, is copied once.
     """
+    messages = messages_of("std_msgs")
     data = np.asarray(layer, dtype=np.float32, order="F")
+    plain = to_layout(data.shape)
+    dim = [messages.MultiArrayDimension(**vars(axis)) for axis in plain.dim]
+    message = messages.Float32MultiArray(layout=messages.MultiArrayLayout(dim=dim))
     values = array.array("f")
     values.frombytes(data.T.data.cast("B"))
-    message = Float32MultiArray(layout=to_layout(data.shape))
     set_array(message, values)
     return message
 
@@ -39,18 +46,18 @@ def set_array(message: Any, values: "array.array[Any]") -> None:
     message._data = values
 
 
-def to_layout(size: Size) -> MultiArrayLayout:
-    """Return the layout of a column-major layer with `size` rows and columns."""
+def to_layout(size: Size) -> Any:
+    """Return what has the attributes of a `MultiArrayLayout`, for a column-major layer."""
     rows, columns = size
     dim = [
-        MultiArrayDimension(label=COLUMN_LABEL, size=columns, stride=rows * columns),
-        MultiArrayDimension(label=ROW_LABEL, size=rows, stride=rows),
+        SimpleNamespace(label=COLUMN_LABEL, size=columns, stride=rows * columns),
+        SimpleNamespace(label=ROW_LABEL, size=rows, stride=rows),
     ]
-    return MultiArrayLayout(dim=dim)
+    return SimpleNamespace(dim=dim, data_offset=0)
 
 
 def from_multi_array(
-    message: Float32MultiArray, size: Size, field: str = "Float32MultiArray"
+    message: "Float32MultiArray", size: Size, field: str = "Float32MultiArray"
 ) -> Layer:
     """Return the (rows, cols) values of a message: a view of its memory, nothing is copied.
 
@@ -78,7 +85,7 @@ def from_multi_array(
     return values.T if column_major else values
 
 
-def _is_column_major(dim: list[MultiArrayDimension], field: str) -> bool:
+def _is_column_major(dim: "list[MultiArrayDimension]", field: str) -> bool:
     if len(dim) != 2:
         raise MessageError(field, "2 dimensions", len(dim))
     first, second = (entry.label for entry in dim)
@@ -90,7 +97,7 @@ def _is_column_major(dim: list[MultiArrayDimension], field: str) -> bool:
     return bool(first == COLUMN_LABEL)
 
 
-def _check_strides(message: Float32MultiArray, shape: Size, field: str) -> None:
+def _check_strides(message: "Float32MultiArray", shape: Size, field: str) -> None:
     strides = (0, 1, *shape, shape[0] * shape[1])
     for axis, dim in enumerate(message.layout.dim):
         if dim.stride not in strides:
@@ -98,7 +105,7 @@ def _check_strides(message: Float32MultiArray, shape: Size, field: str) -> None:
             raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
 
 
-def _check_count(message: Float32MultiArray, size: Size, field: str) -> None:
+def _check_count(message: "Float32MultiArray", size: Size, field: str) -> None:
     offset = message.layout.data_offset
     if len(message.data) != offset + size[0] * size[1]:
         expected = f"{offset + size[0] * size[1]} values ({size[0]} x {size[1]} cells"

@@ -3,11 +3,10 @@
 """`nav_msgs/OccupancyGrid` and grid maps."""
 
 import array
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Point, Pose, Quaternion
-from nav_msgs.msg import MapMetaData, OccupancyGrid
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import as_number, slices
@@ -15,7 +14,11 @@ from grid_map_core_py.arrays import as_number, slices
 from ..errors import MessageError
 from ._checks import as_float32, check_grid
 from ._multi_array import set_array
+from ._packages import messages_of
 from ._time import from_stamp, to_header
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import OccupancyGrid
 
 UNKNOWN = -1
 OCCUPIED = 100
@@ -30,7 +33,7 @@ _VALUES[UNKNOWN] = np.nan
 
 def to_occupancy_grid(
     grid_map: GridMap, layer: str, data_min: float, data_max: float
-) -> OccupancyGrid:
+) -> "OccupancyGrid":
     """Return a layer as occupancies.
 
     Args:
@@ -47,24 +50,20 @@ def to_occupancy_grid(
     """
     stored = occupancies(grid_map[layer], data_min, data_max)
     values = np.roll(stored, np.negative(grid_map.start_index), axis=(0, 1))
-    header = to_header(grid_map)
-    x, y = (grid_map.position - 0.5 * grid_map.length).tolist()
     data = array.array("b")
     # The grid begins at the smallest x and y, where a map ends.
     data.frombytes(values.ravel("F")[::-1].tobytes())
-    info = MapMetaData(
-        map_load_time=header.stamp,
-        resolution=as_float32("resolution", grid_map.resolution),
-        width=grid_map.size[0],
-        height=grid_map.size[1],
-        origin=Pose(position=Point(x=x, y=y), orientation=Quaternion(w=1.0)),
-    )
-    message = OccupancyGrid(header=header, info=info)
+    message = messages_of("nav_msgs").OccupancyGrid(header=to_header(grid_map))
+    message.info.map_load_time = message.header.stamp
+    message.info.resolution = as_float32("resolution", grid_map.resolution)
+    message.info.width, message.info.height = grid_map.size
+    origin = message.info.origin.position
+    origin.x, origin.y = (grid_map.position - 0.5 * grid_map.length).tolist()
     set_array(message, data)
     return message
 
 
-def from_occupancy_grid(message: OccupancyGrid, layer: str) -> GridMap:
+def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Return a map with one layer that holds the values of an occupancy grid.
 
     -1 becomes NaN, all other values stay as they are. The resolution is a float32 in the message;

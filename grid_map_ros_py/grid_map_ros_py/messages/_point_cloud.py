@@ -4,9 +4,9 @@
 
 import array
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from sensor_msgs.msg import PointCloud2, PointField
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Mask, slices
@@ -14,7 +14,11 @@ from grid_map_core_py.arrays import Mask, slices
 from ..errors import MessageError
 from ._grid_map import select_layers
 from ._multi_array import set_array
+from ._packages import messages_of
 from ._time import to_header
+
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2
 
 AXES = ("x", "y", "z")
 FLAT_LAYER = "flat"
@@ -24,7 +28,7 @@ BLOCK = 8192
 
 def to_point_cloud(
     grid_map: GridMap, point_layer: str, layers: Iterable[str] | None = None
-) -> PointCloud2:
+) -> "PointCloud2":
     """Return one point for every valid cell of a map.
 
     A cell is valid where the point layer is finite and, when the map has basic layers, these are
@@ -52,7 +56,7 @@ def to_point_cloud(
     return _message(grid_map, fields, _interleaved(grid_map, names, point_layer, valid))
 
 
-def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> PointCloud2:
+def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
     """Return the cells of a map as points of one height.
 
     All layers are carried along, and x, y, z come last. Cells where a basic layer is not finite are
@@ -116,14 +120,16 @@ def _interleaved(
     return data
 
 
-def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> PointCloud2:
+def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> "PointCloud2":
     """Return unpadded float32 points as a message of one row."""
+    messages = messages_of("sensor_msgs")
+    float32 = messages.PointField.FLOAT32
     step = FLOAT.itemsize * len(names)
     fields = [
-        PointField(name=name, offset=offset, datatype=PointField.FLOAT32, count=1)
+        messages.PointField(name=name, offset=offset, datatype=float32, count=1)
         for name, offset in zip(names, range(0, step, FLOAT.itemsize), strict=True)
     ]
-    message = PointCloud2(
+    message = messages.PointCloud2(
         header=to_header(grid_map),
         height=1,
         width=len(data) // step,

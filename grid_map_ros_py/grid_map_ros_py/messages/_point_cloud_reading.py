@@ -9,11 +9,10 @@ padded, too. Only big-endian clouds are refused.
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import PointCloud2, PointField
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.conversions import COLOR_FIELDS, from_points, rasterize
@@ -22,29 +21,24 @@ from grid_map_core_py.plugins import check, mismatch
 from ..errors import MessageError
 from ._time import from_stamp
 
+if TYPE_CHECKING:
+    from sensor_msgs.msg import PointCloud2, PointField
+
 AXES = ("x", "y", "z")
 COLOR_LAYER = "color"
 COLOR_SIZE = 4
 """Bytes of a packed colour."""
 
 TYPES: Mapping[int, "np.dtype[Any]"] = MappingProxyType(
-    {
-        PointField.INT8: np.dtype("i1"),
-        PointField.UINT8: np.dtype("u1"),
-        PointField.INT16: np.dtype("<i2"),
-        PointField.UINT16: np.dtype("<u2"),
-        PointField.INT32: np.dtype("<i4"),
-        PointField.UINT32: np.dtype("<u4"),
-        PointField.FLOAT32: np.dtype("<f4"),
-        PointField.FLOAT64: np.dtype("<f8"),
-    }
+    dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), start=1))
 )
+"""Types of numbers by their `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
 
 _NONE: Mapping[str, str] = MappingProxyType({})
 
 
 def from_point_cloud(
-    message: PointCloud2,
+    message: "PointCloud2",
     layer: str = "elevation",
     resolution: float | None = None,
     reduction: str = "max",
@@ -119,7 +113,7 @@ def from_point_cloud(
     )
 
 
-def read_points(message: PointCloud2) -> dict[str, npt.NDArray[Any]]:
+def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
     """Return the fields of a cloud as arrays over its points, row after row.
 
     The arrays are views of the message's memory, unless rows are padded.
@@ -141,7 +135,7 @@ def read_points(message: PointCloud2) -> dict[str, npt.NDArray[Any]]:
 
 
 def read_columns(
-    message: PointCloud2, fields: Iterable[str] | None = None
+    message: "PointCloud2", fields: Iterable[str] | None = None
 ) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
     """Return the points of a cloud and what becomes layers besides their heights.
 
@@ -165,7 +159,7 @@ def read_columns(
     return _positions(message, axes), columns
 
 
-def layer_names(message: PointCloud2) -> dict[str, str]:
+def layer_names(message: "PointCloud2") -> dict[str, str]:
     """Return what the layers of fields are called: mostly as the fields."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
@@ -174,7 +168,7 @@ def layer_names(message: PointCloud2) -> dict[str, str]:
     return names
 
 
-def check_layout(message: PointCloud2) -> None:
+def check_layout(message: "PointCloud2") -> None:
     """Raise `MessageError` unless all fields and points lie within the data of a cloud."""
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
@@ -192,7 +186,7 @@ def check_layout(message: PointCloud2) -> None:
         raise MessageError("data", expected, len(message.data))
 
 
-def _check_field(path: str, field: PointField, point_step: int) -> None:
+def _check_field(path: str, field: "PointField", point_step: int) -> None:
     if not field.name:
         raise MessageError(f"{path}.name", "a name", field.name)
     if field.datatype not in TYPES:
@@ -204,7 +198,7 @@ def _check_field(path: str, field: PointField, point_step: int) -> None:
         raise MessageError("point_step", expected, point_step)
 
 
-def _one_number(message: PointCloud2, name: str) -> PointField:
+def _one_number(message: "PointCloud2", name: str) -> "PointField":
     """Return the field of that name, which must have one number per point."""
     for index, field in enumerate(message.fields):
         if field.name == name:
@@ -214,7 +208,7 @@ def _one_number(message: PointCloud2, name: str) -> PointField:
     raise MessageError("fields", f"one called {name!r}", [field.name for field in message.fields])
 
 
-def _chosen(message: PointCloud2, names: Iterable[str] | None) -> list[PointField]:
+def _chosen(message: "PointCloud2", names: Iterable[str] | None) -> "list[PointField]":
     if names is None:
         others = [field for field in message.fields if field.name not in AXES and field.count <= 1]
     else:
@@ -227,13 +221,13 @@ def _chosen(message: PointCloud2, names: Iterable[str] | None) -> list[PointFiel
     return others
 
 
-def _column(message: PointCloud2, field: PointField) -> npt.NDArray[Any]:
+def _column(message: "PointCloud2", field: "PointField") -> npt.NDArray[Any]:
     """Return the values (N,) or (N, count) of a field."""
     shape = (field.count,) if field.count > 1 else ()
     return _view(message, field, shape)
 
 
-def _positions(message: PointCloud2, axes: list[PointField]) -> npt.NDArray[Any]:
+def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
     """Return x, y, z as (N, 3)."""
     x = axes[0]
     size = TYPES[x.datatype].itemsize
@@ -248,7 +242,7 @@ def _positions(message: PointCloud2, axes: list[PointField]) -> npt.NDArray[Any]
     return np.stack(columns, axis=1, dtype=dtype, casting="unsafe")
 
 
-def _view(message: PointCloud2, first: PointField, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+def _view(message: "PointCloud2", first: "PointField", shape: tuple[int, ...]) -> npt.NDArray[Any]:
     """Return (N, *shape) numbers of every point, which lie side by side from a field on."""
     rows, dtype = (message.height, message.width), TYPES[first.datatype]
     if not message.height * message.width:

@@ -7,20 +7,23 @@ Such messages hold one Python object per vertex. For large polygons the function
 """
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import Point, Point32, PolygonStamped
-from geometry_msgs.msg import Polygon as PolygonMessage
-from std_msgs.msg import ColorRGBA, Header
-from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GeometryError, Polygon
 from grid_map_core_py.arrays import as_array, as_number
 
 from ..errors import MessageError
 from ._cdr import serialize
+from ._packages import messages_of
 from ._time import from_stamp, to_stamp
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import PolygonStamped
+    from std_msgs.msg import Header
+    from visualization_msgs.msg import Marker
 
 Points = npt.NDArray[np.float64]
 Colors = npt.NDArray[np.float32]
@@ -33,7 +36,7 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 
 def to_polygon(
     polygon: Polygon, *, frame_id: str = "", timestamp: int = 0, height: float = 0.0
-) -> PolygonStamped:
+) -> "PolygonStamped":
     """Return a polygon as a message; its coordinates are float32.
 
     Args:
@@ -45,9 +48,10 @@ def to_polygon(
     Raises:
         MessageError: the timestamp, the height or a vertex does not fit the message.
     """
-    message = PolygonStamped(header=_header(frame_id, timestamp))
+    messages = messages_of("geometry_msgs")
+    message = messages.PolygonStamped(header=_header(frame_id, timestamp))
     vertices = _single(_raised(polygon.vertices, height)).tolist()
-    message.polygon.points = [Point32(x=x, y=y, z=z) for x, y, z in vertices]
+    message.polygon.points = [messages.Point32(x=x, y=y, z=z) for x, y, z in vertices]
     return message
 
 
@@ -57,12 +61,12 @@ def to_serialized_polygon(
     """Return what `to_polygon` does, in CDR."""
     header = serialize(_header(frame_id, timestamp))
     points = _single(_raised(polygon.vertices, height))
-    body = serialize(PolygonMessage(), {"points": points})
+    body = serialize(messages_of("geometry_msgs").Polygon(), {"points": points})
     # Nothing in the body is aligned to more than 4 bytes, as many as its encapsulation takes.
     return header + bytes(-len(header) % 4) + body[4:]
 
 
-def from_polygon(message: PolygonStamped) -> Polygon:
+def from_polygon(message: "PolygonStamped") -> Polygon:
     """Return the polygon in a message, without its z.
 
     Raises:
@@ -88,7 +92,7 @@ def to_line_marker(
     frame_id: str = "",
     timestamp: int = 0,
     height: float = 0.0,
-) -> Marker:
+) -> "Marker":
     """Return the outline of a polygon as a marker, a closed line.
 
     Args:
@@ -127,7 +131,7 @@ def to_triangle_list_marker(
     frame_id: str = "",
     timestamp: int = 0,
     height: float = 0.0,
-) -> Marker:
+) -> "Marker":
     """Return the area of a polygon as a marker of triangles, as `Polygon.triangulate` cuts it.
 
     Args and errors are those of `to_line_marker`. There is one colour per triangle.
@@ -148,9 +152,10 @@ def to_serialized_triangle_list_marker(
 
 
 def _line(
-    polygon: Polygon, line_width: float, color: npt.ArrayLike, header: Header, height: float
-) -> tuple[Marker, Points, Colors]:
-    marker = Marker(header=header, type=Marker.LINE_STRIP, action=Marker.ADD)
+    polygon: Polygon, line_width: float, color: npt.ArrayLike, header: "Header", height: float
+) -> "tuple[Marker, Points, Colors]":
+    marker = messages_of("visualization_msgs").Marker(header=header)
+    marker.type = marker.LINE_STRIP
     marker.scale.x = as_number(line_width, "line_width")
     if not 0 <= marker.scale.x < math.inf:
         raise MessageError("line_width", "a finite number, 0 or more", marker.scale.x)
@@ -159,9 +164,10 @@ def _line(
 
 
 def _triangles(
-    polygon: Polygon, color: npt.ArrayLike, header: Header, height: float
-) -> tuple[Marker, Points, Colors]:
-    marker = Marker(header=header, type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+    polygon: Polygon, color: npt.ArrayLike, header: "Header", height: float
+) -> "tuple[Marker, Points, Colors]":
+    marker = messages_of("visualization_msgs").Marker(header=header)
+    marker.type = marker.TRIANGLE_LIST
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     # The fan of `Polygon.triangulate`, without an object for every triangle.
     count = max(len(polygon) - 2, 0)
@@ -170,13 +176,14 @@ def _triangles(
     return marker, _raised(polygon.vertices[corners.ravel()], height), _repeated(color, count)
 
 
-def _with_points(marker: Marker, points: Points, colors: Colors) -> Marker:
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
-    marker.colors = [ColorRGBA(r=r, g=g, b=b, a=a) for r, g, b, a in colors.tolist()]
+def _with_points(marker: "Marker", points: Points, colors: Colors) -> "Marker":
+    point, color = messages_of("geometry_msgs").Point, messages_of("std_msgs").ColorRGBA
+    marker.points = [point(x=x, y=y, z=z) for x, y, z in points.tolist()]
+    marker.colors = [color(r=r, g=g, b=b, a=a) for r, g, b, a in colors.tolist()]
     return marker
 
 
-def _serialized(marker: Marker, points: Points, colors: Colors) -> bytes:
+def _serialized(marker: "Marker", points: Points, colors: Colors) -> bytes:
     return serialize(marker, {"points": points, "colors": colors})
 
 
@@ -205,5 +212,5 @@ def _repeated(color: npt.ArrayLike, count: int) -> Colors:
     return np.tile(rgba, (count, 1))
 
 
-def _header(frame_id: str, timestamp: int) -> Header:
-    return Header(stamp=to_stamp(timestamp), frame_id=frame_id)
+def _header(frame_id: str, timestamp: int) -> "Header":
+    return messages_of("std_msgs").Header(stamp=to_stamp(timestamp), frame_id=frame_id)

@@ -16,12 +16,12 @@ import numpy.typing as npt
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.map import block
-from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ._cdr import Buffer, Deferred, serialize_view, view
-from ._grid_map import from_info, from_message, outgoing
+from ._definition import GRID_MAP
+from ._grid_map import from_info, from_message, outgoing, received_start
 from ._multi_array import to_layout
-from ._time import from_stamp
+from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 
 def to_serialized_message(
@@ -32,7 +32,7 @@ def to_serialized_message(
 ) -> bytes:
     """Return the message of `to_message` in CDR; publishers accept it in place of the message.
 
-    Every layer is copied once, also where the start index changes.
+    Every layer is copied once, also where the start index changes. No message package is needed.
 
     Args:
         grid_map, layers: as for `to_message`.
@@ -49,10 +49,14 @@ def to_serialized_message(
     grid_map.geometry.check_cells(np.asarray(start_index))
     fields, first = outgoing(grid_map, layers, start_index)
     layout = to_layout(grid_map.size)
-    data = [
-        SimpleNamespace(layout=layout, data=_values(layer, first)) for layer in fields.pop("data")
+    fields["data"] = [
+        SimpleNamespace(layout=layout, data=_values(layer, first)) for layer in fields["data"]
     ]
-    return serialize_view(SimpleNamespace(data=data, **fields), GridMapMessage)
+    seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
+    stamp = SimpleNamespace(sec=seconds, nanosec=rest)
+    header = SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id)
+    message = SimpleNamespace(header=header, info=_info(grid_map.geometry), **fields)
+    return serialize_view(message, GRID_MAP)
 
 
 def from_serialized_message(
@@ -110,6 +114,11 @@ class ReceivedMap:
         return from_info(self._message.info)
 
     @property
+    def start_index(self) -> Size:
+        """(row, col) where the circular buffer begins."""
+        return received_start(self._message, self.geometry.size)
+
+    @property
     def layers(self) -> tuple[str, ...]:
         """Names of the layers."""
         return tuple(self._message.layers)
@@ -138,7 +147,20 @@ class ReceivedMap:
 
     @cached_property
     def _message(self) -> Any:
-        return view(self.data, GridMapMessage)
+        return view(self.data, GRID_MAP)
+
+
+def _info(geometry: GridGeometry) -> SimpleNamespace:
+    x, y = geometry.position.tolist()
+    length_x, length_y = geometry.length.tolist()
+    position = SimpleNamespace(x=x, y=y, z=0.0)
+    orientation = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    return SimpleNamespace(
+        resolution=geometry.resolution,
+        length_x=length_x,
+        length_y=length_y,
+        pose=SimpleNamespace(position=position, orientation=orientation),
+    )
 
 
 def _values(layer: Layer, first: Size) -> npt.NDArray[np.float32] | Deferred:

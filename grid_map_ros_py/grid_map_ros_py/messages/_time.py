@@ -3,27 +3,30 @@
 """Integer nanoseconds and `builtin_interfaces/Time`, exactly."""
 
 import operator
-
-from builtin_interfaces.msg import Time
-from std_msgs.msg import Header
+from typing import TYPE_CHECKING
 
 from grid_map_core_py import GridMap
 
 from ..errors import MessageError
+from ._packages import messages_of
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Header
 
 NANOSECONDS = 1_000_000_000
 LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 """The last nanosecond whose seconds fit the message's int32."""
 
 
-def to_stamp(nanoseconds: int) -> Time:
+def to_stamp(nanoseconds: int) -> "Time":
     """Return a point in time [ns since the epoch] as a message.
 
     Raises:
         MessageError: it is no integer, negative, or later than the message can hold.
     """
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
-    return Time(sec=seconds, nanosec=rest)
+    return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
@@ -41,7 +44,7 @@ def check_nanoseconds(nanoseconds: int) -> int:
     return exact
 
 
-def from_stamp(stamp: Time, field: str = "header.stamp") -> int:
+def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
     """Return a message's point in time as nanoseconds since the epoch.
 
     Raises:
@@ -54,6 +57,8 @@ def from_stamp(stamp: Time, field: str = "header.stamp") -> int:
     return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
-def to_header(grid_map: GridMap) -> Header:
-    """Return frame and time of a map."""
-    return Header(stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id)
+def to_header(grid_map: GridMap) -> "Header":
+    """Return frame and time of a map as `std_msgs/Header`."""
+    return messages_of("std_msgs").Header(
+        stamp=to_stamp(grid_map.timestamp), frame_id=grid_map.frame_id
+    )

@@ -1,0 +1,28 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Import of message packages at the moment when a message is made.
+
+Reading maps, bags and messages takes no message package, so that it works without ROS.
+"""
+
+import importlib
+from typing import Any
+
+from grid_map_core_py.errors import MissingPackageError
+
+
+def messages_of(package: str, needed_by: str = "this message") -> Any:
+    """Return the message classes of a package, such as `nav_msgs.msg` for `nav_msgs`.
+
+    Args:
+        package: name of the package.
+        needed_by: what to call the caller in the error.
+
+    Raises:
+        MissingPackageError: the package is not installed, or its environment is not sourced.
+    """
+    try:
+        return importlib.import_module(f"{package}.msg")
+    except ImportError as error:
+        remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
+        raise MissingPackageError(package, needed_by, remedy) from error
