@@ -1,24 +1,55 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps, point clouds and meshes in files, and files that appear complete or not at all."""
+"""Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
 from ._atomic import find_folder, new_file, new_folder
 from ._clouds import Fields, load_mesh, load_points
+from ._facts import map_facts
+from ._formats import (
+    Format,
+    MapRecord,
+    format_to_read,
+    format_to_write,
+    formats,
+    load,
+    options_of,
+    save,
+)
+from ._geotiff import load_geotiff, save_geotiff
+from ._gridding import load_cloud
+from ._height_image import load_height_image, save_height_image
 from ._image_folder import load_images, save_images
+from ._map_server import load_map_server, save_map_server
 from ._npz import load_npz, save_npz, storage_errors
 from ._yaml_files import load_yaml
 
 __all__ = [
     "Fields",
+    "Format",
+    "MapRecord",
     "find_folder",
+    "format_to_read",
+    "format_to_write",
+    "formats",
+    "load",
+    "load_cloud",
+    "load_geotiff",
+    "load_height_image",
     "load_images",
+    "load_map_server",
     "load_mesh",
     "load_npz",
     "load_points",
     "load_yaml",
+    "map_facts",
     "new_file",
     "new_folder",
+    "options_of",
+    "save",
+    "save_geotiff",
+    "save_height_image",
     "save_images",
+    "save_map_server",
     "save_npz",
     "storage_errors",
 ]

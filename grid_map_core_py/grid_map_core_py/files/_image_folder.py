@@ -13,14 +13,11 @@ there is `grid_map_core_py.files._npz`.
 """
 
 import re
-import struct
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import yaml
 
@@ -37,14 +34,14 @@ from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import find_folder, new_folder
-from ._npz import storage_errors
+from ._image_files import encode_image, from_north_up, read_image, to_north_up
+from ._npz import storage_errors, wanted_layers
 from ._yaml_files import load_yaml
 
 YAML_NAME = "map.yaml"
 VERSION = 1
 
 _DTYPES = {8: np.uint8, 16: np.uint16}
-_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 
 def save_images(
@@ -99,18 +96,20 @@ def save_images(
     target = Path(folder)
     with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
         for entry, (_, image) in zip(entries, pictures, strict=True):
-            (temporary / entry["image"]).write_bytes(_encoded(image))
+            (temporary / entry["image"]).write_bytes(encode_image(image, ".png"))
         (temporary / YAML_NAME).write_text(_document(grid_map, entries), encoding="utf-8")
     return target / YAML_NAME
 
 
-def load_images(path: str | PathLike[str]) -> GridMap:
+def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Return the map that `save_images` has written.
 
     Args:
         path: the folder, or the YAML file in it.
+        layers: names of the layers to read; None means all.
 
     Raises:
+        LayerNotFoundError: the file lacks a layer.
         GridMapError: a file is missing, damaged or of another format.
     """
     given = Path(path)
@@ -119,20 +118,21 @@ def load_images(path: str | PathLike[str]) -> GridMap:
         file = given if is_file else find_folder(given) / YAML_NAME
     document = load_yaml(file)
     with storage_errors(file, "read"):
-        found = _part_of_maps(document)
+        found = part_of_maps(document)
         if found is None:
             raise ValueError("no file of a map: 'grid_map' is missing")
         if found.get("version") != VERSION:
             raise ValueError(f"version {found.get('version')!r}, only {VERSION} is known")
         grid_map = _empty_map(found, document["resolution"])
-        entries = list(found["layers"])
-    for entry in entries:
+        entries = {entry["name"]: entry for entry in found["layers"]}
+        wanted = wanted_layers([*entries], layers)
+    for entry in (entries[name] for name in wanted):
         with storage_errors(file, "read"):
             image = file.parent / Path(entry["image"]).name
         with storage_errors(image, "read"):
-            _add(grid_map, entry, _decoded(image, grid_map.size[::-1]))
+            _add(grid_map, entry, read_image(image, grid_map.size[::-1]))
     with storage_errors(file, "read"):
-        _set_basic_layers(grid_map, found["basic_layers"])
+        _set_basic_layers(grid_map, found["basic_layers"], entries)
     return grid_map
 
 
@@ -158,75 +158,23 @@ def _value_picture(
     channels = 4 if np.isnan(grid_map[layer]).any() else 1
     image = to_image(grid_map, layer, _DTYPES[bits], channels, lower, upper)
     mode = {"mode": "values", "lower": float(lower), "upper": float(upper)}
-    return mode, _to_map_server(image)
+    return mode, to_north_up(image)
 
 
 def _color_picture(grid_map: GridMap, layer: str) -> tuple[dict[str, Any], Image]:
     channels = 4 if np.isnan(grid_map[layer]).any() else 3
     image = to_color_image(grid_map, layer, np.uint8, channels)
-    return {"mode": "color"}, _to_map_server(image)
+    return {"mode": "color"}, to_north_up(image)
 
 
 def _add(grid_map: GridMap, entry: Mapping[str, Any], image: Image) -> None:
-    name, pixels = entry["name"], _from_map_server(image)
+    name, pixels = entry["name"], from_north_up(image)
     if entry["mode"] == "color":
         add_color_layer_from_image(grid_map, pixels, name)
     elif entry["mode"] == "values":
         add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
     else:
         raise ValueError(f"mode {entry['mode']!r} of layer {name!r}, expected 'values' or 'color'")
-
-
-def _to_map_server(image: Image) -> Image:
-    """Return an image whose rows run along -x with rows along -y and columns along +x."""
-    return np.ascontiguousarray(image.swapaxes(0, 1)[:, ::-1])
-
-
-def _from_map_server(image: Image) -> Image:
-    return np.ascontiguousarray(image[:, ::-1].swapaxes(0, 1))
-
-
-def _encoded(image: Image) -> bytes:
-    done, data = cv2.imencode(".png", image)
-    if not done:
-        raise ValueError("OpenCV cannot encode the image")
-    return data.tobytes()
-
-
-def _decoded(file: Path, size: tuple[int, int]) -> Image:
-    """Return the pixels of a PNG file, after checking that it is complete and of the right size."""
-    data = file.read_bytes()
-    _check_png(data, size)
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None:
-        raise ValueError("a damaged PNG image")
-    return pixels
-
-
-def _check_png(data: bytes, size: tuple[int, int]) -> None:
-    rows, columns = size
-    if not data.startswith(_PNG_MAGIC):
-        raise ValueError("no PNG image")
-    kinds = []
-    for kind, content in _png_chunks(data):
-        kinds.append(kind)
-        if kind == b"IHDR" and struct.unpack(">II", content[:8]) != (columns, rows):
-            width, height = struct.unpack(">II", content[:8])
-            raise ValueError(f"expected {columns} x {rows} pixels, found {width} x {height}")
-    if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:
-        raise ValueError("a PNG image that is cut off")
-
-
-def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    start = len(_PNG_MAGIC)
-    while start < len(data):
-        length, kind = struct.unpack_from(">I4s", data, start)
-        content = data[start + 8 : start + 8 + length]
-        (checksum,) = struct.unpack_from(">I", data, start + 8 + length)
-        if zlib.crc32(content, zlib.crc32(kind)) != checksum:
-            raise ValueError("a damaged PNG image: a checksum is wrong")
-        yield kind, content
-        start += 12 + length
 
 
 # --- YAML -----------------------------------------------------------------------------------------
@@ -259,11 +207,11 @@ def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
     return text
 
 
-def _set_basic_layers(grid_map: GridMap, names: list[str]) -> None:
+def _set_basic_layers(grid_map: GridMap, names: list[str], entries: Iterable[str]) -> None:
     for name in names:
-        if name not in grid_map:
+        if name not in entries:
             raise ValueError(f"basic layer {name!r} is not among the layers")
-    grid_map.basic_layers = names
+    grid_map.basic_layers = [name for name in names if name in grid_map]
 
 
 def _stored(names: Iterable[str], entries: list[dict[str, Any]]) -> list[str]:
@@ -300,11 +248,11 @@ def _check_old(folder: Path) -> None:
 
 def _written(file: Path) -> set[str]:
     """Return the names of all files that `save_images` wrote with a YAML file, if it did."""
-    found = _part_of_maps(load_yaml(file)) if file.is_file() else None
+    found = part_of_maps(load_yaml(file)) if file.is_file() else None
     return {file.name, *(entry["image"] for entry in found["layers"])} if found else set()
 
 
-def _part_of_maps(document: Any) -> Mapping[str, Any] | None:
+def part_of_maps(document: Any) -> Mapping[str, Any] | None:
     """Return what is not for map_server in a YAML file of images, None where there is none."""
     found = document.get("grid_map") if isinstance(document, dict) else None
     return found if isinstance(found, dict) else None

@@ -9,7 +9,7 @@ in map order, and `metadata` is a text in JSON with everything else.
 import json
 import math
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -23,6 +23,7 @@ from ..errors import GridMapError, LayerNotFoundError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_file
+from ._facts import map_facts
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -83,11 +84,20 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
         metadata = _read_metadata(archive)
         grid_map = _empty_map(metadata)
         names = [_text(name) for name in metadata["layers"]]
-        wanted = _wanted(names, layers)
+        wanted = wanted_layers(names, layers)
         found = {name: _read_layer(archive, name, grid_map.size) for name in wanted}
         grid_map = grid_map.with_layers(found)
         grid_map.basic_layers = [name for name in metadata["basic_layers"] if name in found]
     return grid_map
+
+
+def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
+    """Return what the file tells about its map without reading a layer."""
+    grid_map = load_npz(path, layers=())
+    # Now it is sure that the file is one of maps.
+    with np.load(path) as archive:
+        metadata = json.loads(str(archive[_METADATA]))
+    return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
 
 
 @contextmanager
@@ -169,9 +179,14 @@ def _text(name: object) -> str:
     return name
 
 
-def _wanted(names: list[str], layers: Iterable[str] | None) -> list[str]:
+def wanted_layers(names: Sequence[str], layers: Iterable[str] | None) -> list[str]:
+    """Return the layers to read of those that a file has; None asks for all.
+
+    Raises:
+        LayerNotFoundError: the file lacks one.
+    """
     if layers is None:
-        return names
+        return [*names]
     wanted = [layers] if isinstance(layers, str) else list(layers)
     for name in wanted:
         if name not in names:

@@ -1,0 +1,350 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The table of file formats, and `load` and `save`, which choose from it by the name of a file."""
+
+import inspect
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from os import PathLike
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..errors import GridMapError, MissingPackageError
+from ..map._grid_map import GridMap
+from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
+from ._gridding import describe_cloud, load_cloud
+from ._height_image import load_height_image, save_height_image
+from ._image_folder import YAML_NAME, load_images, part_of_maps, save_images
+from ._map_server import load_map_server, save_map_server
+from ._npz import describe_npz, load_npz, save_npz
+from ._yaml_files import load_yaml
+
+GROUP = "grid_map_core_py.formats"
+
+
+class MapRecord(Protocol):
+    """One of the maps of a file, not read yet."""
+
+    time: int
+    """When it was recorded [ns]."""
+
+    def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
+        """Read the map; `unwrap=False` keeps its start index."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A file format: how to recognize, read and write it.
+
+    The options of a format are the parameters of its functions behind the first ones, by name.
+
+    Attributes:
+        name: short and unique, such as "npz".
+        description: a few words for tables and messages.
+        endings: of file names, in lower case, such as ".npz".
+        needs: packages that must be installed beside the package that adds the format.
+        install: how to install them, a command.
+        reads: tells whether a path can be read, for folders and for endings that several formats
+            share; None goes by the endings.
+        writes: tells whether a name can be written to; None goes by the endings.
+        load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
+        save: `save(grid_map, path, **options)` writes one map; None if it is not written.
+        describe: `describe(path, **options)` returns, as JSON has them, the facts of a file that
+            can be told quickly; "map" holds those of its map. None loads the map to tell them.
+        open_maps: for formats of many maps: `open_maps(path, topic=None)` returns a context manager
+            of a sequence of `MapRecord` with an attribute `topic`.
+        save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
+            time [ns] (or None) and map, one at a time, and returns their number.
+    """
+
+    name: str
+    description: str
+    endings: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+    install: str = ""
+    reads: Callable[[Path], bool] | None = None
+    writes: Callable[[Path], bool] | None = None
+    load: Callable[..., GridMap] | None = None
+    save: Callable[..., object] | None = None
+    describe: Callable[..., dict[str, Any]] | None = None
+    open_maps: Callable[..., AbstractContextManager[Sequence[MapRecord]]] | None = None
+    save_maps: Callable[..., int] | None = None
+
+    def can_read(self, path: Path) -> bool:
+        """Return whether a file or folder looks like one to read in this format."""
+        return self._fits(path, self.load, self.reads)
+
+    def can_write(self, path: Path) -> bool:
+        """Return whether a name looks like one to write in this format."""
+        return self._fits(path, self.save, self.writes)
+
+    def _fits(self, path: Path, function: object, test: Callable[[Path], bool] | None) -> bool:
+        if function is None:
+            return False
+        return path.suffix.lower() in self.endings if test is None else test(path)
+
+
+def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
+    """Return the names of the options of a format's function, behind the `given` first ones."""
+    return () if function is None else tuple(inspect.signature(function).parameters)[given:]
+
+
+def load(
+    path: str | PathLike[str],
+    *,
+    format: str | None = None,  # noqa: A002
+    **options: Any,
+) -> GridMap:
+    """Return the map in a file or folder, in the format that its name tells.
+
+    `formats()` lists the formats; [bags and files] in the documentation lists their options. If
+    several formats share an ending, the first that has all given options is taken: `load("a.tif")`
+    reads a GeoTIFF, `load("a.tif", resolution=0.1)` a plain height image.
+
+    Args:
+        path: the file or folder.
+        format: name of the format, whatever the name of the file is.
+        options: of the format, such as `layers` (all formats), `resolution` (clouds, meshes, height
+            images), `topic` and `index` (bags).
+
+    Raises:
+        LayerNotFoundError: the file lacks a layer that `layers` names.
+        MissingPackageError: a package that the format needs is not installed.
+        GridMapError: the file cannot be read, its format or an option is not known.
+    """
+    file = Path(path)
+    found = format_to_read(file, options, name=format)
+    return found.load(path, **options)  # type: ignore[misc]
+
+
+def save(
+    grid_map: GridMap,
+    path: str | PathLike[str],
+    *,
+    format: str | None = None,  # noqa: A002
+    **options: Any,
+) -> None:
+    """Write a map to a file or folder, in the format that its name tells.
+
+    The file or folder appears complete or not at all; one of the same format is replaced. If
+    several formats share an ending, the first that has all given options is taken.
+
+    Args:
+        grid_map: the map.
+        path: the file or folder.
+        format: name of the format, whatever the name of the file is.
+        options: of the format, such as `compress` (.npz, GeoTIFF), `bits` (images), `mode` (nav2's
+            map_server), `topic` (bags).
+
+    Raises:
+        MissingPackageError: a package that the format needs is not installed.
+        GridMapError: the file cannot be written, its format or an option is not known.
+    """
+    found = format_to_write(Path(path), options, name=format)
+    found.save(grid_map, path, **options)  # type: ignore[misc]
+
+
+@cache
+def formats() -> dict[str, Format]:
+    """Return all formats by name: those of this package, then those that other packages add.
+
+    A package adds one by an entry point of the group `grid_map_core_py.formats`, whose name is that
+    of the format and whose object is a `Format`. One that cannot be loaded is left out, with a
+    warning.
+    """
+    known = dict(BUILT_IN)
+    for entry in entry_points(group=GROUP):
+        try:
+            known.setdefault(entry.name, entry.load())
+        # Any error of a plug-in leaves the other formats usable.
+        except Exception as error:
+            warnings.warn(
+                f"format {entry.name!r} of {entry.value}: cannot be loaded: {error}", stacklevel=2
+            )
+    return known
+
+
+def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
+    """Return the format in which to read a file or folder.
+
+    Args:
+        path: the file or folder.
+        options: names of options that the format must have.
+        name: of the format, if it is not to be told by the path.
+
+    Raises:
+        GridMapError: no format fits, or it lacks an option.
+    """
+    if name is not None:
+        found = [_named(name, "read", lambda one: one.load)]
+    else:
+        found = [one for one in formats().values() if one.can_read(path)]
+    if not found:
+        raise _unreadable(path)
+    return _with_options(path, found, options, lambda one: options_of(one.load))
+
+
+def format_to_write(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
+    """Return the format in which to write; arguments and errors are those of `format_to_read`."""
+    if name is not None:
+        found = [_named(name, "written", lambda one: one.save)]
+    else:
+        found = [one for one in formats().values() if one.can_write(path)]
+    if not found:
+        _check_packages(path)
+        known = _listed(one for one in formats().values() if one.save)
+        raise GridMapError(f"{path}: expected a name of one of the formats {known}")
+    return _with_options(path, found, options, lambda one: options_of(one.save, 2))
+
+
+def _named(name: str, done: str, function: Callable[[Format], object]) -> Format:
+    known = {one.name: one for one in formats().values() if function(one)}
+    if name not in known:
+        raise GridMapError(f"format: expected one that is {done}, {', '.join(known)}, got {name!r}")
+    return known[name]
+
+
+def _with_options(
+    path: Path,
+    found: list[Format],
+    options: Iterable[str],
+    options_of_format: Callable[[Format], tuple[str, ...]],
+) -> Format:
+    """Return the first format that has all options."""
+    given = [*options]
+    for one in found:
+        if {*given} <= {*options_of_format(one)}:
+            return one
+    known = options_of_format(found[0])
+    unknown = next(name for name in given if name not in known)
+    raise GridMapError(
+        f"{path}: {unknown}: expected an option of the format {found[0].name} "
+        f"({', '.join(known) or 'none'}), got {unknown!r}"
+    )
+
+
+def _unreadable(path: Path) -> GridMapError:
+    if path.exists() or path.suffix:
+        _check_packages(path)
+    if not path.exists():
+        return GridMapError(f"{path}: cannot be read: No such file or directory")
+    known = _listed(one for one in formats().values() if one.load)
+    return GridMapError(f"{path}: expected a file or folder of one of the formats {known}")
+
+
+def _check_packages(path: Path) -> None:
+    """Raise if the format is known, but in a package that is not installed."""
+    endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
+    kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
+    if kind is not None and kind not in formats():
+        remedy = "build and source this workspace with ROS 2, or pip install it"
+        raise MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+
+
+def _listed(known: Iterable[Format]) -> str:
+    return ", ".join(f"{one.name} ({' '.join(one.endings) or one.description})" for one in known)
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether a path holds images that `save_images` wrote, not a map of nav2."""
+    file = path / YAML_NAME if path.is_dir() else path
+    if file.suffix.lower() not in (".yaml", ".yml"):
+        return False
+    if not file.exists():
+        return file == path and file.name == YAML_NAME
+    try:
+        return part_of_maps(load_yaml(file)) is not None
+    except GridMapError:
+        return True
+
+
+def _save_images(
+    grid_map: GridMap,
+    path: str | PathLike[str],
+    *,
+    layers: Iterable[str] | None = None,
+    bits: int = 16,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+) -> None:
+    """Write a folder of images; `path` is the folder or the YAML file in it."""
+    file = Path(path)
+    folder = file.parent if file.name == YAML_NAME else file
+    save_images(grid_map, folder, layers, bits=bits, ranges=ranges)
+
+
+def _is_of_map_server(path: Path) -> bool:
+    is_yaml = path.suffix.lower() in (".yaml", ".yml")
+    return (path / YAML_NAME).is_file() if path.is_dir() else is_yaml
+
+
+_IMAGES = (".png", ".tif", ".tiff")
+
+BUILT_IN = {
+    one.name: one
+    for one in (
+        Format(
+            name="npz",
+            description="NumPy arrays, nothing is lost",
+            endings=(".npz",),
+            load=load_npz,
+            save=save_npz,
+            describe=describe_npz,
+        ),
+        Format(
+            name="images",
+            description="folder of PNG images and map.yaml",
+            reads=_is_ours,
+            writes=lambda path: path.name == YAML_NAME,
+            load=load_images,
+            save=_save_images,
+        ),
+        Format(
+            name="map_server",
+            description="YAML file and image of nav2's map_server",
+            endings=(".yaml", ".yml"),
+            reads=_is_of_map_server,
+            load=load_map_server,
+            save=save_map_server,
+        ),
+        Format(
+            name="geotiff",
+            description="GeoTIFF, one band per layer",
+            endings=(".tif", ".tiff"),
+            needs=("rasterio",),
+            install="pip install rasterio",
+            load=load_geotiff,
+            save=save_geotiff,
+            describe=describe_geotiff,
+        ),
+        Format(
+            name="height_image",
+            description="height map: gray PNG, TIFF, PGM or BMP image",
+            endings=(*_IMAGES, ".pgm", ".bmp"),
+            writes=lambda path: path.suffix.lower() in _IMAGES,
+            load=load_height_image,
+            save=save_height_image,
+        ),
+        Format(
+            name="pcd",
+            description="point cloud of PCL",
+            endings=(".pcd",),
+            needs=("pypcd4",),
+            install="pip install pypcd4",
+            load=load_cloud,
+            describe=describe_cloud,
+        ),
+        Format(
+            name="mesh",
+            description="triangle mesh or its vertices",
+            endings=(".ply", ".obj", ".stl"),
+            needs=("trimesh",),
+            install="pip install trimesh",
+            load=load_cloud,
+            describe=describe_cloud,
+        ),
+    )
+}

@@ -1,0 +1,258 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Occupancy maps of nav2's `map_server`: a YAML file and an image beside it.
+
+The YAML file says how pixels become occupancies. With `shade` from 0 (black) to 1 (white) and
+`occ = 1 - shade`, or `occ = shade` with `negate`:
+
+- `trinary`: 100 above `occupied_thresh`, 0 below `free_thresh`, unknown between. Alpha counts as a
+  fourth channel of the mean.
+- `scale`: the same beyond the thresholds; between them 0 to 100 in proportion, rounded to the
+  nearest integer, ties to even. Pixels that are not opaque are unknown.
+- `raw`: the value of the pixel if it is 0 to 100, else unknown. `negate` has no effect.
+
+`shade` is the mean of the color channels. In the map, occupancy is 0 to 100, and unknown is NaN.
+Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import yaml
+
+from ..arrays._checks import Layer
+from ..conversions._image import Image
+from ..errors import GridMapError
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ._atomic import new_file
+from ._height_image import chosen_layer
+from ._image_files import encode_image, from_north_up, read_image, to_north_up
+from ._npz import storage_errors
+from ._yaml_files import load_yaml
+
+Mode: TypeAlias = Literal["trinary", "scale", "raw"]
+
+MODES = ("trinary", "scale", "raw")
+LAYER = "occupancy"
+
+_THRESHOLDS = {"trinary": (0.65, 0.196), "scale": (1.0, 0.0), "raw": (0.65, 0.196)}
+"""Occupied and free; these let every written value come back."""
+
+_BLACK, _UNKNOWN, _WHITE = 0, 205, 254
+"""Pixels that `map_saver` writes for occupied, unknown and free cells in mode trinary."""
+
+
+def load_map_server(
+    path: str | PathLike[str],
+    layers: Iterable[str] | None = None,
+    *,
+    occupancy_layer: str = LAYER,
+    frame_id: str = "map",
+) -> GridMap:
+    """Return an occupancy map of nav2's `map_server`.
+
+    Args:
+        path: the YAML file, or a folder that holds `map.yaml`.
+        layers: None, or the name of the layer: for readers that ask for layers.
+        occupancy_layer: name of the layer; it holds 0 (free) to 100 (occupied), NaN is unknown.
+        frame_id: frame of the map.
+
+    Raises:
+        LayerNotFoundError: `layers` asks for another layer.
+        GridMapError: a file is missing or damaged, a key is missing or makes no sense, or the map
+            is rotated (yaw in `origin`).
+    """
+    file = Path(path)
+    file = file / "map.yaml" if file.is_dir() else file
+    document = load_yaml(file)
+    with storage_errors(file, "read"):
+        settings = _settings(document)
+        image = file.parent / settings["image"]
+    with storage_errors(image, "read"):
+        occupancy = _occupancy(read_image(image), settings)
+    with storage_errors(file, "read"):
+        resolution = settings["resolution"]
+        size = occupancy.shape[1], occupancy.shape[0]
+        position = np.array(settings["origin"][:2]) + 0.5 * resolution * np.array(size)
+        geometry = GridGeometry.from_size(size, resolution, position)
+        layer = {occupancy_layer: from_north_up(occupancy)}
+        grid_map = GridMap.from_geometry(geometry, layer, frame_id=frame_id)
+    for name in [layers] if isinstance(layers, str) else layers or ():
+        grid_map[name]  # raises where there is none
+    return grid_map
+
+
+def save_map_server(
+    grid_map: GridMap,
+    path: str | PathLike[str],
+    *,
+    layer: str | None = None,
+    mode: Mode = "trinary",
+    negate: bool = False,
+    occupied_thresh: float | None = None,
+    free_thresh: float | None = None,
+) -> None:
+    """Write occupancies as a map of nav2's `map_server`.
+
+    The image is a PGM file beside the YAML file, or a PNG file in mode `scale`, which needs alpha.
+    The map appears complete or not at all: the YAML file comes last, and an image that an existing
+    YAML file names keeps its name until then.
+
+    Args:
+        grid_map: the map; a moved one is stored in map order.
+        path: the YAML file.
+        layer: the layer of 0 (free) to 100 (occupied), rounded to integers; NaN and values beyond
+            are unknown. None means `occupancy`, or the only layer.
+        mode: `trinary` keeps occupied, free and unknown, `scale` and `raw` all values.
+        negate: white is occupied.
+        occupied_thresh, free_thresh: bounds of occupied and of free, 0 to 1. None means 0.65 and
+            0.196, or 1 and 0 in mode `scale`. Scaled values come back exactly if the thresholds are
+            at least 0.4 apart.
+
+    Raises:
+        LayerNotFoundError: the map lacks the layer.
+        GridMapError: an option makes no sense, or a file cannot be written.
+    """
+    file = Path(path)
+    if mode not in MODES:
+        raise GridMapError(f"mode: expected one of {', '.join(MODES)}, got {mode!r}")
+    usual_occupied, usual_free = _THRESHOLDS[mode]
+    occupied = usual_occupied if occupied_thresh is None else float(occupied_thresh)
+    free = usual_free if free_thresh is None else float(free_thresh)
+    if not 0 <= free < occupied <= 1:
+        raise GridMapError(
+            "free_thresh, occupied_thresh: expected 0 <= free < occupied <= 1, "
+            f"got {free} and {occupied}"
+        )
+    name = chosen_layer(grid_map, layer, LAYER)
+    values = to_north_up(grid_map.unwrapped(name))
+    image = _pixels(values, mode, occupied, free, negate=negate)
+    with storage_errors(file, "written"):
+        old = _old_image(file)
+        ending = ".png" if mode == "scale" else ".pgm"
+        target = _free_name(file.with_suffix(ending))
+        document = {
+            "image": target.name,
+            "mode": mode,
+            "resolution": grid_map.resolution,
+            "origin": [*(grid_map.position - 0.5 * grid_map.length).tolist(), 0.0],
+            "negate": int(negate),
+            "occupied_thresh": occupied,
+            "free_thresh": free,
+        }
+        data = encode_image(image, ending)
+        with new_file(target) as temporary:
+            temporary.write_bytes(data)
+        with new_file(file) as temporary:
+            temporary.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
+        if old is not None:
+            old.unlink(missing_ok=True)
+
+
+def _settings(document: Any) -> dict[str, Any]:
+    """Return the checked keys of a YAML file."""
+    if not isinstance(document, Mapping):
+        raise ValueError("expected keys and values such as 'image: map.pgm'")
+    image = document.get("image")
+    if not isinstance(image, str) or not image:
+        raise ValueError(f"image: expected the name of a file, got {image!r}")
+    numbers = {}
+    for key in ("resolution", "occupied_thresh", "free_thresh"):
+        numbers[key] = _number(key, document.get(key))
+    origin = document.get("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise ValueError(f"origin: expected [x, y, yaw], got {origin!r}")
+    x, y, yaw = (_number("origin", value) for value in origin)
+    if yaw != 0:
+        raise ValueError(
+            f"origin: expected a yaw of 0, got {yaw}; a grid map is never rotated, so rotate the "
+            "image"
+        )
+    mode, negate = document.get("mode", "trinary"), document.get("negate", False)
+    if mode not in MODES:
+        raise ValueError(f"mode: expected one of {', '.join(MODES)}, got {mode!r}")
+    if negate not in (0, 1):
+        raise ValueError(f"negate: expected 0 or 1, got {negate!r}")
+    return {"image": image, "origin": (x, y), "mode": mode, "negate": bool(negate)} | numbers
+
+
+def _number(key: str, value: object) -> float:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):  # type: ignore[arg-type]
+        raise ValueError(f"{key}: expected a number, got {value!r}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _occupancy(pixels: Image, settings: Mapping[str, Any]) -> Layer:
+    """Return (rows, cols) 0 to 100 or NaN of the pixels of an image."""
+    if pixels.dtype.kind != "u":
+        raise ValueError(f"expected an image of 8 or 16 bits, found {pixels.dtype}")
+    largest = np.iinfo(pixels.dtype).max
+    channels = pixels.reshape(*pixels.shape[:2], -1)
+    alpha = channels[..., 3] if channels.shape[2] == 4 else None
+    colors = channels if alpha is not None and settings["mode"] == "trinary" else channels[..., :3]
+    shade = colors.mean(axis=2, dtype=np.float64) / largest
+    if settings["mode"] == "raw":
+        values = np.floor(shade * 255 + 0.5)
+        return np.where(values <= 100, values, np.nan).astype(np.float32)
+    occupied, free = settings["occupied_thresh"], settings["free_thresh"]
+    occ = shade if settings["negate"] else 1.0 - shade
+    if settings["mode"] == "scale" and occupied != free:
+        between = np.rint((occ - free) / (occupied - free) * 100.0)
+    else:
+        between = np.full_like(occ, np.nan)
+    values = np.where(occ > occupied, 100.0, np.where(occ < free, 0.0, between))
+    if settings["mode"] == "scale" and alpha is not None:
+        values[alpha < largest] = np.nan
+    return values.astype(np.float32)
+
+
+def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: bool) -> Image:
+    """Return the image from which `_occupancy` reads the values."""
+    rounded = np.rint(values.astype(np.float64))
+    known = (rounded >= 0) & (rounded <= 100)
+    rounded = np.where(known, rounded, 0.0)
+    if mode == "raw":
+        return _as_bytes(np.where(known, rounded, 255))
+    if mode == "scale":
+        shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
+        gray = _as_bytes(np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5)))
+        return np.dstack([gray, gray, gray, _as_bytes(255 * known)])
+    # Between the thresholds, which the usual pixel of unknown cells need not be.
+    middle = round(255 * (1 - 0.5 * (occupied + free)))
+    unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
+    is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
+    gray = np.where(is_free, _WHITE, np.where(is_occupied, _BLACK, unknown))
+    gray = np.where(known, gray, unknown)
+    return _as_bytes(255 - gray if negate else gray)
+
+
+def _as_bytes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    return values.astype(np.uint8)
+
+
+def _free_name(file: Path) -> Path:
+    """Return the path, or one with a number if it is taken."""
+    number, free = 1, file
+    while free.exists():
+        number += 1
+        free = file.with_stem(f"{file.stem}_{number}")
+    return free
+
+
+def _old_image(file: Path) -> Path | None:
+    """Return the image that goes with an existing YAML file of the same name."""
+    if not file.exists():
+        return None
+    document = load_yaml(file)
+    name = document.get("image") if isinstance(document, Mapping) else None
+    if not isinstance(name, str) or "grid_map" in document:
+        raise ValueError("the file that is there is no map of map_server")
+    is_ours = Path(name).name == name and Path(name).stem.startswith(file.stem)
+    return file.with_name(name) if is_ours else None

@@ -1,0 +1,156 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`load` and `save`, which choose the format by the name of a file."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
+from grid_map_core_py.files import Format, _formats, formats, load, options_of, save
+from grid_map_core_py.testing import assert_maps_equal
+
+
+def sample() -> GridMap:
+    layers = {"elevation": [[1.0, 2.0], [np.nan, 4.0]], "slope": 0.5}
+    return GridMap((1, 1), 0.5, (3, 4), layers, basic_layers=["slope"], frame_id="odom")
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path, monkeypatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["a.npz", "A.NPZ", "folder/map.yaml"])
+def test_a_map_comes_back_by_its_name(in_folder, name):
+    save(sample(), name)
+    assert_maps_equal(load(name), sample(), atol=1e-4)
+    assert_maps_equal(
+        load(in_folder / name, layers=["slope"]), sample().without_layers("elevation")
+    )
+    with pytest.raises(LayerNotFoundError, match="'none'; available: elevation, slope"):
+        load(name, layers=["none"])
+
+
+def test_a_format_can_be_named_whatever_the_ending():
+    save(sample(), "a.map", format="npz", compress=True)
+    assert_maps_equal(load("a.map", format="npz"), sample())
+    save(sample(), "images", format="images", bits=8)
+    assert load("images").layers == ("elevation", "slope")
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "expected"),
+    [
+        ("a.tif", {}, "geotiff"),
+        ("a.tif", {"crs": "EPSG:25832"}, "geotiff"),
+        ("a.tif", {"bits": 32}, "height_image"),
+        ("a.png", {}, "height_image"),
+        ("a.yaml", {}, "map_server"),
+        ("map.yaml", {}, "images"),
+        ("map.yaml", {"mode": "raw"}, "map_server"),
+    ],
+)
+def test_options_decide_between_formats_of_one_ending(name, options, expected):
+    assert _formats.format_to_write(Path(name), options).name == expected
+
+
+def test_yaml_files_are_told_apart_by_their_content():
+    save(sample(), "ours/map.yaml")
+    Path("nav").mkdir()
+    save(sample(), "nav/map.yaml", mode="scale", layer="slope")
+    for path in (Path("ours"), Path("ours/map.yaml")):
+        assert _formats.format_to_read(path).name == "images"
+    for path in (Path("nav"), Path("nav/map.yaml")):
+        assert _formats.format_to_read(path).name == "map_server"
+
+
+def test_all_formats_describe_themselves():
+    for name, one in formats().items():
+        assert name == one.name
+        assert one.description
+        assert one.load or one.save
+        assert one.load is None or "layers" in options_of(one.load)
+        assert bool(one.needs) == bool(one.install)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: load("none.npz"), GridMapError, "none.npz: cannot be read: No such file"),
+        (lambda: load("a.doc"), GridMapError, "a.doc: expected a file or folder of one of"),
+        (lambda: load("none"), GridMapError, "none: cannot be read: No such file"),
+        (
+            lambda: load("a.npz", tpic=1),
+            GridMapError,
+            r"tpic: expected an option .* npz \(layers\)",
+        ),
+        (
+            lambda: load("a.npz", format="zip"),
+            GridMapError,
+            "format: expected one that is read, npz",
+        ),
+        (lambda: save(sample(), "a.doc"), GridMapError, "a.doc: expected a name of one of"),
+        (lambda: save(sample(), "a.pcd"), GridMapError, "a.pcd: expected a name of one of"),
+        (lambda: save(sample(), "a.npz", bits=8), GridMapError, r"bits: .* npz \(compress\)"),
+        (lambda: save(sample(), "a", format="pcd"), GridMapError, "expected one that is written"),
+    ],
+)
+def test_what_is_unknown_is_one_error(call, error, message):
+    Path("a.doc").write_text("text")
+    save(sample(), "a.npz")
+    with pytest.raises(error, match=message):
+        call()
+
+
+# --- formats of other packages --------------------------------------------------------------------
+
+
+@pytest.fixture
+def plug_in(monkeypatch):
+    """Return a function that lets a package add formats."""
+
+    def add(**entries: str) -> None:
+        points = [EntryPoint(name, value, _formats.GROUP) for name, value in entries.items()]
+        monkeypatch.setattr(_formats, "entry_points", lambda **_: points)
+        formats.cache_clear()
+
+    yield add
+    monkeypatch.undo()
+    formats.cache_clear()
+
+
+def a_text(_: object, layers: object = None) -> GridMap:
+    assert layers is None
+    return sample()
+
+
+EXACT = Format(name="text", description="numbers", endings=(".txt",), load=a_text)
+
+
+def test_a_package_adds_a_format(plug_in):
+    plug_in(text=f"{__name__}:EXACT")
+    Path("a.txt").write_text("1")
+    assert load("a.txt").layers == ("elevation", "slope")
+
+
+def test_a_broken_format_leaves_the_others(plug_in):
+    plug_in(broken="no_such_module:FORMAT", text=f"{__name__}:EXACT")
+    with pytest.warns(UserWarning, match=r"format 'broken' of no_such_module:FORMAT: cannot be"):
+        assert "text" in formats()
+    save(sample(), "a.npz")
+    assert_maps_equal(load("a.npz"), sample())
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.db3", "tree.bt", "bag"])
+def test_a_format_of_a_missing_package_names_it(plug_in, name):
+    plug_in()
+    Path("bag").mkdir()
+    Path("bag/metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+    with pytest.raises(
+        MissingPackageError, match=f"{name}: a .* needs the package 'grid_map_ros_py'"
+    ):
+        load(name)

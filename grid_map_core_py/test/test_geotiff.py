@@ -1,0 +1,184 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""GeoTIFF files, against rasterio."""
+
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap, GridMapError, MissingPackageError
+from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
+from grid_map_core_py.files._geotiff import describe_geotiff
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+
+PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)
+"""Rows to the south, columns to the east."""
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def rasterio():
+    return pytest.importorskip("rasterio")
+
+
+def a_map() -> GridMap:
+    """Return a moved map with a hole, an infinity and packed colors."""
+    options = {"position": (1.0, 2.0), "frame_id": "odom", "timestamp": 3_000_000_007}
+    made = GridMap((0.8, 0.6), 0.1, layers=("elevation", "variance", "color"), **options)
+    made["elevation"] = np.random.default_rng(5).normal(size=(8, 6))
+    made["elevation"][2, 3:5] = np.nan
+    made["variance"] = 0.25
+    made["variance"][0, 0] = np.inf
+    made["color"] = np.array(0x00FF8000, np.uint32).view(np.float32)
+    made.basic_layers = ["elevation"]
+    return moved_in_buffer(made, (3, 1))
+
+
+def write(rasterio, name="dem.tif", pixels=PIXELS, **changes):
+    """Write a raster with the corner at (100, 200) and pixels of 2 m."""
+    options = {
+        "driver": "GTiff",
+        "count": 1,
+        "height": pixels.shape[0],
+        "width": pixels.shape[1],
+        "dtype": pixels.dtype,
+        "transform": rasterio.Affine(2.0, 0.0, 100.0, 0.0, -2.0, 200.0),
+        **changes,
+    }
+    with rasterio.open(name, "w", **options) as raster:
+        for band in range(1, options["count"] + 1):
+            raster.write(pixels, band)
+    return name
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_rasterio_finds_every_value_at_its_position(rasterio, compress):
+    grid_map = a_map()
+    save_geotiff(grid_map, "map.tif", crs="EPSG:25832", compress=compress)
+    with rasterio.open("map.tif") as raster:
+        assert raster.descriptions == grid_map.layers
+        assert raster.crs.to_epsg() == 25832
+        assert np.isnan(raster.nodata)
+        assert raster.res == pytest.approx((0.1, 0.1))
+        for band, layer in enumerate(grid_map, 1):
+            pixels = raster.read(band)
+            for position in grid_map.get_positions():
+                expected = grid_map[layer][grid_map.get_index(position)]
+                np.testing.assert_equal(pixels[raster.index(*position)], expected)
+
+
+@pytest.mark.usefixtures("rasterio")
+def test_a_map_comes_back_the_same():
+    save(a_map(), "map.tif")
+    back, expected = load("map.tif"), a_map()
+    expected.convert_to_default_start_index()
+    assert_maps_equal(back, expected)
+    assert back["color"].tobytes() == expected["color"].tobytes()
+    assert describe_geotiff("map.tif")["map"] == map_facts(back)
+
+
+def test_rasters_of_others_have_mask_and_scale(rasterio):
+    write(rasterio, nodata=-9, crs="EPSG:25832")
+    with rasterio.open("dem.tif", "r+") as raster:
+        raster.scales, raster.offsets = (0.5,), (10.0,)
+    dem = load_geotiff("dem.tif")
+    assert (dem.layers, dem.frame_id, dem.resolution) == (("elevation",), "map", 2.0)
+    assert describe_geotiff("dem.tif")["map"]["crs"] == "EPSG:25832"
+    for (row, column), value in np.ndenumerate(PIXELS):
+        position = (101.0 + 2 * column, 199.0 - 2 * row)
+        expected = np.nan if value == -9 else 10.0 + 0.5 * value
+        np.testing.assert_equal(dem.at_position("elevation", position), expected)
+
+
+def test_bands_are_layers(rasterio):
+    write(rasterio, count=3)
+    with rasterio.open("dem.tif", "r+") as raster:
+        raster.set_band_description(2, "slope")
+    assert load_geotiff("dem.tif").layers == ("band_1", "slope", "band_3")
+    assert load_geotiff("dem.tif", ["slope"]).layers == ("slope",)
+
+
+def test_a_cropped_raster_keeps_its_place_and_names(rasterio):
+    save_geotiff(a_map(), "map.tif")
+    with rasterio.open("map.tif") as raster:
+        window = rasterio.windows.Window(2, 1, 4, 3)
+        profile = raster.profile | {"width": 4, "height": 3}
+        profile["transform"] = raster.window_transform(window)
+        with rasterio.open("part.tif", "w", **profile) as part:
+            part.update_tags(**raster.tags())
+            part.write(raster.read(window=window))
+            part.descriptions = raster.descriptions
+    part, whole = load_geotiff("part.tif"), a_map()
+    found = part.size, part.timestamp, part.basic_layers
+    assert found == ((4, 3), whole.timestamp, ("elevation",))
+    for position in part.get_positions():
+        expected = whole["elevation"][whole.get_index(position)]
+        np.testing.assert_equal(part.at_position("elevation", position), expected)
+
+
+def test_rasters_that_are_no_map_are_refused(rasterio):
+    turned = rasterio.Affine(2.0, 0.5, 0.0, 0.5, -2.0, 0.0)
+    oblong = rasterio.Affine(2.0, 0.0, 0.0, 0.0, -1.0, 0.0)
+    for transform in (turned, oblong):
+        write(rasterio, transform=transform)
+        with pytest.raises(GridMapError, match=r"dem\.tif: cannot be read: expected square pixels"):
+            load("dem.tif")
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        write(rasterio, transform=rasterio.Affine.identity())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(GridMapError, match="does not say where it lies"):
+            load("dem.tif")
+    Path("text.tif").write_text("no raster")
+    with pytest.raises(GridMapError, match=r"text\.tif: cannot be read"):
+        load("text.tif")
+    with pytest.raises(GridMapError, match="no layer 'none'"):
+        load(write(rasterio, "good.tif"), layers=["none"])
+    write(rasterio, pixels=PIXELS.astype(np.complex64))
+    with pytest.raises(GridMapError, match="expected real numbers, found complex64"):
+        load("dem.tif")
+
+
+@pytest.mark.usefixtures("rasterio")
+def test_a_failed_write_leaves_nothing():
+    with pytest.raises(GridMapError, match="has no layers"):
+        save(GridMap((1, 1), 0.5), "x.tif")
+    with pytest.raises(GridMapError, match=r"x\.tif: cannot be written"):
+        save(a_map(), "x.tif", crs="EPSG:nothing")
+    assert not list(Path().glob("*x.tif*"))
+
+
+@pytest.mark.parametrize(
+    ("crs", "warning"),
+    [
+        ("EPSG:4326", "is in degrees, which are taken for metres"),
+        ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are taken"),
+        ("EPSG:25832", ""),
+        ('LOCAL_CS["hall",UNIT["metre",1]]', ""),
+    ],
+)
+def test_coordinates_that_are_not_metres_warn(crs, warning, rasterio):
+    write(rasterio, crs=crs)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        load("dem.tif")
+    assert [bool(warning) for _ in found] == ([True] if warning else [])
+    if warning:
+        assert found[0].filename == __file__
+        with pytest.warns(UserWarning, match=warning):
+            load_geotiff("dem.tif")
+
+
+def test_without_rasterio_one_error_names_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(
+        MissingPackageError, match=r"map\.tif: GeoTIFF needs .*: pip install rasterio"
+    ):
+        save(a_map(), "map.tif")

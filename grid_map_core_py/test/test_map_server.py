@@ -1,0 +1,191 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps of nav2's map_server, against a slow reading of its documentation."""
+
+import itertools
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py.files import load, load_map_server, save, save_map_server
+from grid_map_core_py.testing import moved_in_buffer
+
+SETTINGS = {
+    "image": "map.pgm",
+    "mode": "trinary",
+    "resolution": 0.5,
+    "origin": [-10.0, 4.0, 0.0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.25,
+}
+MODES = ("trinary", "scale", "raw")
+
+
+def write(folder: Path, pixels: np.ndarray, **settings: object) -> Path:
+    """Write a map as its users do, and return the path of the YAML file."""
+    settings = SETTINGS | settings
+    cv2.imwrite(str(folder / settings["image"]), pixels)
+    path = folder / "map.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
+def occupancy(pixel: list[int], mode: str, negate: int, occupied: float, free: float) -> int:
+    """Return the occupancy of one pixel (gray, BGR or BGRA), -1 for unknown."""
+    colors = (pixel * 3)[:3] if len(pixel) == 1 else pixel[:3]
+    alpha = pixel[3] if len(pixel) == 4 else 255
+    if mode == "trinary" and len(pixel) == 4:
+        colors = [*colors, alpha]
+    shade = sum(colors) / len(colors) / 255
+    if mode == "raw":
+        value = int(shade * 255 + 0.5)
+        return value if value <= 100 else -1
+    occ = shade if negate else 1 - shade
+    if mode == "scale" and alpha != 255:
+        return -1
+    if occ > occupied:
+        return 100
+    if occ < free:
+        return 0
+    return round((occ - free) / (occupied - free) * 100) if mode == "scale" else -1
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("negate", [0, 1])
+@pytest.mark.parametrize("mode", MODES)
+def test_every_pixel_has_the_occupancy_of_map_server(tmp_path, mode, negate, channels):
+    random = np.random.default_rng(7)
+    pixels = random.integers(0, 256, (17, 31, channels), np.uint8)
+    if channels == 4:
+        pixels[::2, :, 3] = 255
+    path = write(tmp_path, pixels, mode=mode, negate=negate, image="map.png")
+    grid_map = load_map_server(path)
+    assert (grid_map.layers, grid_map.frame_id) == (("occupancy",), "map")
+    assert (grid_map.size, grid_map.resolution) == ((31, 17), 0.5)
+    for row, column in itertools.product(range(17), range(31)):
+        # The origin is the lower left corner, and rows of an image run down.
+        position = (-10.0 + 0.5 * (column + 0.5), 4.0 + 0.5 * (17 - row - 0.5))
+        expected = occupancy(pixels[row, column].tolist(), mode, negate, 0.65, 0.25)
+        found = grid_map.at_position("occupancy", position)
+        assert (-1 if np.isnan(found) else found) == expected
+
+
+@pytest.mark.parametrize("negate", [False, True])
+@pytest.mark.parametrize("mode", MODES)
+def test_a_folder_of_map_server_round_trips(tmp_path, mode, negate):
+    pixels = np.arange(256, dtype=np.uint8).reshape(8, 32)
+    grid_map = load(write(tmp_path, pixels, mode=mode, negate=int(negate)).parent)
+    (tmp_path / "new").mkdir()
+    path = tmp_path / "new" / "map.yaml"
+    save(grid_map, path, format="map_server", mode=mode, negate=negate)
+    again = load(path.parent)
+    assert again["occupancy"].tobytes() == grid_map["occupancy"].tobytes()
+    assert again.geometry == grid_map.geometry
+    assert {file.suffix for file in path.parent.iterdir()} == {
+        ".yaml",
+        ".png" if mode == "scale" else ".pgm",
+    }
+
+
+@pytest.mark.parametrize("thresholds", [{}, {"occupied_thresh": 0.9, "free_thresh": 0.3}])
+@pytest.mark.parametrize("negate", [False, True])
+@pytest.mark.parametrize("mode", MODES)
+def test_values_come_back_as_far_as_the_mode_keeps_them(tmp_path, mode, negate, thresholds):
+    values = np.concatenate([np.arange(101), [np.nan, -1, 101, 49.6]]).reshape(15, 7)
+    grid_map = moved_in_buffer(GridMap((1.5, 0.7), 0.1, layers={"cost": values}), (4, 2))
+    save_map_server(grid_map, tmp_path / "a.yaml", mode=mode, negate=negate, **thresholds)
+    found = load_map_server(tmp_path / "a.yaml")["occupancy"]
+    expected = np.where((values >= 0) & (values <= 100), np.rint(values), np.nan)
+    if mode == "trinary":
+        free, occupied = (30, 90) if thresholds else (20, 65)
+        is_between = (expected > free) & (expected < occupied)
+        expected = np.where(is_between, np.nan, np.where(expected <= free, 0, expected))
+        expected = np.where(expected >= occupied, 100, expected)
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_a_pgm_file_may_name_another_white(tmp_path):
+    path = write(tmp_path, np.zeros((1, 1), np.uint8))
+    (tmp_path / "map.pgm").write_bytes(b"P5 # by hand\n3 1\n# white\n100\n" + bytes([0, 50, 100]))
+    occupied = load_map_server(path)["occupancy"][::-1, 0]
+    np.testing.assert_array_equal(occupied, [100, np.nan, 0])
+    (tmp_path / "map.pgm").write_text("P2\n3 1\n255\n0 128 255\n")
+    np.testing.assert_array_equal(load_map_server(path)["occupancy"][::-1, 0], occupied)
+
+
+def test_saving_again_replaces_the_image_last(tmp_path, monkeypatch):
+    path, grid_map = tmp_path / "hall.yaml", GridMap((1, 1), 0.5, layers={"occupancy": 0.0})
+    save(grid_map, path)
+    (tmp_path / "hall_2.pgm").write_text("of another")
+    grid_map["occupancy"] = 100.0
+    replace = Path.replace
+
+    def fail_for_yaml(source: Path, target: Path) -> Path:
+        if target.suffix == ".yaml":
+            raise OSError(28, "No space left on device")
+        return replace(source, target)
+
+    monkeypatch.setattr(Path, "replace", fail_for_yaml)
+    with pytest.raises(GridMapError, match=r"hall\.yaml: cannot be written: No space left"):
+        save(grid_map, path)
+    monkeypatch.undo()
+    assert (load(path)["occupancy"] == 0).all()
+    save(grid_map, path)
+    assert (load(path)["occupancy"] == 100).all()
+    assert (tmp_path / "hall_2.pgm").read_text() == "of another"
+    assert not (tmp_path / "hall.pgm").exists()
+
+
+WRONG = {
+    "image": (None, "image: expected the name of a file, got None"),
+    "resolution": ("fine", "resolution: expected a number, got 'fine'"),
+    "origin": ([0.0, 0.0, 0.3], "origin: expected a yaw of 0, got 0.3"),
+    "mode": ("trinity", "mode: expected one of trinary, scale, raw, got 'trinity'"),
+    "negate": (2, "negate: expected 0 or 1, got 2"),
+    "occupied_thresh": (float("nan"), "occupied_thresh: expected a number, got nan"),
+    "free_thresh": (True, "free_thresh: expected a number, got True"),
+}
+
+
+@pytest.mark.parametrize("key", WRONG)
+def test_a_wrong_key_is_named(tmp_path, key):
+    value, message = WRONG[key]
+    path = write(tmp_path, np.zeros((2, 2), np.uint8))
+    path.write_text(yaml.safe_dump(SETTINGS | {key: value}))
+    with pytest.raises(GridMapError, match="map.yaml: cannot be read: " + message):
+        load_map_server(path)
+
+
+def test_missing_or_damaged_files_are_one_error(tmp_path):
+    path = write(tmp_path, np.zeros((2, 2), np.uint8))
+    with pytest.raises(LayerNotFoundError, match="'cost'; available: occupancy"):
+        load_map_server(path, layers=["cost"])
+    (tmp_path / "map.pgm").write_bytes((tmp_path / "map.pgm").read_bytes()[:-1])
+    with pytest.raises(GridMapError, match=r"map\.pgm: cannot be read: no image, or a damaged"):
+        load_map_server(path)
+    (tmp_path / "map.pgm").unlink()
+    with pytest.raises(GridMapError, match=r"map\.pgm: cannot be read: No such file"):
+        load_map_server(path)
+    path.write_text("- a list")
+    with pytest.raises(GridMapError, match="expected keys and values"):
+        load_map_server(path)
+
+
+def test_options_that_make_no_sense_write_nothing(tmp_path):
+    grid_map = GridMap((1, 1), 0.5, layers={"a": 0.0, "b": 1.0})
+    for options, message in (
+        ({"mode": "grey"}, "mode: expected one of trinary"),
+        ({"occupied_thresh": 0.1}, "free_thresh, occupied_thresh: expected 0 <= free < occupied"),
+        ({}, "no layer 'occupancy'; available: a, b"),
+    ):
+        with pytest.raises(GridMapError, match=message):
+            save_map_server(grid_map, tmp_path / "a.yaml", **options)
+    (tmp_path / "a.yaml").write_text("topics: {}")
+    with pytest.raises(GridMapError, match="that is there is no map of map_server"):
+        save_map_server(grid_map, tmp_path / "a.yaml", layer="a")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.yaml"]
