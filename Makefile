@@ -4,43 +4,49 @@
 SHELL := /bin/bash
 PACKAGES := grid_map_core_py grid_map_demos_py grid_map_filters_py grid_map_ros_py grid_map_visualization_py
 ENTER := . tools/env.sh &&
+NO_NODES := --ignore-glob='*/test_node_*.py'
 empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-oldest explore fuzz check format tables docs bench clean distclean
+.PHONY: help setup build demo test test-fast test-oldest explore fuzz check format tables docs bench clean distclean
 
-help:  ## Show the targets
+help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
-setup:  ## Make the Python environment .venv (PYTHON=... chooses the Python)
+setup:  ## Create the Python environment .venv (PYTHON=... selects the interpreter)
 	@tools/workspace setup
 
-build:  ## Build with colcon what has changed
+build:  ## Build the packages that have changed, with colcon
 	@tools/workspace build
 
-# Demos of two people on one network keep to their own computers, unless ROS is told otherwise.
-demo: build  ## Publish a terrain, filter it, write pictures to demo_output/ (VIEW=1: show it in the browser until Ctrl-C)
+# The demo stays on this computer unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise.
+demo: build  ## Publish and filter a terrain, write pictures to demo_output/ (VIEW=1: show it in the browser until Ctrl-C)
 	@ROS_AUTOMATIC_DISCOVERY_RANGE=$${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST} \
 	    tools/run grid_map_demos_py filters_demo $(if $(VIEW),--view,--report demo_output)
 
 test: build  ## Run all tests
 	@tools/test
 
+test-fast: build  ## Run the tests of core and filters that start no node, in less than two minutes
+	@$(ENTER) for package in grid_map_core_py grid_map_filters_py; do \
+	    (cd $$package && python3 -m pytest -q $(NO_NODES)) || exit 1; \
+	done
+
 test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy and OpenCV
 	@tools/workspace oldest
 	@for package in grid_map_core_py grid_map_filters_py; do \
 	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \
-	        $(CURDIR)/.venv-oldest/bin/python -m pytest --ignore-glob='*/test_node_*.py') || exit 1; \
+	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES)) || exit 1; \
 	done
 
-explore:  ## Look for counterexamples of the tests' properties at random (make test always tries the same)
+explore:  ## Try the property tests with new random examples (`make test` repeats the same ones)
 	@$(ENTER) for package in core filters ros visualization; do \
-	    (cd grid_map_$${package}_py && PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 -m pytest -q --ignore-glob='*/test_node_*.py' \
+	    (cd grid_map_$${package}_py && PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 -m pytest -q $(NO_NODES) \
 	        --hypothesis-profile=explore --timeout=600) || exit 1; \
 	done
 
-fuzz: build  ## Read damaged messages and files for a minute (FOR=... for longer)
+fuzz: build  ## Feed damaged messages and files to the readers for a minute (FOR=... [s] for longer)
 	@$(ENTER) python3 grid_map_ros_py/test/fuzz.py --seconds $(or $(FOR),60)
 
 check: setup  ## Check style, types, imports and licence headers
@@ -48,13 +54,13 @@ check: setup  ## Check style, types, imports and licence headers
 	    export MYPYPATH=$(SOURCES) PYTHONPATH=tools:$(SOURCES):$$PYTHONPATH && \
 	    mypy $(addprefix -p ,$(PACKAGES)) && lint-imports
 
-format:  ## Format the code and repair what can be repaired
+format:  ## Format the code and apply automatic fixes
 	@$(ENTER) ruff check --fix . ; ruff format .
 
-tables: build  ## Write the tables of parameters in docs/, from the code
+tables: build  ## Update the parameter tables in docs/ from the code
 	@$(ENTER) PYTHONPATH=$(SOURCES):$$PYTHONPATH python3 tools/parameter_tables.py
 
-# The packages are imported for the reference, from the sources; what they need is in the environment of the build.
+# Sphinx imports the packages from their sources, and their libraries from the environment of the build.
 docs: build  ## Build the documentation site in build/docs/
 	@tools/workspace docs
 	@$(ENTER) libraries=$$(python3 -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
@@ -64,7 +70,7 @@ docs: build  ## Build the documentation site in build/docs/
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only
 
-clean:  ## Remove what was built
+clean:  ## Remove build results
 	rm -rf build install log demo_output
 
 distclean: clean  ## Remove the Python environments as well

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is shown of a map: from the map to the bytes of a message, or to the arrays of a viewer."""
+"""Visualizations: from a map to the bytes of a message or the arrays of a viewer."""
 
 import numpy as np
 from rclpy.serialization import deserialize_message

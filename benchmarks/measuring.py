@@ -38,7 +38,7 @@ class Result:
 
     @property
     def cpp(self) -> float | None:
-        """What C++ would take on this machine now; None where it was not timed."""
+        """Expected time of C++ on this machine now [ms]; None if it was not timed."""
         entry = CPP["rows"].get(self.row, {}).get(str(self.cells))
         if entry is None:
             return None

@@ -40,7 +40,7 @@ class Block:
 
     @property
     def until(self) -> str:
-        """What a program or an endless command prints once it works."""
+        """Text that a program or an endless command prints once it works."""
         found = re.search(r'until="([^"]*)"', self.info)
         found = found or re.search(r"   # prints (.*)$", self.text, re.MULTILINE)
         return found[1] if found else ""

@@ -107,7 +107,7 @@ PAGES_THAT_RUN = dict.fromkeys(block.page for block in blocks("python") + FINITE
 
 
 @pytest.mark.parametrize("any_page", PAGES_THAT_RUN, ids=str)
-def test_a_page_runs_and_prints_what_it_says(any_page, tmp_path):
+def test_page_runs_and_prints_its_announced_output(any_page, tmp_path):
     that_run = blocks("python") + FINITE_COMMANDS
     steps = [block for block in any_page.blocks if block in that_run]
     content = [(block.language, block.line, block.text, block.until) for block in steps]
@@ -237,7 +237,7 @@ def message_type(listener: Peer, topic: str) -> type:
     return found
 
 
-def test_commands_that_end_are_targets_of_make_or_launch_files():
+def test_finite_commands_are_make_targets_or_launch_files():
     assert {script.partition(" ")[0] for script in FINITE if not is_ros2(script)} == {"make"}
     assert all("ros2 launch " in script for script in FINITE if is_ros2(script))
     assert {f"make {target}" for target in EXECUTED_TARGETS} <= FINITE
@@ -462,7 +462,7 @@ def test_every_node_has_a_page_and_every_page_a_node():
     assert names_of_pages("nodes") == NODES
 
 
-def test_every_conversion_is_on_a_page_and_every_page_in_the_overview():
+def test_every_conversion_has_a_page_that_the_overview_links():
     overview = page("docs/converters.md")
     pages = {f"conversions/{name}.md": name for name in names_of_pages("conversions")}
     assert {link for link in overview.links if link.startswith("conversions/")} == pages.keys()
@@ -529,7 +529,7 @@ def test_tables_of_parameters_are_those_of_the_code():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_a_table_that_is_outdated_is_named_and_rewritten_alone(tmp_path):
+def test_outdated_table_is_named_and_rewritten(tmp_path):
     (right,) = re.findall(
         r"<!-- parameters: .*<!-- end -->", page("docs/visualizations/vectors.md").text, re.DOTALL
     )
@@ -543,7 +543,7 @@ def test_a_table_that_is_outdated_is_named_and_rewritten_alone(tmp_path):
 
 
 @pytest.mark.parametrize("name", PAGES_OF_PARAMETERS)
-def test_a_page_has_the_title_and_the_table_of_what_it_is_about(name):
+def test_page_of_parameters_has_their_title_and_table(name):
     text = PAGES_OF_PARAMETERS[name].text
     assert text.startswith(f"# {name}\n")
     assert re.findall(r"<!-- parameters: (\S+) -->\n.*?<!-- end -->", text, re.DOTALL) == [name]

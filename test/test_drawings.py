@@ -40,7 +40,7 @@ def test_the_first_cell_is_where_x_and_y_are_largest():
 
 
 @pytest.mark.parametrize("letter", "ABDEGH")
-def test_a_move_leaves_data_in_its_place_and_setting_the_position_takes_it_along(letter):
+def test_move_keeps_data_in_place_and_new_position_shifts_it(letter):
     before, moved, shifted = (
         (right - origin[0], down - origin[1])
         for (right, down), origin in zip(places("move", letter), places("move", "x"), strict=True)
@@ -49,7 +49,7 @@ def test_a_move_leaves_data_in_its_place_and_setting_the_position_takes_it_along
     assert shifted == (before[0] - CELL, before[1] - CELL)
 
 
-def test_what_leaves_the_map_is_lost_and_what_enters_has_no_data():
+def test_cells_that_leave_are_lost_and_new_ones_empty():
     for letter in "CFIJKL":
         assert len(places("move", letter)) == 2
         assert places("buffer", letter) == []

@@ -59,7 +59,7 @@ def broken_contracts(workspace: Path, module: str, code: str) -> str:
         ("grid_map_filters_py._executables.filter_bag", "grid_map_ros_py", ""),
     ],
 )
-def test_an_import_against_the_rules_is_found(workspace, module, imported, complaint):
+def test_import_against_the_rules_is_found(workspace, module, imported, complaint):
     (workspace / "grid_map_demos_py/grid_map_demos_py/move_node.py").touch()
     for private in ("grid_map_core_py/_arrays", "grid_map_filters_py/_executables/filter_bag"):
         path = workspace / private.partition("/")[0] / f"{private}.py"
@@ -72,7 +72,7 @@ def test_an_import_against_the_rules_is_found(workspace, module, imported, compl
 
 
 @pytest.mark.parametrize(("code", "found"), [("", True), (LICENCE, False)])
-def test_a_file_without_the_licence_header_is_found(workspace, code, found):
+def test_file_without_licence_header_is_found(workspace, code, found):
     (workspace / "tools" / "new.py").write_text(f'{code}"""Add."""\n\nSUM = 1 + 1\n')
     command = ("check", "--no-cache", "--output-format=concise", "tools/new.py")
     done = run("ruff", *command, environ=os.environ, cwd=workspace)
@@ -101,7 +101,7 @@ def test_the_tests_of_all_suites_are_counted(workspace):
     assert count(workspace) == (1, f"{suites - 1} passed, 2 failed, {suites - 1} skipped")
 
 
-def test_a_suite_that_ran_no_test_has_failed(workspace):
+def test_suite_without_tests_has_failed(workspace):
     for package in PYTHON_PACKAGES:
         results(workspace, package.name, "")
     assert count(workspace) == (1, f"{len(PYTHON_PACKAGES)} passed, 1 failed, 0 skipped")

@@ -62,7 +62,7 @@ def bag(tmp_path) -> Path:
     return tmp_path / "survey.bag"
 
 
-def test_a_bag_of_ros_1_is_read_after_it_was_converted(bag):
+def test_converted_bag_of_ros_1_is_read(bag):
     block = next(b for b in page("docs/migration_ros1.md").blocks if "rosbags" in b.text)
     program, *arguments = shlex.split(block.text)
     assert program == "rosbags-convert"
@@ -75,12 +75,12 @@ def test_a_bag_of_ros_1_is_read_after_it_was_converted(bag):
     assert (grid_map.position.tolist(), grid_map.resolution) == ([1.0, 2.0], 0.5)
 
 
-def test_a_bag_of_ros_1_itself_is_one_error_that_names_the_command(bag):
+def test_bag_of_ros_1_is_refused_with_the_conversion_command(bag):
     with pytest.raises(BagError, match="a bag of ROS 1; 'rosbags-convert' makes one of ROS 2"):
         load_from_bag(bag)
 
 
-def test_what_polygons_can_stands_beside_cpp():
+def test_polygon_methods_are_listed_beside_cpp():
     rows = [*table(page("docs/migration_cpp.md").section("Polygons"))]
     named = {name for row in rows for name in re.findall(r"[Pp]olygon\.(\w+)", row[1])}
     assert named == {name for name in dir(Polygon) if not name.startswith("_")}

@@ -225,7 +225,7 @@ def test_the_node_asks_a_service_for_octomaps(with_messages, expected):
             assert_maps_equal(from_message(listener.expect("/map", 2)), expected)
 
 
-def test_the_demo_asks_a_service_for_an_octomap_and_passes_it_on(with_messages, expected):
+def test_demo_republishes_the_octomap_of_a_service(with_messages, expected):
     process = node(with_messages, DEMO, octomap_service_topic="/get_octomap", max_z=0.4)
     listener_of_octomaps = Process([sys.executable, "-c", OCTOMAP_LISTENER], with_messages)
     try:

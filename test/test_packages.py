@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the packages declare is what they are."""
+"""Manifests, versions and message types of the packages are consistent."""
 
 import ast
 import importlib
@@ -29,7 +29,7 @@ ROSDEP_KEYS = {
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
 OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
-"""What is imported when it is needed; where it is missing, an error says what to install."""
+"""Optional modules, imported when needed; an error says what to install if one is missing."""
 
 
 def by_name(path: Path) -> str:
@@ -59,20 +59,20 @@ def keys(modules: set[str], package: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_a_package_declares_what_its_modules_import(package):
+def test_package_declares_imports_of_its_modules(package):
     needed = keys(imports(package / package.name), package)
     optional = OPTIONAL | ({"python3-hypothesis"} & declared(package, "test_depend"))
     assert needed - declared(package, "depend", "exec_depend") - optional == set()
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_a_package_declares_what_its_tests_import(package):
+def test_package_declares_imports_of_its_tests(package):
     needed = keys(imports(package / "test"), package)
     assert needed - declared(package, "depend", "exec_depend", "test_depend") == set()
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_a_package_declares_nothing_that_it_does_not_use(package):
+def test_package_declares_nothing_unused(package):
     used = keys(imports(package / package.name), package)
     launched = {other.name for other in PACKAGES}
     assert declared(package, "exec_depend") - used - launched == set()
@@ -99,7 +99,7 @@ def test_all_packages_carry_one_version(package):
         assert importlib.import_module(package.name).__version__ == version
 
 
-def test_the_map_message_has_the_type_hash_of_the_cpp_suite():
+def test_map_message_has_the_type_hash_of_cpp():
     """The hash stands in bags that C++ nodes recorded; it covers all fields, nested ones too."""
     folder = ROOT / "install/grid_map_msgs/share/grid_map_msgs/msg"
     hashes = {
@@ -131,5 +131,5 @@ def test_the_map_message_has_the_type_hash_of_the_cpp_suite():
         (ProcessFile.Response, {"success": "boolean"}),
     ],
 )
-def test_a_service_has_the_fields_of_the_cpp_suite_in_their_order(message, fields):
+def test_services_have_the_fields_of_cpp_in_order(message, fields):
     assert list(message.get_fields_and_field_types().items()) == list(fields.items())

@@ -35,8 +35,10 @@ print(chain(gm.GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))["doubled"].m
 
 
 def files_of_packages() -> set[Path]:
+    """Return all files except those that tests running at the same time may write."""
     every = {path for package in PYTHON_PACKAGES for path in package.rglob("*")}
-    return {path for path in every if "__pycache__" not in path.parts}
+    transient = ("test", "__pycache__", ".hypothesis", ".pytest_cache")
+    return {path for path in every if not {*transient} & {*path.relative_to(ROOT).parts[1:]}}
 
 
 def pip(venv: Path, *arguments: str | Path) -> None:

@@ -48,7 +48,7 @@ def test_a_python_that_is_too_old_or_too_new(workspace, tmp_path, version):
     assert f"{python} is {version}" in sentence
 
 
-def test_no_python_that_can_be_named(workspace):
+def test_named_python_that_cannot_run(workspace):
     assert "/nowhere/python3 cannot be run" in refusal(workspace, PYTHON="/nowhere/python3")
 
 

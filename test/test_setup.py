@@ -42,7 +42,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
         time.sleep(0.005)
 
 
-def test_of_two_set_ups_at_once_one_works_and_the_other_waits(workspace, environ):
+def test_second_setup_at_once_waits_for_the_first(workspace, environ):
     both = [start_setup(workspace, environ) for _ in range(2)]
     told = sorted(setup.communicate(timeout=100)[1] for setup in both)
     assert [setup.returncode for setup in both] == [0, 0]
@@ -52,7 +52,7 @@ def test_of_two_set_ups_at_once_one_works_and_the_other_waits(workspace, environ
     assert (workspace / ".venv" / ".complete").exists()
 
 
-def test_a_killed_set_up_is_done_anew_from_the_start(workspace, environ):
+def test_killed_setup_starts_over(workspace, environ):
     venv = workspace / ".venv"
     python = venv / "bin" / "python"
     (venv / ".complete").unlink(missing_ok=True)
@@ -71,7 +71,7 @@ def test_a_killed_set_up_is_done_anew_from_the_start(workspace, environ):
 
 
 @pytest.mark.parametrize("command", ["setup", "build"])
-def test_when_all_is_done_the_next_run_is_quick_silent_and_offline(command):
+def test_repeated_run_is_quick_silent_and_offline(command):
     started = time.monotonic()
     done = run(ROOT / "tools/workspace", command, environ={**os.environ, **NO_NETWORK})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -50,7 +50,7 @@ def test_the_shell_keeps_its_options_arguments_and_functions(shell, options, env
     assert arguments == ["one", "two"]
 
 
-def test_an_unknown_executable_is_answered_with_those_that_exist(environ, tmp_path):
+def test_unknown_executable_is_answered_with_known_ones(environ, tmp_path):
     started = run(ROOT / "tools/run", "grid_map_filters_py", "x", environ=environ, cwd=tmp_path)
     assert started.returncode == 1
     assert "no executable 'x'" in started.stderr.lower()
@@ -70,7 +70,7 @@ def run_installed(
     return run(*command, environ=environ, cwd=Path(ROOT))
 
 
-def test_an_executable_gets_its_arguments_and_gives_its_exit_code(environ, tmp_path):
+def test_executable_gets_arguments_and_returns_its_exit_code(environ, tmp_path):
     program = 'echo "$2"\nexit 7'
     done = run_installed(tmp_path, "some_package", program, "a", "b c", environ=environ)
     assert (done.returncode, done.stdout) == (7, "b c\n")

@@ -83,13 +83,13 @@ def test_the_page_shows_the_whole_package():
     assert sorted(example()) == ["chain.yaml", "offset_filter.py", "setup.py"]
 
 
-def test_a_filter_of_another_package_is_used_from_yaml_by_its_name(source, installed):
+def test_yaml_names_a_filter_of_another_package(source, installed):
     assert not (installed / "setup.py").exists()
     done = use(source / "chain.yaml", installed)
     assert (done.stdout, done.stderr) == ("3.5\n", "")
 
 
-def test_it_is_unknown_where_the_package_is_not_installed(source):
+def test_filter_is_unknown_without_its_package(source):
     done = use(source / "chain.yaml")
     assert done.returncode == 1
     assert "filter 1 'raise' (myFilters/OffsetFilter): unknown type" in done.stderr
@@ -111,7 +111,7 @@ def test_it_is_unknown_where_the_package_is_not_installed(source):
         ("offset: 1.5", "ofset: 1", "unknown parameter 'ofset'; known: layer, offset"),
     ],
 )
-def test_its_parameters_are_checked_as_those_of_all_filters(
+def test_parameters_of_third_party_filter_are_checked(
     source, installed, tmp_path, found, text, message
 ):
     chain = tmp_path / "chain.yaml"
@@ -161,14 +161,14 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(("changes", "message"), BROKEN.values(), ids=BROKEN)
-def test_a_filter_that_is_broken_is_one_clear_error(tmp_path, changes, message):
+def test_broken_filter_is_one_clear_error(tmp_path, changes, message):
     broken = write(tmp_path / "broken", changes)
     done = use(broken / "chain.yaml", install(broken))
     assert done.stderr == f"filter 1 'raise' ({TYPE}): {message}\n"
     assert done.returncode == 1
 
 
-def test_a_broken_filter_that_no_chain_names_does_no_harm(tmp_path):
+def test_unused_broken_filter_does_no_harm(tmp_path):
     broken = write(tmp_path / "broken", {"import math": "import math\n\nmath.sqrt(-1)"})
     chain = tmp_path / "broken" / "other.yaml"
     chain.write_text("filters: [{name: n, type: gridMapFilters/BufferNormalizerFilter}]")

@@ -19,7 +19,7 @@ QUOTED = {
 
 
 @pytest.mark.parametrize("heading", QUOTED)
-def test_a_message_that_is_a_heading_is_that_of_the_program(heading):
+def test_headings_quote_the_messages_of_programs(heading):
     assert page("docs/troubleshooting.md").section(heading)
     pattern = ".*".join(re.escape(part.strip()) for part in heading.split("..."))
     assert re.search(pattern, (ROOT / QUOTED[heading]).read_text())

@@ -143,7 +143,7 @@ def newcomer(tmp_path_factory) -> Iterator[Newcomer]:
         yield someone
 
 
-def test_whoever_follows_the_page_gets_the_layer_of_their_own_filter(newcomer):
+def test_tutorial_produces_the_layer_of_the_new_filter(newcomer):
     terrain = from_message(newcomer.listener.received["/grid_map"][-1])
     flooded = from_message(newcomer.listener.received["/filtered_map"][-1])
     assert flooded.layers == (*terrain.layers, "filled", "water_depth")
@@ -152,12 +152,12 @@ def test_whoever_follows_the_page_gets_the_layer_of_their_own_filter(newcomer):
         assert depth == 0.0 if ground > 0.1 else not abs(ground + depth - 0.1) > 1e-6
 
 
-def test_the_pictures_of_the_page_are_taken(newcomer):
+def test_tutorial_writes_its_pictures(newcomer):
     for name in ("hill.png", "flood.png"):
         assert (newcomer.home / name).read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_own_package_is_built_in_a_workspace_of_its_own(newcomer):
+def test_tutorial_builds_the_package_outside_the_clone(newcomer):
     assert (newcomer.home / "my_ws/install/my_filters/share/my_filters/config/flood.yaml").exists()
     assert not (newcomer.clone / "install" / "my_filters").exists()
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What this machine and the calling shell offer, and what they lack."""
+"""Checks of this machine and of the calling shell before any work."""
 
 import importlib.util
 import platform

@@ -54,7 +54,7 @@ GIVEN: dict[str, dict[str, object]] = {
     "grid_map_visualization": {"grid_map_visualizations": ["NAME"], "NAME.type": "map_region"},
     "web_viewer": {"port": 0},
 }
-"""What nodes are created with that need it; the tables have what holds without."""
+"""Parameters without which these nodes cannot be created; the tables show the other defaults."""
 
 TABLE = re.compile(r"(<!-- parameters: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
