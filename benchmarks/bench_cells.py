@@ -31,7 +31,7 @@ def values(measure, cells):
         grid_map = terrain(cells)
 
         def read():
-            return grid_map["elevation"][tuple(shape(grid_map, *arguments).T)]
+            return grid_map["elevation"][shape(grid_map, *arguments)]
 
         return grid_map, measure(row, cells, read)
 
@@ -40,7 +40,7 @@ def values(measure, cells):
 
 def centres(grid_map):
     """Return x (rows, 1) and y (cols,) of all cells."""
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     return x[:, None], y
 
 
@@ -103,7 +103,6 @@ def test_line(values, diameter):
     end = np.array([0.5, 0.25]) * diameter * RESOLUTION
     row = f"LineIterator (-R,-R/2)->(R,R/2) d={diameter}"
     grid_map, found = values(row, line_cells, -end, end)
-    first, last = grid_map.geometry.cells_at(grid_map.geometry.closest_position([-end, end]))[0]
-    assert found.size == np.abs(last - first).max() + 1
-    for value, cell in zip(found[[0, -1]], (first, last), strict=True):
-        np.testing.assert_array_equal(value, grid_map["elevation"][tuple(cell)])
+    ends, _ = grid_map.get_indices(grid_map.geometry.closest_position([-end, end]))
+    assert found.size == np.abs(np.diff(ends)).max() + 1
+    np.testing.assert_array_equal(found[[0, -1]], grid_map["elevation"][ends])

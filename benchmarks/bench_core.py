@@ -79,4 +79,4 @@ def test_positions_of_indices(measure, cells, moved):
     positions = measure(row, cells, lambda: grid_map.get_positions(indices))
     again, inside = grid_map.get_indices(positions)
     assert inside.all()
-    np.testing.assert_array_equal(again, indices)
+    np.testing.assert_array_equal(np.stack(again, axis=-1), indices)

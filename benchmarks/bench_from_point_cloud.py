@@ -93,4 +93,4 @@ def test_fuse(measure, fusion):
     rolling.fuse(points)
     on_map = rolling.grid_map.is_inside(points[:, :2])
     cells, _ = rolling.grid_map.get_indices(points[on_map, :2])
-    assert np.isfinite(rolling.grid_map["elevation"][tuple(cells.T)]).all()
+    assert np.isfinite(rolling.grid_map["elevation"][cells]).all()

@@ -35,7 +35,7 @@ def test_interpolation(measure, cells, method, holes):
         return
     # Only where there is no finite neighbour to fall back to, a hole remains a hole.
     indices, _ = grid_map.get_indices(positions)
-    known = np.isfinite(grid_map["elevation"][tuple(indices.T)])
+    known = np.isfinite(grid_map["elevation"][indices])
     np.testing.assert_array_equal(np.isfinite(values), known)
     np.testing.assert_allclose(values[known], expected[known], atol=ERRORS[Interpolation.NEAREST])
 

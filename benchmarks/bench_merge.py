@@ -57,8 +57,8 @@ def test_transformed_map(measure, cells, ratio):
     )
     highest = np.full(result.size, -np.inf, dtype=np.float32)
     for step in np.array([(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)])[: 5 if ratio else 1]:
-        indices, heights = landed(grid_map, transform, step * ratio * grid_map.resolution, result)
-        np.maximum.at(highest, tuple(indices.T), heights)
+        cells, heights = landed(grid_map, transform, step * ratio * grid_map.resolution, result)
+        np.maximum.at(highest, cells, heights)
     highest[np.isinf(highest)] = np.nan
     # Sums that round otherwise may put a point on the other side of a border.
     equal = np.isclose(result["elevation"], highest, equal_nan=True)
@@ -70,5 +70,5 @@ def landed(grid_map, transform, step, result):
     z = grid_map["elevation"].ravel("F")
     points = np.column_stack([grid_map.get_positions() + step, z, np.ones_like(z)])
     moved = points[np.isfinite(z)] @ transform.T
-    indices, inside = result.get_indices(moved[:, :2])
-    return indices[inside], moved[inside, 2].astype(np.float32)
+    (rows, cols), inside = result.get_indices(moved[:, :2])
+    return (rows[inside], cols[inside]), moved[inside, 2].astype(np.float32)

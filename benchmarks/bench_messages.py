@@ -111,4 +111,4 @@ def test_to_grid_cells(measure, cells):
     centres = [(cell.x, cell.y) for cell in deserialize_message(data, GridCells).cells]
     assert len(centres) == np.count_nonzero(grid_map["elevation"] >= 0)
     indices, _ = grid_map.get_indices(centres)
-    assert (grid_map["elevation"][tuple(indices.T)] >= 0).all()
+    assert (grid_map["elevation"][indices] >= 0).all()

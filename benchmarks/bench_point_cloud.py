@@ -32,8 +32,8 @@ def ground(x, y):
 
 def by_cell(points: np.ndarray, grid_map: GridMap) -> tuple[np.ndarray, list[np.ndarray]]:
     """Return the cells (n, 2) that hold points, and the heights in each in the order given."""
-    indices, inside = grid_map.get_indices(points[:, :2])
-    flat = np.ravel_multi_index(tuple(indices[inside].T), grid_map.size)
+    (rows, cols), inside = grid_map.get_indices(points[:, :2])
+    flat = np.ravel_multi_index((rows[inside], cols[inside]), grid_map.size)
     order = np.argsort(flat, kind="stable")
     cells, first = np.unique(flat[order], return_index=True)
     heights = np.split(points[inside, 2][order].astype(np.float64), first[1:])
@@ -72,7 +72,7 @@ def test_rasterize_several_layers_at_once(measure):
         CELLS,
         lambda: rasterize(points, grid_map, layers, fields=fields),
     )
-    x, _ = grid_map.geometry.axes()
+    x, _ = grid_map.axes()
     distance = np.abs(result["intensity"] - x[:, None])
     assert np.nanmax(distance) <= 0.5 * RESOLUTION + 1e-6
 
@@ -109,5 +109,5 @@ def test_mesh(measure, squares):
     grid_map = GridMap((SIDE, SIDE), RESOLUTION)
     row = f"rasterize_triangles {len(faces)}"
     layer = measure(row, CELLS, lambda: rasterize_triangles(vertices, faces, grid_map))["elevation"]
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     np.testing.assert_allclose(layer, 0.5 * x[:, None] - y[None, :], atol=1e-5)

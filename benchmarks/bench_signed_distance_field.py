@@ -37,7 +37,7 @@ def points(field):
 
 def exact(grid_map, cell, z):
     """Return the distance from the point at height z over a cell, by looking at every column."""
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     across = np.hypot(x[:, None] - x[cell[0]], y[None, :] - y[cell[1]])
     up = z - np.nan_to_num(grid_map["elevation"].astype(np.float64), nan=-np.inf)
     if up[cell] > 0:
@@ -78,7 +78,7 @@ def test_values_and_gradients(measure, cells, field, points):
 
 def interpolated(field, point):
     """Return the value and the gradient at one point from the eight nodes around it."""
-    x, y = field.geometry.axes()
+    x, y = field.geometry.axes_in_map_order()
     steps = field.resolution * np.array([-1, -1, 1])
     place = (point - (x[0], y[0], field.levels[0])) / steps
     i, j, k = np.floor(place).astype(int)

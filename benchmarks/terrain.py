@@ -45,7 +45,7 @@ def _terrain(cells: int, layers: int) -> GridMap:
 
 def heights(grid_map: GridMap) -> np.ndarray:
     """Return the heights (rows, cols) without holes."""
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     x, y = x[:, None], y[None, :]
     return 0.3 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.05 * np.sin(7 * x + 3 * y)
 

@@ -63,7 +63,7 @@ def iterators_demo() -> Figure:
     for ax, (title, find_cells) in zip(axes, iterators.REGIONS.items(), strict=False):
         cells = find_cells(grid_map)
         grid_map.clear_all()
-        grid_map["type"][tuple(cells.T)] = np.linspace(0.0, 1.0, len(cells))
+        grid_map["type"][cells] = np.linspace(0.0, 1.0, len(cells[0]))
         draw(grid_map, "type", ax, title, limits=(0.0, 1.0))
     for _ in iterators.show_sliding_window(grid_map):
         pass
@@ -75,7 +75,7 @@ def move_demo() -> Figure:
     """Draw a map before and after both ways to change its place."""
     figure, axes = new_figure(1, 3, (9.0, 2.9))
     grid_map = move.make_map()
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     # In place of the noise, something whose way can be seen.
     grid_map["layer"] = np.sin(12.0 * np.hypot(x[:, None] - 0.1, y))
     moved, carried = grid_map.copy(), grid_map.copy()
@@ -176,7 +176,7 @@ def sdf_demo() -> Figure:
     draw(grid_map, "elevation", axes[0], "elevation", limits=(-0.3, 0.4), color_map="gray")
     axes[0].axhline(0.0, color="tab:red", linewidth=1.0)
     section = field.distances[:, grid_map.size[1] // 2, :].T
-    x, _ = field.geometry.axes()
+    x, _ = field.geometry.axes_in_map_order()
     drawn = axes[1].contourf(x, field.levels, section, np.arange(-0.5, 0.55, 0.05), cmap="RdBu")
     axes[1].contour(x, field.levels, section, [0.0], colors="black")
     axes[1].set_title("distance to the surface [m], along the red line", fontsize=9)

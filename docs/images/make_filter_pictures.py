@@ -263,7 +263,7 @@ def chain_of(type_name: str) -> FilterChain:
 def draw(type_name: str, grid_map: GridMap, path: Path) -> None:
     """Draw a map before and after a filter."""
     picture = PICTURES[type_name]
-    before = grid_map.without_layers(picture.without).stored_from(picture.start_index)
+    before = grid_map.without_layers(picture.without).with_start_index(picture.start_index)
     before.basic_layers = ["elevation"]
     after = chain_of(type_name)(before)
     figure = Figure(figsize=(WIDTH, HEIGHT), dpi=DPI, layout="constrained")

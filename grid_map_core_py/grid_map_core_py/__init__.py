@@ -30,6 +30,7 @@ from .map._interpolation import Interpolation
 from .map._ring_buffer import BufferRegion
 from .map._signed_distance_field import SignedDistanceField
 from .regions import (
+    cells_to_mask,
     circle_cells,
     ellipse_cells,
     line_cells,
@@ -58,6 +59,7 @@ __all__ = [
     "OutOfMapError",
     "Polygon",
     "SignedDistanceField",
+    "cells_to_mask",
     "circle_cells",
     "color_value_to_vector",
     "color_vector_to_value",

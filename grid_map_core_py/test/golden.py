@@ -41,3 +41,8 @@ def matrix(rows: list[list[float]]) -> np.ndarray:
 
 def cases(family: str) -> list[Any]:
     return [(case["map"], case) for case in load(family)["cases"]]
+
+
+def pairs(cells: tuple[np.ndarray, np.ndarray]) -> list[list[int]]:
+    """Return cells (rows, cols) as [row, column], as the C++ library writes them."""
+    return np.stack(cells, axis=-1).tolist()

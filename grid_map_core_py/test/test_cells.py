@@ -14,6 +14,7 @@ import golden
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
 from grid_map_core_py.regions import (
     Polygon,
+    cells_to_mask,
     circle_cells,
     ellipse_cells,
     map_cells,
@@ -23,6 +24,7 @@ from grid_map_core_py.regions import (
 )
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
+pairs = golden.pairs
 CASES = golden.cases("iterators")
 by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
 fractions = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
@@ -59,7 +61,7 @@ def touches_a_centre(grid_map, center, radius):
 
 @by_map
 def test_map_cells_equal_cpp(name, case):
-    assert map_cells(golden_map(name)).tolist() == case["grid_map"]["index"]
+    assert pairs(map_cells(golden_map(name))) == case["grid_map"]["index"]
 
 
 @by_map
@@ -68,18 +70,15 @@ def test_submap_cells_equal_cpp(name, case):
     assert len(case["submap"]) == 8
     for submap in case["submap"]:
         cells = submap_cells(grid_map, submap["submap_start_index"], submap["submap_size"])
-        assert cells.tolist() == submap["index"]
+        assert pairs(cells) == submap["index"]
 
 
 @given(grid_maps())
-def test_cells_index_the_layers_directly(grid_map):
-    seen = np.zeros(grid_map.size, dtype=int)
-    seen[tuple(map_cells(grid_map).T)] += 1
-    assert (seen == 1).all()
+def test_all_cells_come_once_in_buffer_or_map_order(grid_map):
+    layer = grid_map["elevation"]
+    np.testing.assert_array_equal(layer[map_cells(grid_map)], layer.ravel("F"))
     whole = submap_cells(grid_map, grid_map.start_index, grid_map.size)
-    np.testing.assert_array_equal(
-        grid_map["elevation"][tuple(whole.T)], grid_map.unwrapped("elevation").ravel()
-    )
+    np.testing.assert_array_equal(layer[whole], grid_map.unwrapped("elevation").ravel())
 
 
 @given(grid_maps(), st.tuples(*[st.integers(0, 30)] * 2), st.data())
@@ -91,8 +90,9 @@ def test_a_block_is_cut_off_at_the_border_of_the_map(grid_map, size, data):
     start_index = (np.add(first, grid_map.start_index) % grid_map.size).tolist()
     cells = submap_cells(grid_map, start_index, size)
     # Row after row of the map, which is the order of `argwhere`.
-    np.testing.assert_array_equal((cells - grid_map.start_index) % grid_map.size, np.argwhere(seen))
-    np.testing.assert_array_equal(grid_map["elevation"][tuple(cells.T)], world["elevation"][seen])
+    in_world = (np.array(pairs(cells)).reshape(-1, 2) - grid_map.start_index) % grid_map.size
+    np.testing.assert_array_equal(in_world, np.argwhere(seen))
+    np.testing.assert_array_equal(grid_map["elevation"][cells], world["elevation"][seen])
 
 
 def test_a_block_that_makes_no_sense_is_an_error():
@@ -112,7 +112,7 @@ def test_circle_cells_equal_cpp(name, case):
     grid_map = golden_map(name)
     compared = 0
     for circle in case["circle"]:
-        cells = circle_cells(grid_map, circle["center"], circle["radius"]).tolist()
+        cells = pairs(circle_cells(grid_map, circle["center"], circle["radius"]))
         assert cells == disc_by_hand(grid_map, circle["center"], circle["radius"])
         if not touches_a_centre(grid_map, circle["center"], circle["radius"]):
             assert cells == circle["index"]
@@ -123,27 +123,27 @@ def test_circle_cells_equal_cpp(name, case):
 @given(grid_maps(), fractions, st.floats(0, 8))
 def test_circle_cells_are_those_within_the_radius(grid_map, fraction, cells):
     center, radius = point(grid_map, fraction), cells * grid_map.resolution
-    assert circle_cells(grid_map, center, radius).tolist() == disc_by_hand(grid_map, center, radius)
+    assert pairs(circle_cells(grid_map, center, radius)) == disc_by_hand(grid_map, center, radius)
 
 
 def test_a_disc_holds_the_cells_exactly_on_its_rim():
     grid_map = GridMap((0.9, 0.9), 0.1)
-    assert len(circle_cells(grid_map, (0, 0), 0.3)) == 29
-    assert len(circle_cells(grid_map, (0, 0), 0.0)) == 1
+    assert len(pairs(circle_cells(grid_map, (0, 0), 0.3))) == 29
+    assert len(pairs(circle_cells(grid_map, (0, 0), 0.0))) == 1
 
 
 def test_a_disc_larger_than_a_band_of_rows_has_no_seams():
     grid_map = GridMap((40, 30), 0.1)
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     inside = np.hypot(x[:, None] - 0.3, y + 0.2) <= 14.0
-    assert circle_cells(grid_map, (0.3, -0.2), 14.0).tolist() == np.argwhere(inside).tolist()
+    assert pairs(circle_cells(grid_map, (0.3, -0.2), 14.0)) == np.argwhere(inside).tolist()
 
 
 def test_a_huge_disc_holds_the_entire_map():
     grid_map = GridMap((1, 1), 0.1)
     for shape in (circle_cells, spiral_cells):
-        assert len(shape(grid_map, (0, 0), 1e300)) == 100
-        assert len(shape(grid_map, (0, 0), 1.0)) == 100
+        assert len(pairs(shape(grid_map, (0, 0), 1e300))) == 100
+        assert len(pairs(shape(grid_map, (0, 0), 1.0))) == 100
 
 
 # Spirals
@@ -160,7 +160,7 @@ def test_spiral_cells_equal_cpp(name, case):
     compared = 0
     for spiral in case["spiral"]:
         center, radius = spiral["center"], spiral["radius"]
-        cells = spiral_cells(grid_map, center, radius).tolist()
+        cells = pairs(spiral_cells(grid_map, center, radius))
         assert cells == spiral_by_hand(grid_map, center, radius)
         undefined = spiral["stopped_at_undefined_behaviour"]
         if not (moved or undefined or touches_a_centre(grid_map, center, radius)):
@@ -193,28 +193,28 @@ def test_spiral_cells_are_the_disc_sorted_from_the_inside_out(grid_map, fraction
     steps = (grid_map.geometry.corner - center) / grid_map.resolution
     # Beyond the map, the cell of a position on the border of two is a matter of rounding.
     assume(grid_map.is_inside(center) or (np.abs(steps - np.round(steps)) > 1e-6).all())
-    found = spiral_cells(grid_map, center, radius).tolist()
+    found = pairs(spiral_cells(grid_map, center, radius))
     assert found == spiral_by_hand(grid_map, center, radius)
 
 
 def test_a_spiral_of_many_rings_goes_on_like_one_of_few():
     """It is sorted; the others are cut out of one that is kept."""
     grid_map = GridMap((30, 2), 0.1)
-    few, many = (spiral_cells(grid_map, (0.0, 0.13), radius) for radius in (12.0, 13.0))
+    few, many = (pairs(spiral_cells(grid_map, (0.0, 0.13), radius)) for radius in (12.0, 13.0))
     assert 4000 < len(few) < len(many) < 6000
-    assert many[: len(few) - 100].tolist() == few[:-100].tolist()
-    assert many.tolist() == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
+    assert many[: len(few) - 100] == few[:-100]
+    assert many == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
 
 
 def test_a_spiral_holds_its_centre_cell_however_small_it_is():
     grid_map = GridMap((4, 4), 1.0)
-    assert spiral_cells(grid_map, (0.1, 0.1), 0.0).tolist() == [[1, 1]]
-    assert spiral_cells(grid_map, (2.1, 0.1), 0.0).shape == (0, 2)
+    assert pairs(spiral_cells(grid_map, (0.1, 0.1), 0.0)) == [[1, 1]]
+    assert pairs(spiral_cells(grid_map, (2.1, 0.1), 0.0)) == []
 
 
 def test_a_spiral_far_away_has_no_cells():
     for center in ((1e300, 0), (0, -1e300), (0, 50), (-50, 50), (13.2, 0)):
-        assert spiral_cells(GridMap((1, 1), 0.1), center, 5.0).shape == (0, 2)
+        assert pairs(spiral_cells(GridMap((1, 1), 0.1), center, 5.0)) == []
 
 
 # Ellipses
@@ -226,7 +226,7 @@ def test_ellipse_cells_equal_cpp(name, case):
     assert len(case["ellipse"]) == 120
     for ellipse in case["ellipse"]:
         cells = ellipse_cells(grid_map, ellipse["center"], ellipse["length"], ellipse["rotation"])
-        assert cells.tolist() == ellipse["index"]
+        assert pairs(cells) == ellipse["index"]
 
 
 @given(grid_maps(), fractions, st.tuples(st.floats(0.1, 16), st.floats(0.1, 16)), st.floats(-7, 7))
@@ -239,7 +239,7 @@ def test_ellipse_cells_are_those_inside(grid_map, fraction, axes, rotation):
         return math.hypot(turned.real / half_axes[0], turned.imag / half_axes[1])
 
     assume(all(abs(value(position) - 1.0) > 1e-9 for position in grid_map.get_positions()))
-    found = ellipse_cells(grid_map, center, 2 * half_axes, rotation).tolist()
+    found = pairs(ellipse_cells(grid_map, center, 2 * half_axes, rotation))
     assert found == cells_by_hand(grid_map, lambda p: value(p) < 1.0)
 
 
@@ -250,7 +250,7 @@ def test_an_ellipse_is_turned_counter_clockwise():
 
 
 def test_an_ellipse_without_area_has_no_cells():
-    assert ellipse_cells(GridMap((5, 5), 1.0), (0, 0), (6.0, 0.0)).shape == (0, 2)
+    assert pairs(ellipse_cells(GridMap((5, 5), 1.0), (0, 0), (6.0, 0.0))) == []
 
 
 # Polygons
@@ -262,7 +262,7 @@ def test_polygon_cells_equal_cpp(name, case):
     assert len(case["polygon"]) == 13
     for polygon in case["polygon"]:
         cells = polygon_cells(grid_map, Polygon(polygon["vertices"]))
-        assert cells.tolist() == polygon["index"]
+        assert pairs(cells) == polygon["index"]
 
 
 lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
@@ -271,7 +271,7 @@ lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 @given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
 def test_polygon_cells_are_those_whose_centre_is_inside(grid_map, corners):
     """Vertices and edges often lie exactly on centres of cells."""
-    x, y = (axis[len(axis) // 2] for axis in grid_map.geometry.axes())
+    x, y = (axis[len(axis) // 2] for axis in grid_map.axes())
     polygon = Polygon(
         [
             (x, y) + np.multiply(corner, grid_map.resolution)
@@ -280,13 +280,13 @@ def test_polygon_cells_are_those_whose_centre_is_inside(grid_map, corners):
             for corner in corners
         ]
     )
-    found = polygon_cells(grid_map, polygon).tolist()
+    found = pairs(polygon_cells(grid_map, polygon))
     assert found == cells_by_hand(grid_map, polygon.is_inside)
 
 
 def test_polygon_cells_take_vertices_too():
     cells = polygon_cells(GridMap((4, 4), 1.0), [(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    assert cells.tolist() == [[1, 1], [1, 2], [2, 1], [2, 2]]
+    assert pairs(cells) == [[1, 1], [1, 2], [2, 1], [2, 2]]
 
 
 # What holds for all shapes
@@ -308,10 +308,47 @@ each_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_a_moved_map_has_the_same_cells_in_the_same_order(shape, grid_map, fraction):
     center = point(grid_map, fraction)
     cells, unmoved = shape(grid_map, center), moved_in_buffer(grid_map, (0, 0))
-    assert cells.dtype == np.int64
+    assert [numbers.dtype for numbers in cells] == [np.int64] * 2
+    assert all(numbers.flags.c_contiguous for numbers in cells)
     np.testing.assert_array_equal(
         grid_map.get_positions(cells), unmoved.get_positions(shape(unmoved, center))
     )
+
+
+@each_shape
+@given(grid_map=grid_maps(), fraction=fractions)
+def test_cells_index_a_layer_and_nothing_else(shape, grid_map, fraction):
+    """Oracle: membership of each cell, one by one."""
+    cells = shape(grid_map, point(grid_map, fraction))
+    members = {tuple(pair) for pair in pairs(cells)}
+    expected = grid_map["elevation"].copy()
+    for index in np.ndindex(expected.shape):
+        expected[index] = np.nan if index in members else expected[index]
+    mask = cells_to_mask(grid_map, cells)
+    assert {tuple(pair) for pair in np.argwhere(mask).tolist()} == members
+    np.testing.assert_array_equal(mask, cells_to_mask(grid_map, np.stack(cells, axis=-1)))
+    grid_map["elevation"][cells] = np.nan
+    np.testing.assert_array_equal(grid_map["elevation"], expected)
+
+
+@given(grid_maps(allow_infinity=False), fractions, st.floats(0, 8))
+def test_erasing_a_disc_erases_exactly_its_cells(grid_map, fraction, cells):
+    grid_map["elevation"] = 1.0
+    center, radius = point(grid_map, fraction), cells * grid_map.resolution
+    grid_map["elevation"][circle_cells(grid_map, center, radius)] = np.nan
+    distances = np.linalg.norm(grid_map.get_positions() - center, axis=1)
+    erased = np.isnan(grid_map["elevation"]).ravel("F")
+    np.testing.assert_array_equal(erased, distances <= radius + 1e-9)
+
+
+def test_cells_to_mask_refuses_cells_beyond_the_map():
+    grid_map = GridMap((4, 3), 1.0)
+    with pytest.raises(OutOfMapError, match=r"index \(4, 0\) is outside"):
+        cells_to_mask(grid_map, (np.array([0, 4]), np.array([0, 0])))
+    with pytest.raises(GeometryError, match="cells: expected a tuple"):
+        cells_to_mask(grid_map, ([0, 1], [0]))
+    with pytest.raises(GeometryError, match="cells: expected integers"):
+        cells_to_mask(grid_map, np.zeros((4, 3), bool))
 
 
 @each_shape
@@ -319,8 +356,8 @@ def test_a_region_beside_the_map_has_no_cells(shape):
     grid_map = GridMap((1, 1), 0.1, layers=["elevation"])
     for center in ((3, 0), (0, -3), (1.0, 1.0), (-1e6, 0)):
         cells = shape(grid_map, center)
-        assert cells.shape == (0, 2)
-        grid_map["elevation"][tuple(cells.T)] = 1.0
+        assert pairs(cells) == []
+        grid_map["elevation"][cells] = 1.0
     assert np.isnan(grid_map["elevation"]).all()
 
 
@@ -334,9 +371,9 @@ def test_a_centre_is_two_finite_numbers(shape, center):
 @each_shape
 def test_lists_do_as_well_as_arrays(shape):
     grid_map = GridMap((2, 2), 0.1)
-    expected = shape(grid_map, np.array([1.0, 0.0]))
+    expected = pairs(shape(grid_map, np.array([1.0, 0.0])))
     assert len(expected) > 4
-    assert shape(grid_map, [1, 0]).tolist() == expected.tolist()
+    assert pairs(shape(grid_map, [1, 0])) == expected
 
 
 @pytest.mark.parametrize("shape", [circle_cells, spiral_cells])
@@ -382,5 +419,5 @@ def test_shapes_take_less_than_three_times_the_memory_of_their_cells(shape):
     cells = shape(grid_map)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert len(cells) > 5000
-    assert peak < 3 * cells.nbytes
+    assert cells[0].size > 5000
+    assert peak < 3 * sum(numbers.nbytes for numbers in cells)

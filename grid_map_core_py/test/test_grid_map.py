@@ -194,7 +194,8 @@ def test_a_cell_is_valid_when_all_basic_layers_are_finite(terrain):
     assert terrain.is_valid((0, 0)) is True
     assert terrain.is_valid((1, 2)) is False
     assert terrain.is_valid((1, 2), "variance") is True
-    assert terrain.is_valid([(0, 0), (1, 2), (3, 4)]).tolist() == [True, False, False]
+    for cells in ([(0, 0), (1, 2), (3, 4)], ([0, 1, 3], [0, 2, 4])):
+        assert terrain.is_valid(cells).tolist() == [True, False, False]
     assert terrain.valid_mask().sum() == 38
     assert terrain.valid_mask(["elevation"]).sum() == 39
     assert not terrain.valid_mask([]).any()
@@ -225,12 +226,14 @@ def test_a_position_outside_is_an_error_that_names_position_and_map(terrain):
 @given(grid_maps())
 def test_every_cell_has_the_index_of_its_position(grid_map):
     positions = grid_map.get_positions()
-    indices, inside = grid_map.get_indices(positions)
+    cells, inside = grid_map.get_indices(positions)
     assert inside.all()
     rows, columns = grid_map.size
-    assert indices.tolist() == [[i, j] for j in range(columns) for i in range(rows)]
-    np.testing.assert_allclose(grid_map.get_positions(indices), positions, rtol=0, atol=1e-12)
-    last = tuple(indices[-1])
+    pairs = [(i, j) for j in range(columns) for i in range(rows)]
+    assert list(zip(*cells, strict=True)) == pairs
+    for many in (cells, pairs, np.array(pairs)):
+        np.testing.assert_allclose(grid_map.get_positions(many), positions, rtol=0, atol=1e-12)
+    last = pairs[-1]
     assert grid_map.get_index(grid_map.get_position(last)) == last
 
 
@@ -320,10 +323,8 @@ class TestMove:
     def test_values_stay_at_their_positions(self, grid_map, x, y):
         before = grid_map.copy()
         grid_map.move(grid_map.position + (x * grid_map.resolution, y * grid_map.resolution))
-        for index, position in zip(
-            grid_map.get_indices(grid_map.get_positions())[0], grid_map.get_positions(), strict=True
-        ):
-            value = grid_map["elevation"][tuple(index)]
+        values = grid_map["elevation"].ravel("F")
+        for value, position in zip(values, grid_map.get_positions(), strict=True):
             if before.is_inside(position):
                 expected = before["elevation"][before.get_index(position)]
             else:
@@ -355,15 +356,47 @@ def test_the_default_start_index_shows_the_same_world(grid_map):
         np.testing.assert_array_equal(grid_map[layer], before.unwrapped(layer))
 
 
+@given(grid_maps())
+def test_axes_and_unwrapped_layers_are_right_on_moved_maps(grid_map):
+    x, y = grid_map.axes()
+    along_columns = np.stack([np.tile(x, y.size), np.repeat(y, x.size)], axis=-1)
+    every_cell = list(np.ndindex(grid_map.size[::-1]))
+    np.testing.assert_array_equal(
+        along_columns, [grid_map.get_position(cell[::-1]) for cell in every_cell]
+    )
+    grid_map["stored"] = x[:, None] - 2 * y
+    x, y = grid_map.geometry.axes_in_map_order()
+    assert (np.diff(x) < 0).all()
+    assert (np.diff(y) < 0).all()
+    grid_map.set_unwrapped("in map order", x[:, None] - 2 * y)
+    np.testing.assert_array_equal(grid_map["in map order"], grid_map["stored"])
+    np.testing.assert_array_equal(grid_map.unwrapped("stored"), np.float32(x[:, None] - 2 * y))
+    assert grid_map["in map order"].flags.f_contiguous
+
+
+def test_set_unwrapped_copies_numbers_and_arrays():
+    for start in ((0, 0), (1, 2)):
+        grid_map = GridMap((2, 3), 1.0)
+        grid_map.start_index = start
+        grid_map.set_unwrapped("a", 2.0)
+        assert (grid_map["a"] == 2.0).all()
+        values = np.asfortranarray(np.arange(6, dtype=np.float32).reshape(2, 3))
+        grid_map.set_unwrapped("a", values)
+        grid_map["a"][...] = np.nan
+        assert not np.isnan(values).any()
+        with pytest.raises(GeometryError, match="layer 'a': expected shape"):
+            grid_map.set_unwrapped("a", np.zeros(5))
+
+
 @given(grid_maps(("a", "b")), st.data())
-def test_a_map_stored_from_elsewhere_is_a_copy_of_the_same_world(grid_map, data):
+def test_a_map_with_start_index_elsewhere_is_a_copy_of_the_same_world(grid_map, data):
     start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
     before = grid_map.copy()
-    result = grid_map.stored_from(start)
+    result = grid_map.with_start_index(start)
     assert_maps_equal(result, grid_map)
     assert_maps_equal(result, moved_in_buffer(grid_map, start))
     assert result.start_index == start
-    np.testing.assert_array_equal(grid_map.stored_from((0, 0))["a"], grid_map.unwrapped("a"))
+    np.testing.assert_array_equal(grid_map.with_start_index((0, 0))["a"], grid_map.unwrapped("a"))
     for layer in result:
         result[layer][...] = 7.0
     assert_maps_equal(grid_map, before)
@@ -379,12 +412,8 @@ def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     submap = grid_map.get_submap(centre, length)
     assert_maps_equal(submap, unmoved.get_submap(centre, length))
     assert submap.start_index == (0, 0)
-    for index, position in zip(
-        submap.get_indices(submap.get_positions())[0], submap.get_positions(), strict=True
-    ):
-        np.testing.assert_equal(
-            submap["elevation"][tuple(index)], grid_map["elevation"][grid_map.get_index(position)]
-        )
+    cells, _ = grid_map.get_indices(submap.get_positions())
+    np.testing.assert_array_equal(submap["elevation"].ravel("F"), grid_map["elevation"][cells])
 
 
 def test_a_submap_keeps_names_frame_and_time_and_shares_no_data(terrain):

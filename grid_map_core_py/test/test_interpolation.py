@@ -34,7 +34,7 @@ class Oracle:
     def __init__(self, grid_map: GridMap, layer: str) -> None:
         self.grid_map = grid_map
         self.values = grid_map.unwrapped(layer).astype(float).tolist()
-        self.axes = [axis.tolist() for axis in grid_map.geometry.axes()]
+        self.axes = [axis.tolist() for axis in grid_map.geometry.axes_in_map_order()]
 
     def value(self, row, column):
         rows, columns = self.grid_map.size

@@ -45,7 +45,7 @@ def covers(grid_map, other):
 def by_position(grid_map, layer):
     """Return the values by their cell's place on the lattice, which growing must not change."""
     positions = grid_map.get_positions()
-    values = [grid_map[layer][tuple(index)] for index in grid_map.get_indices(positions)[0]]
+    values = grid_map[layer][grid_map.get_indices(positions)[0]]
     cells = np.round(positions / grid_map.resolution, 3)
     return {tuple(cell): value for cell, value in zip(cells.tolist(), values, strict=True)}
 

@@ -274,10 +274,10 @@ def test_the_same_resolution_changes_nothing(flag):
 )
 def test_planes_stay_planes_where_cells_fit(flag, resolution):
     grid_map = GridMap((0.8, 1.2), 0.05, (3, -1))
-    x, y = np.meshgrid(*grid_map.geometry.axes(), indexing="ij")
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     grid_map["plane"] = 2 * x - 3 * y + 1
     result = change_resolution(grid_map, resolution, flag)
-    x, y = np.meshgrid(*result.geometry.axes(), indexing="ij")
+    x, y = np.meshgrid(*result.axes(), indexing="ij")
     # At the border the kernels repeat the border cell.
     edge = max(2, round(2 * 0.05 / resolution))
     inner = slice(edge, -edge), slice(edge, -edge)

@@ -23,7 +23,7 @@ def hills(rows=9, columns=6, resolution=0.1, position=(3.0, -2.0)):
     grid_map = GridMap(
         np.multiply((rows, columns), resolution), resolution, position, frame_id="odom"
     )
-    x, y = np.meshgrid(*grid_map.geometry.axes(), indexing="ij")
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     grid_map["elevation"] = 0.3 * np.sin(7 * x) * np.cos(5 * y)
     return grid_map
 
@@ -35,9 +35,7 @@ def hills_field(**options):
 def step():
     """Ground at 0 for negative x, at 1 for positive x."""
     grid_map = GridMap((1.2, 0.3), 0.1, frame_id="map")
-    grid_map["elevation"] = np.where(grid_map.geometry.axes()[0] > 0, 1.0, 0.0)[:, None] * np.ones(
-        (1, 3)
-    )
+    grid_map["elevation"] = np.where(grid_map.axes()[0] > 0, 1.0, 0.0)[:, None] * np.ones((1, 3))
     return grid_map
 
 
@@ -47,7 +45,7 @@ def flat(size=(4, 3), height=0.25):
 
 def columns_of(grid_map):
     """Return [(x, y, height)] of all cells, row by row of the map."""
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     heights = grid_map.unwrapped("elevation").tolist()
     return [
         (x[row], y[column], heights[row][column])
@@ -77,7 +75,7 @@ def distances_of_nodes(grid_map, levels):
 
 def trilinear(field):
     """Return another interpolation between the nodes of a field."""
-    x, y = field.geometry.axes()
+    x, y = field.geometry.axes_in_map_order()
     return RegularGridInterpolator(
         (x[::-1], y[::-1], field.levels),
         field.distances[::-1, ::-1].astype(np.float64),
@@ -88,7 +86,7 @@ def trilinear(field):
 
 def nodes_of(field):
     """Return (rows, cols, levels, 3) where the nodes are."""
-    x, y = field.geometry.axes()
+    x, y = field.geometry.axes_in_map_order()
     return np.stack(np.meshgrid(x, y, field.levels, indexing="ij"), axis=-1)
 
 

@@ -71,7 +71,7 @@ def naively_transformed(grid_map, transform, height_layer, frame_id, sample_rati
     steps = [(0.0, 0.0)]
     if sample_ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    unmoved = grid_map.stored_from((0, 0))
+    unmoved = grid_map.with_start_index((0, 0))
     rows, columns = unmoved.size
     for index in ((i, j) for j in range(columns) for i in range(rows)):
         height = float(unmoved[height_layer][index])

@@ -86,7 +86,7 @@ METHODS = {
 
 def sampled(world: World, geometry: GridGeometry) -> GridMap:
     """Return the heights of a world at the cell centres of a map."""
-    x, y = geometry.axes()
+    x, y = geometry.axes_in_map_order()
     return GridMap.from_geometry(geometry, {LAYER: world(x[:, None], y)}, frame_id="map")
 
 

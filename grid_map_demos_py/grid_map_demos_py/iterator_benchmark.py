@@ -33,15 +33,15 @@ Way = Callable[[GridMap], None]
 
 def by_index_and_name(grid_map: GridMap) -> None:
     """Look up cell and layer by cell and layer: what reads best, for a few cells."""
-    for cell in map_cells(grid_map):
-        index = tuple(cell)
+    for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
 
 def by_index(grid_map: GridMap) -> None:
     """Keep the arrays of the layers, and let the indices be Python's own numbers."""
     random, larger = grid_map["random"], grid_map["larger"]
-    for row, column in map_cells(grid_map).tolist():
+    rows, cols = map_cells(grid_map)
+    for row, column in zip(rows.tolist(), cols.tolist(), strict=True):
         larger[row, column] = max(larger[row, column], random[row, column])
 
 
@@ -55,7 +55,7 @@ def by_place(grid_map: GridMap) -> None:
 def by_array_of_cells(grid_map: GridMap) -> None:
     """Give NumPy all indices at once: the way for the cells of a disc, a polygon or a line."""
     random, larger = grid_map["random"], grid_map["larger"]
-    cells = tuple(map_cells(grid_map).T)
+    cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
 
 

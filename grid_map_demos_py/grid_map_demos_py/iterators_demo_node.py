@@ -48,7 +48,7 @@ REGIONS: dict[str, Callable[[GridMap], Cells]] = {
     "a line": lambda grid_map: line_cells_between(grid_map, (18, 2), (2, 13)),
     "a polygon": lambda grid_map: polygon_cells(grid_map, STAR),
 }
-"""Regions in the order in which they are shown: (N, 2) cells of a map."""
+"""Regions in the order in which they are shown: cells (rows, cols) of a map."""
 
 OUTLINES = {"a polygon": STAR}
 
@@ -87,11 +87,11 @@ def show_everything(grid_map: GridMap) -> Iterator[Step]:
 def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
     """Fill the cells of a region one after the other.
 
-    A program fills them at once: `grid_map["type"][tuple(cells.T)] = 1.0`.
+    A program fills them at once: `grid_map["type"][cells] = 1.0`.
     """
     grid_map.clear_all()
     yield Step(0.0, title, OUTLINES.get(title))
-    for row, column in cells:
+    for row, column in zip(*cells, strict=True):
         grid_map["type"][row, column] = 1.0
         yield Step(CELL_PAUSE)
     yield Step(REGION_PAUSE)
@@ -100,7 +100,7 @@ def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
 def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
     """Blur a polygon with the mean of the window around each cell."""
     grid_map["type"] = 0.0
-    grid_map["type"][tuple(polygon_cells(grid_map, STAR).T)] = 1.0
+    grid_map["type"][polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
     # The windows show the layer as it is now, although it changes on the way.
     for cell, window in sliding_windows(grid_map, "type", "crop", WINDOW):

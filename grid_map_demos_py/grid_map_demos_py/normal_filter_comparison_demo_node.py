@@ -91,7 +91,7 @@ SHAPES: dict[str, Callable[[Numbers, Numbers, float], Surface]] = {
 def surface_map(shape: str, seconds: float) -> GridMap:
     """Return a map with `elevation` and `normal_analytic_*` of a shape at a time."""
     grid_map = GridMap((2.5, 4.0), 0.02, frame_id="map")
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     height, *slopes = SHAPES[shape](x[:, None], y[None, :], seconds)
     normal = [-np.broadcast_to(slope, grid_map.size) for slope in slopes]
     normal.append(np.ones(grid_map.size))

@@ -28,7 +28,7 @@ class SimpleDemoNode(Node):
 
     def _publish(self) -> None:
         now = self.get_clock().now().nanoseconds
-        x, y = self._map.geometry.axes()
+        x, y = self._map.axes()
         wave = np.sin(3.0 * 1e-9 * now + 5.0 * y)
         self._map["elevation"] = -0.04 + 0.2 * wave[None, :] * x[:, None]
         self._map.timestamp = now

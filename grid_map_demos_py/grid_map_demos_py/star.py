@@ -33,5 +33,5 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
     """
     ground = 0.0 if has_ground else math.nan
     grid_map = GridMap(LENGTH, resolution, layers={layer: ground}, frame_id="map")
-    grid_map[layer][tuple(polygon_cells(grid_map, VERTICES).T)] = HEIGHT
+    grid_map[layer][polygon_cells(grid_map, VERTICES)] = HEIGHT
     return grid_map

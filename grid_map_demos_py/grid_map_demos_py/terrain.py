@@ -82,6 +82,6 @@ def _punch_holes(grid_map: GridMap) -> None:
     centres = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
     radii = random.uniform(0.5, LARGEST_HOLE, HOLES) * grid_map.resolution
     for centre, radius in zip(centres, radii, strict=True):
-        cells = tuple(circle_cells(grid_map, centre, radius).T)
+        cells = circle_cells(grid_map, centre, radius)
         for layer in grid_map:
             grid_map[layer][cells] = np.nan

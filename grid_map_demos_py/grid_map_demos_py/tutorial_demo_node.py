@@ -12,7 +12,7 @@ import sys
 import numpy as np
 from rclpy.node import Node
 
-from grid_map_core_py import GridMap, submap_cells, window_array
+from grid_map_core_py import GridMap, cells_to_mask, submap_cells, window_array
 from grid_map_core_py.arrays import Cells, Layer
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -34,7 +34,7 @@ def make_map() -> GridMap:
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
     """Set elevation and normal vectors as they are at a time: a sine along y, steeper with x."""
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
     # A column of x and a row of y give values for all cells.
     grid_map["elevation"] = -0.04 + 0.2 * np.sin(phase) * x[:, None]
@@ -54,12 +54,13 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
     """Make `elevation_noisy` infinite at random positions, of which some miss the map."""
-    cells, inside = grid_map.get_indices(random.uniform(-1.0, 1.0, (count, 2)))
-    grid_map["elevation_noisy"][tuple(cells[inside].T)] = np.inf
+    positions = random.uniform(-1.0, 1.0, (count, 2))
+    cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
+    grid_map["elevation_noisy"][cells] = np.inf
 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
-    """Return the (N, 2) cells of 1.2 x 0.8 m whose corner with the largest x and y is (1, 0.4)."""
+    """Return the cells of 1.2 x 0.8 m whose corner with the largest x and y is (1, 0.4)."""
     # The corner lies beyond the map, so that it is moved to its border.
     corner = grid_map.geometry.bound_position_to_range((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)
@@ -67,7 +68,7 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
 
 
 def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -> Layer:
-    """Return for each of (N, 2) cells the mean of the finite values in the disc around it.
+    """Return for each of N cells the mean of the finite values in the disc around it.
 
     Neighbours weigh `(radius - distance)**2`. The (N,) means are NaN where nothing is finite.
     """
@@ -75,7 +76,7 @@ def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -
     steps = grid_map.resolution * np.arange(-reach, reach + 1)
     weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
     # The windows around all cells share the memory of the layer; those of the cells are copied.
-    windows = window_array(grid_map, layer, "empty", len(steps))[tuple(cells.T)]
+    windows = window_array(grid_map, layer, "empty", len(steps))[cells]
     known = np.isfinite(windows)
     with np.errstate(invalid="ignore"):
         means = np.tensordot(np.where(known, windows, 0.0), weights) / np.tensordot(known, weights)
@@ -83,10 +84,10 @@ def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Set `elevation_filtered`, which differs from the noisy one in (N, 2) cells, and `error`."""
+    """Set `elevation_filtered`, which differs from the noisy one in some cells, and `error`."""
     grid_map["elevation_filtered"] = grid_map["elevation_noisy"]
     means = weighted_means(grid_map, "elevation_noisy", cells, radius)
-    grid_map["elevation_filtered"][tuple(cells.T)] = means
+    grid_map["elevation_filtered"][cells] = means
     # Layers are arrays, and whatever NumPy does with arrays can be done with layers.
     grid_map["error"] = np.abs(grid_map["elevation_filtered"] - grid_map["elevation"])
 
@@ -138,8 +139,7 @@ class TutorialDemoNode(Node):
         add_filtered(grid_map, self._filtered_cells, self._radius)
 
     def _report(self, error: Layer) -> None:
-        is_filtered = np.zeros(error.shape, dtype=bool)
-        is_filtered[tuple(self._filtered_cells.T)] = True
+        is_filtered = cells_to_mask(self._map, self._filtered_cells)
         inside = 1e3 * root_mean_square(error[is_filtered])
         outside = 1e3 * root_mean_square(error[~is_filtered])
         self.get_logger().info(

@@ -49,7 +49,7 @@ def a_map(second: int = 3, layer: str = "elevation") -> GridMap:
     """Return a map that has moved, with a hole, an infinity and colours."""
     options = {"position": (1.0, 2.0), "frame_id": "odom", "timestamp": second * SECOND}
     made = GridMap((0.8, 0.6), 0.1, layers=(layer, "variance", "color"), **options)
-    x, y = made.geometry.axes()
+    x, y = made.axes()
     made[layer] = second * (x[:, None] - 0.5 * y)
     made[layer][2, 3:5] = np.nan
     made["variance"] = 0.25

@@ -47,7 +47,7 @@ def shown(title: str) -> np.ndarray:
 
 def distances() -> np.ndarray:
     """Return (rows, cols) the distances of all cells from the centre [m]."""
-    x, y = make_map().geometry.axes()
+    x, y = make_map().axes()
     return np.hypot(x[:, None] - CENTRE[0], y - CENTRE[1])
 
 
@@ -81,7 +81,7 @@ def test_the_regions_are_those_of_cpp():
 
 
 def test_the_ellipse_is_narrow_along_its_first_axis_that_is_turned():
-    x, y = make_map().geometry.axes()
+    x, y = make_map().axes()
     x, y = x[:, None] - CENTRE[0], y - CENTRE[1]
     first, second = (x + y) / 2**0.5, (y - x) / 2**0.5
     inside = np.hypot(first / 0.225, second / 0.45) <= 1.0

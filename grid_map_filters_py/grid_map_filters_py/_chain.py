@@ -97,7 +97,7 @@ class FilterChain:
         result, own = self._run(grid_map, observer, warnings)
         start = self._start_index(grid_map, result)
         if start != (0, 0):
-            return result.stored_from(start)
+            return result.with_start_index(start)
         return result.with_layers(
             {name: own[name] if name in own else result[name].copy("F") for name in result}
         )
@@ -124,7 +124,7 @@ class FilterChain:
     ) -> tuple[GridMap, dict[str, Layer]]:
         """Return the result, read-only, and the arrays behind those layers that are its own."""
         moved = grid_map.start_index != (0, 0)
-        result = grid_map.stored_from((0, 0)) if moved else grid_map
+        result = grid_map.with_start_index((0, 0)) if moved else grid_map
         own = {name: result[name] for name in result} if moved else {}
         for step in self.steps:
             given = _read_only(result)
@@ -214,7 +214,7 @@ def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> Grid
     if not isinstance(result, GridMap):
         raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
     # A filter may move its map, but the next one shall see no start index.
-    return result if result.start_index == (0, 0) else result.stored_from((0, 0))
+    return result if result.start_index == (0, 0) else result.with_start_index((0, 0))
 
 
 def message_of(error: Exception) -> str:

@@ -42,7 +42,7 @@ def filtered(type_name, grid_map, **params) -> np.ndarray:
 def points_in_disc(grid_map, index, radius) -> np.ndarray:
     """Return the finite points (N, 3) of a disc, looked up cell by cell."""
     cells = circle_cells(grid_map, grid_map.get_position(index), radius)
-    points = [grid_map.get_position3("elevation", cell) for cell in cells]
+    points = [grid_map.get_position3("elevation", cell) for cell in zip(*cells, strict=True)]
     return np.array([point for point in points if np.isfinite(point).all()]).reshape(-1, 3)
 
 

@@ -24,7 +24,7 @@ def test_curvature_is_minus_the_second_differences(grid_map):
 
 def test_a_hilltop_has_positive_curvature_and_a_plane_has_none():
     grid_map = terrain((9, 300))
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.axes()
     grid_map["hill"] = -(x[:, None] ** 2) - y[None, :] ** 2
     grid_map["plane"] = 1000 + 0.5 * x[:, None] + 0.25 * y[None, :]
     for name, expected in (("hill", 4.0), ("plane", 0.0)):

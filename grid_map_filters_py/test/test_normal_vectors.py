@@ -69,7 +69,7 @@ def test_a_disc_far_larger_than_the_map_is_the_map():
 def test_normals_keep_small_differences_on_high_ground():
     """A gentle slope, where the variance of the heights is 1e-11 of their square."""
     grid_map = terrain((30, 20))
-    x, _ = grid_map.geometry.axes()
+    x, _ = grid_map.axes()
     slope = np.round(x / 8, 3)[:, None] * np.ones(20)
     grid_map["elevation"] = np.float32(4096) + slope
     plain = ground(grid_map["elevation"] - np.float32(4096))

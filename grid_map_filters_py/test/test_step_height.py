@@ -42,7 +42,7 @@ def test_a_second_window_weighs_steps_by_the_number_of_their_cells(
 
     def weighed(index):
         cells = circle_cells(grid_map, grid_map.get_position(index), second)
-        around = np.array([steps[tuple(cell)] for cell in cells])
+        around = steps[cells]
         around = around[np.isfinite(around)].astype(np.float64)
         if not around.size:
             return np.nan

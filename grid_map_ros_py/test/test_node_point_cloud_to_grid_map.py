@@ -111,7 +111,7 @@ class Robot:
 
 def assert_is_the_world(grid_map: GridMap) -> None:
     heights = grid_map.unwrapped("elevation")
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     expected = ground(x[:, None], y[None, :])
     known = np.isfinite(heights)
     np.testing.assert_allclose(heights[known], expected[known], atol=1e-4)
@@ -125,10 +125,10 @@ def assert_saw_the_way(robot: Robot, maps: list[GridMap]) -> None:
         assert grid_map.timestamp % 3 != 0
         assert_is_the_world(grid_map)
     last = maps[-1]
-    seen, inside = last.get_indices(robot.seen(last.timestamp))
+    cells, inside = last.get_indices(robot.seen(last.timestamp))
     assert inside.all()
-    assert np.isfinite(last["elevation"][tuple(seen.T)]).all()
-    assert np.isfinite(last["elevation"]).sum() > len(seen)
+    assert np.isfinite(last["elevation"][cells]).all()
+    assert np.isfinite(last["elevation"]).sum() > len(cells[0])
     assert last["count"].max() > 1
 
 

@@ -168,12 +168,15 @@ class Surface:
     def _kept(self) -> list[npt.NDArray[np.int64]]:
         """Rows and columns, in map order, of the cells that are shown."""
         resolution = self.grid_map.resolution
-        return [_every(self._step, axis, resolution) for axis in self.grid_map.geometry.axes()]
+        return [
+            _every(self._step, axis, resolution)
+            for axis in self.grid_map.geometry.axes_in_map_order()
+        ]
 
     @cached_property
     def _axes(self) -> tuple[Positions, Positions]:
         """Return x of the rows and y of the columns that are shown [m]."""
-        axes = self.grid_map.geometry.axes()
+        axes = self.grid_map.geometry.axes_in_map_order()
         if self._step == 1:
             return axes
         rows, columns = self._kept

@@ -30,7 +30,7 @@ def pieces(marker: Marker) -> np.ndarray:
 def slope() -> GridMap:
     """Return a map whose height is x, on cells of 1 m centred at -3 to 3 m."""
     grid_map = GridMap((7, 5), 1.0, layers=["elevation"], frame_id="odom")
-    grid_map["elevation"][:] = grid_map.geometry.axes()[0][:, None]
+    grid_map["elevation"][:] = grid_map.geometry.axes_in_map_order()[0][:, None]
     return grid_map
 
 
@@ -88,7 +88,7 @@ def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
     found = pieces(marker)
     assert np.isfinite(found).all()
     assert len(marker.colors) == len(marker.points)
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     assert (found[..., 0] >= x[-1] - 1e-9).all()
     assert (found[..., 0] <= x[0] + 1e-9).all()
     assert (found[..., 1] >= y[-1] - 1e-9).all()
@@ -101,7 +101,7 @@ def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
 @given(grid_maps(max_side=5, allow_infinity=False))
 def test_values_on_the_lines_are_those_of_the_level_on_the_edges_of_the_grid(grid_map):
     level = 0.5
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     values = grid_map.unwrapped("elevation").astype(np.float64)
     for px, py, _ in pieces(drawn(grid_map, levels=[level])).reshape(-1, 3):
         row, column = (x[0] - px) / grid_map.resolution, (y[0] - py) / grid_map.resolution

@@ -67,7 +67,7 @@ PATIENCE = 60.0
 def slope(**layers: np.ndarray | float) -> GridMap:
     """Return 21 x 21 cells around (1, 2) that rise by 0.2 m per metre of x, and what they tell."""
     grid_map = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), frame_id="odom")
-    x, y = np.meshgrid(*grid_map.geometry.axes(), indexing="ij")
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     grid_map["elevation"] = 0.2 * x
     for name, values in {"x": x, "y": y, "side": y > 2.05, **layers}.items():
         grid_map[name] = values

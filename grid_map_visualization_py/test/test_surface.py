@@ -46,7 +46,7 @@ def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
     """Return the finite corners (at most 4, 3) of every square of four neighbours, by a loop."""
     rows, columns = grid_map.size
     heights = grid_map.unwrapped(layer)
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     found = []
     for row in range(rows - 1):
         for column in range(columns - 1):

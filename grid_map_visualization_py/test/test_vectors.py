@@ -27,7 +27,7 @@ def coordinates(marker: Marker) -> list[tuple[float, float, float]]:
 
 def lines_by_loop(grid_map: GridMap, scale: float) -> list[tuple[float, float, float]]:
     points = []
-    for cell in map_cells(grid_map):
+    for cell in zip(*map_cells(grid_map), strict=True):
         start = grid_map.get_position3("height", cell)
         vector = grid_map.get_vector("normal_", cell)
         if np.isfinite([start, vector]).all():

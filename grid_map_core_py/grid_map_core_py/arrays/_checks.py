@@ -19,11 +19,11 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 Positions: TypeAlias = npt.NDArray[np.float64]
 """(2,) or (N, 2) float64: x, y in metres, map frame."""
 
-Cells: TypeAlias = npt.NDArray[np.int64]
-"""(2,) or (N, 2) integers: row, column."""
-
 Integers: TypeAlias = npt.NDArray[np.int64]
-"""(2 N,) integers: row, column, row, ...; see `pieces.interleaved`."""
+"""(N,) int64, such as the rows or the columns of cells."""
+
+Cells: TypeAlias = tuple[Integers, Integers]
+"""(rows, cols) of cells, as `numpy.nonzero` returns them: `layer[cells]` picks their values."""
 
 Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
@@ -94,13 +94,27 @@ def as_size(values: npt.ArrayLike, name: str) -> Size:
 
 
 def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
-    """Return `values` as an integer array whose last axis is row, column."""
+    """Return cells as (rows, cols).
+
+    Args:
+        values: a tuple (rows, cols), as NumPy takes it for an index, or (N, 2) rows and columns.
+            One cell is (row, col) either way.
+        name: of the parameter, for the message.
+    """
+    if isinstance(values, tuple):
+        numbers = [_as_integers(value, name) for value in values]
+        if len(numbers) != 2 or numbers[0].shape != numbers[1].shape:
+            shapes = ", ".join(str(part.shape) for part in numbers)
+            raise GeometryError(
+                f"{name}: expected a tuple (rows, cols) of equal shapes, got shapes {shapes}"
+            )
+        return numbers[0], numbers[1]
     cells = _as_integers(values, name)
     if cells.ndim == 0 or cells.shape[-1] != 2:
         raise GeometryError(
-            f"{name}: expected row, column of shape (2,) or (N, 2), got {cells.shape}"
+            f"{name}: expected (rows, cols) or an array of shape (N, 2), got shape {cells.shape}"
         )
-    return cells
+    return cells[..., 0], cells[..., 1]
 
 
 def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
@@ -118,7 +132,7 @@ def as_text(values: npt.ArrayLike) -> str:
     return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
 
 
-def _as_integers(values: npt.ArrayLike, name: str) -> Cells:
+def _as_integers(values: npt.ArrayLike, name: str) -> Integers:
     integers = as_numbers(values, name)
     if integers.size and integers.dtype.kind not in "iu":
         raise GeometryError(f"{name}: expected integers, got {values!r}")

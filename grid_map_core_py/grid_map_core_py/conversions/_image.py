@@ -273,7 +273,7 @@ def add_layer_from_image(
         GeometryError: the image is not of the size of the map, or as in `from_image`.
     """
     pixels = _as_image(image, grid_map.size)
-    _add(grid_map, layer, _read_grey(pixels, lower, upper, alpha_threshold, order))
+    grid_map.set_unwrapped(layer, _read_grey(pixels, lower, upper, alpha_threshold, order))
 
 
 def add_color_layer_from_image(
@@ -297,16 +297,7 @@ def add_color_layer_from_image(
     """
     _check_order(order)
     pixels = _as_image(image, grid_map.size)
-    _add(grid_map, layer, _read(pixels, lambda part: _pack(part, order), alpha_threshold))
-
-
-def _add(grid_map: GridMap, layer: str, values: Layer) -> None:
-    """Add a layer that is given in map order."""
-    (row, column), (rows, columns) = grid_map.start_index, grid_map.size
-    if (row, column) != (0, 0):
-        back = -row % rows, -column % columns
-        values = ring_buffer.block(values, back, slice(0, rows), slice(0, columns))
-    grid_map.add(layer, values)
+    grid_map.set_unwrapped(layer, _read(pixels, lambda part: _pack(part, order), alpha_threshold))
 
 
 def _read_grey(

@@ -199,7 +199,7 @@ class PointCloudPipeline:
             raise GridMapError("points: none is finite, and no outlier, to make a map of")
         lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
         geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
-        rows, columns = geometry.cells_at(cloud[:, :2])[0].T
+        (rows, columns), _ = geometry.cells_at(cloud[:, :2])
         heights = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
         for cells, part in self._occupied(rows + geometry.size[0] * columns):
             self._fill(heights, cells, cloud[part])

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Cells
+from ..arrays._checks import Integers
 
 Flat = npt.NDArray[np.float32]
 """(cells,) one value per cell."""
@@ -27,7 +27,7 @@ Values = npt.NDArray[np.float64]
 class Reducer(Protocol):
     """Points in, one value per cell out."""
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         """Take the values of (n,) points and the numbers (n,) of the cells that they fall into."""
 
     def result(self) -> Flat:
@@ -41,7 +41,7 @@ class Extreme:
         self._choose = choose
         self._layer = np.full(cells, np.nan, np.float32)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         # Rounding to float32 keeps the order of values, so that it may come first.
         self._choose.at(self._layer, cells, values.astype(np.float32))
 
@@ -56,7 +56,7 @@ class Last:
         self._layer = np.full(cells, np.nan, np.float32)
         self._chosen = np.empty(cells, np.int32)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         # A plain assignment promises no order where a cell occurs more than once.
         numbers = np.arange(len(cells), dtype=np.int32)
         self._chosen[cells] = -1
@@ -71,7 +71,7 @@ class Last:
 class First(Last):
     """The value of the first point, which is the last one when they come the other way round."""
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         new = np.isnan(self._layer[cells])
         super().add(cells[new][::-1], values[new][::-1])
 
@@ -82,7 +82,7 @@ class Count:
     def __init__(self, cells: int) -> None:
         self.numbers = np.zeros(cells, np.int32)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         np.add.at(self.numbers, cells, np.ones(len(values), np.int32))
 
     def result(self) -> Flat:
@@ -96,7 +96,7 @@ class Mean:
         self._sums = np.zeros(cells)
         self._count = Count(cells)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         np.add.at(self._sums, cells, values)
         self._count.add(cells, values)
 
@@ -119,7 +119,7 @@ class Variance:
         self._sums, self._squares = np.zeros(cells), np.zeros(cells)
         self._count = Count(cells)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         new = np.isnan(self._references[cells])
         self._references[cells[new]] = values[new]
         deviations = values - self._references[cells]
@@ -149,7 +149,7 @@ class Median:
         self._keys = np.empty(points, np.uint64)
         self._seen = 0
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         keys = self._keys[self._seen : self._seen + len(cells)]
         self._seen += len(cells)
         keys[...] = cells
@@ -178,7 +178,7 @@ class MeanColor:
         self._channels = [np.zeros(cells, np.uint32) for _ in _SHIFTS]
         self._count = Count(cells)
 
-    def add(self, cells: Cells, values: Values) -> None:
+    def add(self, cells: Integers, values: Values) -> None:
         bits = values.astype(np.float32).view(np.uint32)
         for sums, shift in zip(self._channels, _SHIFTS, strict=True):
             np.add.at(sums, cells, (bits >> shift) & np.uint32(0xFF))

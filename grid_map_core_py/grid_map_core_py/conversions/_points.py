@@ -295,9 +295,9 @@ def _reduce(
     }
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         for part, counts in cloud.chunks():
-            cells, inside = geometry.cells_at(cloud.points[part, :2])
+            (cell_rows, cell_cols), inside = geometry.cells_at(cloud.points[part, :2])
             counts &= inside
-            flat = (cells[:, 0] + rows * cells[:, 1])[counts]
+            flat = (cell_rows + rows * cell_cols)[counts]
             for name, column in columns.items():
                 _feed(reducers[name], flat, column.values[part][counts], column.all_count)
         return {

@@ -119,7 +119,7 @@ class RollingMap:
         new = self._rasterized(geometry, points, columns)
         if position is not None:
             self.move(position)
-        self._take(new.stored_from(self._map.start_index))
+        self._take(new.with_start_index(self._map.start_index))
         if timestamp is not None:
             self._map.timestamp = timestamp
 

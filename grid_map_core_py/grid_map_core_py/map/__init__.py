@@ -5,7 +5,7 @@
 from ._geometry import GridGeometry
 from ._grid_map import GridMap
 from ._interpolation import Interpolation
-from ._ring_buffer import BufferRegion, block
+from ._ring_buffer import BufferRegion, unwrapped
 from ._signed_distance_field import SignedDistanceField
 
 __all__ = [
@@ -14,5 +14,5 @@ __all__ = [
     "GridMap",
     "Interpolation",
     "SignedDistanceField",
-    "block",
+    "unwrapped",
 ]

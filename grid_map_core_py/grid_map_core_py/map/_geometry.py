@@ -25,7 +25,7 @@ from ..arrays._checks import (
     as_size,
     as_text,
 )
-from ..arrays._pieces import chunks, interleaved
+from ..arrays._pieces import CHUNK, chunks, interleaved, slices
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 
@@ -130,82 +130,81 @@ class GridGeometry:
             start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
 
         Returns:
-            cells: (..., 2) row, column; for a position outside, the border cell nearest along each
-                axis.
+            cells: (rows, cols), each (...) int64; for a position outside, the border cell nearest
+                along each axis.
             inside: (...) bool.
         """
         positions = as_positions(positions)
         points = positions.reshape(-1, 2)
-        cells = np.empty(points.shape, dtype=np.int64)
+        cells = np.empty((2, len(points)), dtype=np.int64)
         inside = np.ones(len(points), dtype=np.bool_)
         half, centre = interleaved(self._half, points), interleaved(self.position, points)
-        start, size = interleaved(start_index, cells), interleaved(self.size, cells)
-        nearly_size = size - self._rounding
+        nearly_size = interleaved(self.size, points) - self._rounding
         steps = np.empty(half.size)
         # The largest coordinates may become infinite, which is outside as well.
         with np.errstate(over="ignore"):
             for part in chunks(points):
-                pairs, found = points[part].reshape(-1), cells[part].reshape(-1)
+                pairs = points[part].reshape(-1)
                 steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
                 steps /= -self.resolution
                 # One look at all is faster than to find the few that lie outside.
                 if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
                     inside[part] = self._contains(pairs, half, centre)
                     self._bound(steps)
-                found[...] = steps
-                if start_index != (0, 0):
-                    ring_buffer.turn(found, start, size, scratch=steps.view(np.int64))
-        return cells.reshape(positions.shape), inside.reshape(positions.shape[:-1])
+                for axis, start in enumerate(start_index):
+                    found = cells[axis, part]
+                    found[...] = steps[axis::2]
+                    if start:
+                        ring_buffer.place(found, 0, start, self.size[axis])
+        rows, columns = cells.reshape(2, *positions.shape[:-1])
+        return (rows, columns), inside.reshape(positions.shape[:-1])
 
-    def centres(self, cells: npt.ArrayLike, start_index: Size = (0, 0)) -> Positions:
+    def centers(self, cells: npt.ArrayLike, start_index: Size = (0, 0)) -> Positions:
         """Return the centres of cells.
 
         Args:
-            cells: (..., 2) row, column.
+            cells: (rows, cols), or (N, 2).
             start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
 
         Returns:
-            (..., 2) x, y [m], map frame.
+            (N, 2) x, y [m], map frame; (2,) for one cell.
 
         Raises:
             OutOfMapError: a cell lies outside the map.
         """
         cells = as_cells(cells)
-        if cells.size > sum(self.size):
-            return self._looked_up(cells, start_index)
         self.check_cells(cells)
-        steps = ring_buffer.unwrap(cells, start_index, self.size)
-        return self.position + 0.5 * (self.length - self.resolution) - self.resolution * steps
-
-    def all_centres(self, start_index: Size = (0, 0)) -> Positions:
-        """Return the centres (N, 2) [m] of all cells, column after column of the buffer."""
-        x, y = self.axes(start_index)
-        positions: Positions = np.empty((x.size * y.size, 2))
-        positions[:, 0] = np.tile(x, y.size)
-        positions[:, 1] = np.repeat(y, x.size)
+        positions = np.empty((*cells[0].shape, 2))
+        for axis, numbers in enumerate(cells):
+            if 2 * numbers.size <= sum(self.size):
+                steps = (numbers - start_index[axis]) % self.size[axis]
+                positions[..., axis] = self._first[axis] - self.resolution * steps
+                continue
+            coordinates = np.roll(self.axes_in_map_order()[axis], start_index[axis])
+            for part in slices(len(numbers), CHUNK):
+                positions[part, axis] = coordinates[numbers[part]]
         return positions
 
-    def axes(self, start_index: Size = (0, 0)) -> tuple[Positions, Positions]:
-        """Return the x of every row (rows,) and the y of every column (cols,) [m].
+    def axes_in_map_order(self) -> tuple[Positions, Positions]:
+        """Return the x of every row (rows,) and the y of every column (cols,) [m], both descending.
 
-        Both descend, but for the place in a circular buffer where they go on from the other border.
+        This is the order in which the layers of a map are stored that has not moved;
+        `GridMap.axes` gives the order of every map.
         """
-        first = self.position + 0.5 * (self.length - self.resolution)
-        x, y = (
-            np.roll(first[axis] - self.resolution * np.arange(self.size[axis]), start_index[axis])
-            for axis in (0, 1)
-        )
+        x, y = (self._first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
         return x, y
 
     def check_cells(self, cells: Cells) -> None:
-        """Raise `OutOfMapError` naming the first of the (..., 2) cells that is not on the map."""
-        rows, columns = cells[..., 0], cells[..., 1]
-        if cells.size == 0 or (
-            cells.min() >= 0 and rows.max() < self.size[0] and columns.max() < self.size[1]
+        """Raise `OutOfMapError`, naming the first one, if cells (rows, cols) are not on the map."""
+        if not cells[0].size or all(
+            # Without sign, negative numbers are too large as well.
+            int(numbers.view(np.uint64).max()) < count
+            for numbers, count in zip(cells, self.size, strict=True)
         ):
             return
-        outside = ((cells < 0) | (cells >= self.size)).any(axis=-1)
-        found = tuple(cells.reshape(-1, 2)[outside.reshape(-1)][0].tolist())
+        pairs = np.stack(cells, axis=-1).reshape(-1, 2)
+        outside = ((pairs < 0) | (pairs >= self.size)).any(axis=-1)
+        found = tuple(pairs[outside][0].tolist())
         raise OutOfMapError(f"index {found} is outside the map of {self.size} cells")
 
     def box(self, lower: npt.ArrayLike, upper: npt.ArrayLike) -> tuple[slice, slice]:
@@ -348,22 +347,6 @@ class GridGeometry:
         """More cells than by which the two differences can differ."""
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
 
-    def _looked_up(self, cells: Cells, start_index: Size) -> Positions:
-        """Return what `centres` does, faster for more cells than there are rows and columns."""
-        table = np.concatenate(self.axes(start_index))
-        points = cells.reshape(-1, 2)
-        positions = np.empty(points.shape)
-        offsets, size = interleaved((0, self.size[0]), points), interleaved(self.size, points)
-        for part in chunks(points):
-            pairs = points[part].reshape(-1)
-            # Without sign, negative numbers are too large as well.
-            if not (pairs.view(np.uint64) < size.view(np.uint64)[: pairs.size]).all():
-                self.check_cells(points[part])
-            # Checked already; any other mode would copy the results.
-            entries = pairs + offsets[: pairs.size]
-            np.take(table, entries, out=positions[part].reshape(-1), mode="clip")
-        return positions.reshape(cells.shape)
-
     def _bound(self, steps: Positions) -> None:
         """Replace the fractional rows and columns outside by those of the nearest border cells."""
         for axis in (0, 1):
@@ -371,6 +354,11 @@ class GridGeometry:
             # NaN becomes 0. A position within rounding of the far border can lie beyond it.
             np.fmax(along, 0.0, out=along)
             np.minimum(along, self.size[axis] - 1, out=along)
+
+    @cached_property
+    def _first(self) -> Positions:
+        """Centre of cell (0, 0) [m]."""
+        return self.position + 0.5 * (self.length - self.resolution)
 
     @cached_property
     def _half(self) -> Positions:

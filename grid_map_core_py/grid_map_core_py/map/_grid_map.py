@@ -38,7 +38,8 @@ class GridMap:
     `map[layer]` is the live (rows, cols) array of a layer: writing into it changes the map. Row 0,
     column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
     -x, columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
-    rotated (a circular buffer that begins at `start_index`); `unwrapped(layer)` gives map order.
+    rotated (a circular buffer that begins at `start_index`). `axes()`, positions and regions follow
+    the rotation; `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
 
     Args:
         length: (2,) side lengths along x and y [m], rounded to whole cells.
@@ -154,7 +155,7 @@ class GridMap:
     @start_index.setter
     def start_index(self, index: npt.ArrayLike) -> None:
         start = as_size(index, "start_index")
-        self._geometry.check_cells(as_cells(start))
+        self._geometry.check_cells(as_cells(start, "start_index"))
         self._start = start
 
     @property
@@ -264,25 +265,6 @@ class GridMap:
         """Return a map with data of its own."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
-    def stored_from(self, start_index: npt.ArrayLike) -> "GridMap":
-        """Return a copy of the same world that is stored from another start index.
-
-        `stored_from((0, 0))` has every layer in map order.
-
-        Args:
-            start_index: where in the buffer cell (0, 0) of the map is to be stored.
-        """
-        result = self._with({})
-        result.start_index = start_index
-        # Seen from the new start, the old data begins so many cells later.
-        first = ring_buffer.unwrap(self._start, result.start_index, self.size)
-        start = int(first[0]), int(first[1])
-        whole = slice(0, self.size[0]), slice(0, self.size[1])
-        for name, data in self._layers.items():
-            result._layers[name] = ring_buffer.block(data, start, *whole)
-        result._basic_layers = self._basic_layers
-        return result
-
     def __copy__(self) -> "GridMap":
         return self.copy()
 
@@ -302,12 +284,12 @@ class GridMap:
         Raises:
             OutOfMapError: the position is not on the map.
         """
-        index, inside = self.get_indices(as_point(position, "position"))
+        (row, column), inside = self.get_indices(as_point(position, "position"))
         if not inside:
             raise OutOfMapError(
                 f"position {as_text(position)} is outside the map: {self._geometry.place}"
             )
-        return int(index[0]), int(index[1])
+        return int(row), int(column)
 
     def get_indices(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
@@ -316,8 +298,8 @@ class GridMap:
             positions: (N, 2) x, y [m].
 
         Returns:
-            indices: (N, 2) buffer indices; for a position outside, those of the nearest border
-                cell.
+            cells: (rows, cols), buffer indices that index a layer: `map["elevation"][cells]`; for a
+                position outside, those of the nearest border cell.
             inside: (N,) bool.
         """
         return self._geometry.cells_at(positions, self._start)
@@ -334,15 +316,30 @@ class GridMap:
         """Return the centres (N, 2) [m] of cells.
 
         Args:
-            indices: (N, 2) buffer indices; None means every cell, column after column of the
-                buffer.
+            indices: (rows, cols), as `get_indices` and the regions return them, or (N, 2); buffer
+                indices. None means every cell, column after column of the buffer.
 
         Raises:
             OutOfMapError: there is no such cell.
         """
         if indices is None:
-            return self._geometry.all_centres(self._start)
-        return self._geometry.centres(indices, self._start)
+            x, y = self.axes()
+            positions: Positions = np.empty((x.size * y.size, 2))
+            positions[:, 0] = np.tile(x, y.size)
+            positions[:, 1] = np.repeat(y, x.size)
+            return positions
+        return self._geometry.centers(indices, self._start)
+
+    def axes(self) -> tuple[Positions, Positions]:
+        """Return the x of every row (rows,) and the y of every column (cols,) [m] of the layers.
+
+        They are in the order in which layers are stored, also after `move`:
+
+            x, y = grid_map.axes()
+            grid_map["elevation"] = np.sin(x[:, None]) * y
+        """
+        x, y = self._geometry.axes_in_map_order()
+        return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
     def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
         """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
@@ -379,10 +376,10 @@ class GridMap:
     def is_valid(
         self, index: npt.ArrayLike, layers: str | Iterable[str] | None = None
     ) -> bool | Mask:
-        """Tell whether the cell at a (2,) buffer index, or each at (N, 2), holds finite data.
+        """Return whether the cell at a buffer index, or each of many, holds finite data.
 
         Args:
-            index: buffer index or indices.
+            index: one (row, col), or many as (rows, cols) or (N, 2).
             layers: names of the layers that must be finite; None means the basic layers, and
                 without basic layers no cell is valid.
 
@@ -391,11 +388,10 @@ class GridMap:
         """
         cells = as_cells(index)
         self._geometry.check_cells(cells)
-        rows, columns = cells[..., 0], cells[..., 1]
         names = self._validity_layers(layers)
-        valid = np.full(rows.shape, bool(names))
+        valid = np.full(cells[0].shape, bool(names))
         for name in names:
-            valid &= np.isfinite(self._layers[name][rows, columns])
+            valid &= np.isfinite(self._layers[name][cells])
         return bool(valid) if valid.ndim == 0 else valid
 
     def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
@@ -447,22 +443,50 @@ class GridMap:
         self._geometry = self._geometry.shifted(shift)
         return regions
 
-    def convert_to_default_start_index(self) -> None:
-        """Reorder the stored data so that `start_index` is (0, 0)."""
-        if self._start == (0, 0):
-            return
-        self._layers = {name: self.unwrapped(name) for name in self._layers}
-        self._start = (0, 0)
-
     def unwrapped(self, layer: str) -> Layer:
         """Return a layer (rows, cols) in map order: row 0, column 0 has the largest x and y.
 
-        It is the live layer when `start_index` is (0, 0), else a copy.
+        It is the live layer when `start_index` is (0, 0), else a copy; `set_unwrapped` writes one
+        back.
         """
-        data = self[layer]
+        return self._from_start(self[layer], (0, 0))
+
+    def set_unwrapped(self, layer: str, value: npt.ArrayLike) -> None:
+        """Add or replace a layer whose values are in map order.
+
+        Args:
+            layer: name of the layer.
+            value: a number for all cells, or (rows, cols) in map order; copied.
+        """
         if self._start == (0, 0):
-            return data
-        return ring_buffer.block(data, self._start, slice(0, self.size[0]), slice(0, self.size[1]))
+            self[layer] = value
+        else:
+            back = -self._start[0] % self.size[0], -self._start[1] % self.size[1]
+            self._layers[layer] = ring_buffer.unwrapped(self._adopt(layer, value), back)
+
+    def with_start_index(self, index: npt.ArrayLike) -> "GridMap":
+        """Return a copy of the map whose layers are stored from another start index.
+
+        `with_start_index((0, 0))` has every layer in map order.
+
+        Args:
+            index: row and column of the buffer where cell (0, 0) of the map is stored.
+
+        Raises:
+            OutOfMapError: there is no such cell.
+        """
+        result = self._with({})
+        result.start_index = index
+        for name, data in self._layers.items():
+            stored = self._from_start(data, result._start)
+            result._layers[name] = data.copy("F") if stored is data else stored
+        result._basic_layers = self._basic_layers
+        return result
+
+    def convert_to_default_start_index(self) -> None:
+        """Reorder the stored layers so that `start_index` is (0, 0) and they are in map order."""
+        self._layers = {name: self.unwrapped(name) for name in self._layers}
+        self._start = (0, 0)
 
     def get_submap(self, position: npt.ArrayLike, length: npt.ArrayLike) -> "GridMap":
         """Return a copy of the cells that a rectangle overlaps.
@@ -613,6 +637,14 @@ class GridMap:
         result._layers = layers
         result._basic_layers = tuple(name for name in self._basic_layers if name in layers)
         return result
+
+    def _from_start(self, data: Layer, start: Size) -> Layer:
+        """Return a layer as it is stored from another start index, itself if that is the same."""
+        first = (
+            (self._start[0] - start[0]) % self.size[0],
+            (self._start[1] - start[1]) % self.size[1],
+        )
+        return data if first == (0, 0) else ring_buffer.unwrapped(data, first)
 
     def _check_layers(self, names: Iterable[str]) -> None:
         for name in names:

@@ -106,11 +106,11 @@ def _lines_under(
         lines: buffer indices of `other` in the order of the buffer of `grid_map`.
         inside: whether the centres lie on `other` along this axis.
     """
-    centres = np.roll(grid_map.geometry.axes()[axis], grid_map.start_index[axis])
+    centres = grid_map.axes()[axis]
     positions = np.tile(other.position, (centres.size, 1))
     positions[:, axis] = centres
     lines, inside = other.get_indices(positions)
-    return lines[:, axis], inside
+    return lines[axis], inside
 
 
 def _blocks(rows_inside: Mask, columns_inside: Mask) -> Iterator[tuple[slice, slice]]:

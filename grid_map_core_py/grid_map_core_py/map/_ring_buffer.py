@@ -10,10 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays._checks import Cells, Integers, Layer, Size
-from ..arrays._pieces import chunks, interleaved
+from ..arrays._checks import Integers, Layer, Size
 
 
 @dataclass(frozen=True)
@@ -35,30 +33,24 @@ class BufferRegion:
         return slice(row, row + rows), slice(column, column + columns)
 
 
-def wrap(cells: npt.ArrayLike, start: Size, size: Size) -> Cells:
-    """Return where in the buffer (..., 2) cells lie; beyond the map they go on round the ring."""
-    return _turned(cells, start, size)
-
-
-def unwrap(indices: npt.ArrayLike, start: Size, size: Size) -> Cells:
-    """Return which cells of the map lie at (..., 2) buffer indices."""
-    return _turned(indices, (-start[0] % size[0], -start[1] % size[1]), size)
-
-
-def turn(pairs: Integers, by: Integers, size: Integers, scratch: Integers) -> None:
-    """Shift row, column, row, ... round the ring in place.
+def place(numbers: Integers, first: int, start: int, size: int) -> None:
+    """Turn rows or columns of a block of the map into those of the buffer, in place.
 
     Args:
-        pairs: (2 N,) on the map.
-        by: rows and columns to shift by, `interleaved`; each at least 0 and below the size.
-        size: rows and columns of the map, `interleaved`.
-        scratch: (2 N,) to be overwritten.
+        numbers: (N,) counted from `first`; the cells lie on the map.
+        first: row or column of the map where the block begins.
+        start, size: start index and number of cells of the map along this axis.
     """
-    pairs += by[: pairs.size]
-    beyond = np.subtract(pairs, size[: pairs.size], out=scratch)
-    # One of the two is on the map; the other is larger, negative numbers being huge without sign.
-    unsigned = pairs.view(np.uint64)
-    np.minimum(unsigned, beyond.view(np.uint64), out=unsigned)
+    numbers += first + start
+    if start:
+        close_ring(numbers, size)
+
+
+def close_ring(numbers: Integers, size: int) -> None:
+    """Bring (N,) rows or columns beyond the end of the buffer back to its beginning, in place."""
+    # One of a number and the number minus a turn is on the map; negative ones are huge unsigned.
+    unsigned = numbers.view(np.uint64)
+    np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)
 
 
 def block(
@@ -79,6 +71,18 @@ def block(
         for from_columns, to_columns in _pieces(columns, start[1], layer.shape[1]):
             out[to_rows, to_columns] = layer[from_rows, from_columns]
     return out
+
+
+def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
+    """Return a copy of a layer in map order: it begins with the cell at the start index.
+
+    Args:
+        layer: (rows, cols) as it is stored.
+        start: start index, where cell (0, 0) of the map lies.
+        out: array of the same shape to copy into; None makes one.
+    """
+    rows, columns = layer.shape
+    return block(layer, start, slice(0, rows), slice(0, columns), out)
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
@@ -120,17 +124,3 @@ def _strips(start: int, size: int, shift: int) -> Iterator[tuple[int, int]]:
     yield first, before_end
     if before_end < count:
         yield 0, count - before_end
-
-
-def _turned(cells: npt.ArrayLike, by: Size, size: Size) -> Cells:
-    given = np.asarray(cells, dtype=np.int64)
-    points = given.reshape(-1, 2)
-    if (points < 0).any() or (points >= size).any():
-        return (given + by) % size
-    turned = points.copy()
-    bys, sizes = interleaved(by, turned), interleaved(size, turned)
-    scratch = np.empty_like(bys)
-    for part in chunks(turned):
-        pairs = turned[part].reshape(-1)
-        turn(pairs, bys, sizes, scratch[: pairs.size])
-    return turned.reshape(given.shape)

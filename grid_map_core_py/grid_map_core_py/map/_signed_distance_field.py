@@ -193,7 +193,9 @@ class SignedDistanceField:
         least, most = as_number(lower, "lower"), as_number(upper, "upper")
         chosen = (self._distances >= least) & (self._distances <= most)
         points = np.empty((np.count_nonzero(chosen), 4), np.float32)
-        for axis, coordinates in enumerate(np.ix_(*self._geometry.axes(), self._levels)):
+        for axis, coordinates in enumerate(
+            np.ix_(*self._geometry.axes_in_map_order(), self._levels)
+        ):
             points[:, axis] = np.broadcast_to(coordinates, self.shape)[chosen]
         points[:, 3] = self._distances[chosen]
         return points
@@ -207,7 +209,7 @@ class SignedDistanceField:
 
     def _interpolation(self) -> tuple[float, "_Trilinear"]:
         """Return a number to add to every value, and the rest as a function of the point."""
-        x, y = self._geometry.axes()
+        x, y = self._geometry.axes_in_map_order()
         first = np.array([x[0], y[0], self._levels[0]])
         steps = self.resolution * np.array([-1.0, -1.0, 1.0])
         # A field is infinite as a whole or nowhere, and infinities cannot be interpolated.

@@ -40,7 +40,9 @@ def transformed_map(
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)
     steps = _sample_steps(sample_ratio, grid_map.resolution)
-    points = _Points(*grid_map.geometry.axes(), grid_map.unwrapped(height_layer), matrix, steps)
+    points = _Points(
+        *grid_map.geometry.axes_in_map_order(), grid_map.unwrapped(height_layer), matrix, steps
+    )
     others = [name for name in grid_map if name != height_layer]
     surface = _Surface(_footprint(grid_map.geometry, matrix), with_sources=bool(others))
     result = grid_map.from_geometry(

@@ -3,6 +3,7 @@
 """Cells of a map that lie in a shape, along a line or in a window."""
 
 from ..map._geometry import BORDER_TOLERANCE
+from ._blocks import cells_to_mask, map_cells, submap_cells
 from ._circle import circle_cells
 from ._ellipse import ellipse_cells
 from ._line import line_cells, line_cells_between
@@ -10,12 +11,11 @@ from ._polygon import Polygon
 from ._polygon_cells import polygon_cells
 from ._sliding_window import sliding_windows, window_array
 from ._spiral import spiral_cells
-from ._submap import submap_cells
-from ._whole_map import map_cells
 
 __all__ = [
     "BORDER_TOLERANCE",
     "Polygon",
+    "cells_to_mask",
     "circle_cells",
     "ellipse_cells",
     "line_cells",

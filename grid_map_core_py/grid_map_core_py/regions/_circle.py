@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def circle_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
-    """Return the (N, 2) buffer indices of the cells whose centre lies in a disc, row after row.
+    """Return the cells (rows, cols) whose centre lies in a disc, row after row.
 
     The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left
     out.
@@ -29,7 +29,7 @@ def circle_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> C
     """
     limit, centre = checked_radius(radius), as_pair(center, "center")
     rows, _ = grid_map.geometry.box(centre - limit, centre + limit)
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     # In units of the radius, no square is too large for a number.
     across = (x[rows] - centre[0]) / limit
     rest = (1.0 - across) * (1.0 + across)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def ellipse_cells(
     grid_map: "GridMap", center: npt.ArrayLike, length: npt.ArrayLike, rotation: float = 0.0
 ) -> Cells:
-    """Return the (N, 2) buffer indices of the cells whose centre lies in an ellipse, row by row.
+    """Return the cells (rows, cols) whose centre lies in an ellipse, row after row.
 
     With u and v the coordinates along the axes, these are the centres with
     u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, in floating point: unlike the rim of

@@ -10,14 +10,15 @@ import numpy.typing as npt
 from ..arrays._checks import Cells, Mask, Positions, Size, as_cells, as_pair, as_size, as_text
 from ..errors import OutOfMapError
 from ..map._geometry import GridGeometry
-from ._assembly import empty_cells, place
+from ..map._ring_buffer import place
+from ._assembly import empty_cells
 
 if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 
 def line_cells(grid_map: "GridMap", start: npt.ArrayLike, end: npt.ArrayLike) -> Cells:
-    """Return the (N, 2) buffer indices of the cells along a line, from its start to its end.
+    """Return the cells (rows, cols) along a line, from its start to its end.
 
     The line is clipped to the map. It is drawn after Bresenham between the cells of its two ends,
     both included: neighbouring cells share a side or a corner.
@@ -33,14 +34,14 @@ def line_cells(grid_map: "GridMap", start: npt.ArrayLike, end: npt.ArrayLike) ->
     cells, on_map = grid_map.geometry.cells_at(ends)
     if not on_map.all():
         cells = _clipped(grid_map.geometry, ends, on_map)
-    first, last = cells.tolist()
-    return _drawn(grid_map, first, last)
+    (first_row, last_row), (first_column, last_column) = (numbers.tolist() for numbers in cells)
+    return _drawn(grid_map, (first_row, first_column), (last_row, last_column))
 
 
 def line_cells_between(
     grid_map: "GridMap", start_index: npt.ArrayLike, end_index: npt.ArrayLike
 ) -> Cells:
-    """Return the (N, 2) buffer indices of the cells along the line between two cells.
+    """Return the cells (rows, cols) along the line between two cells.
 
     Both ends are included. See `line_cells`.
 
@@ -51,14 +52,14 @@ def line_cells_between(
         OutOfMapError: there is no such cell.
     """
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
-    grid_map.geometry.check_cells(as_cells(ends))
+    grid_map.geometry.check_cells(as_cells(np.array(ends)))
     (row, column), (rows, columns) = grid_map.start_index, grid_map.size
     first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
     return _drawn(grid_map, first, last)
 
 
 def _drawn(grid_map: "GridMap", first: Size, last: Size) -> Cells:
-    """Return the buffer indices of Bresenham's line between two cells of the map.
+    """Return the buffer cells of Bresenham's line between two cells of the map.
 
     The axis with more steps takes one per cell. After k of n cells, the other axis has taken
     (n // 2 + k * steps) // n of its steps: the error term of the usual loop in closed form.
@@ -67,15 +68,15 @@ def _drawn(grid_map: "GridMap", first: Size, last: Size) -> Cells:
     longer = max(abs(steps[0]), abs(steps[1]))
     along = np.arange(longer + 1)
     cells = empty_cells(along.size)
-    for axis in (0, 1):
+    for axis, numbers in enumerate(cells):
         taken = (longer // 2 + along * abs(steps[axis])) // max(longer, 1)
-        cells[:, axis] = taken if steps[axis] > 0 else -taken
-        place(cells[:, axis], first[axis], grid_map.start_index[axis], grid_map.size[axis])
+        numbers[:] = taken if steps[axis] > 0 else -taken
+        place(numbers, first[axis], grid_map.start_index[axis], grid_map.size[axis])
     return cells
 
 
 def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
-    """Return the (2, 2) cells of the map where the part of a line that lies on it begins and ends.
+    """Return the two cells where the part of a line that lies on the map begins and ends.
 
     Raises:
         OutOfMapError: there is no such part.
@@ -86,7 +87,7 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
         cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
         # The borders on -x and -y are not on the map; a line along them has its middle there too.
         if found.any():
-            return cells[:2]
+            return cells[0][:2], cells[1][:2]
     start, end = map(as_text, ends)
     raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def polygon_cells(grid_map: "GridMap", polygon: Polygon | npt.ArrayLike) -> Cells:
-    """Return the (N, 2) buffer indices of the cells whose centre lies in a polygon, row after row.
+    """Return the cells (rows, cols) whose centre lies in a polygon, row after row.
 
     They are those whose centre `Polygon.is_inside` takes, without the cells beyond the map.
 
@@ -30,7 +30,7 @@ def polygon_cells(grid_map: "GridMap", polygon: Polygon | npt.ArrayLike) -> Cell
     if not len(vertices):
         return empty_cells(0)
     rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
-    x, y = grid_map.geometry.axes()
+    x, y = grid_map.geometry.axes_in_map_order()
     mask = _inside(x[rows], y[columns], vertices)
     return cells_of_mask(grid_map, rows, columns, mask)
 

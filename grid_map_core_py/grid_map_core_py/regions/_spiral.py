@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Cells, Mask, Positions, Size, as_pair
+from ..arrays._checks import Cells, Integers, Mask, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
-from ._assembly import Integers, checked_radius, close_ring, empty_cells, place
+from ..map._ring_buffer import close_ring, place
+from ._assembly import checked_radius, empty_cells
 from ._circle import circle_cells
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ FAR = 2.0**30
 
 
 def spiral_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
-    """Return the (N, 2) buffer indices of the cells of a disc, from the inside out, ring by ring.
+    """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
     A cell belongs to the ring of its distance from the centre cell, in cells, rounded down. A ring
     runs clockwise as seen from above and ends in the direction of -x. The cell under the centre
@@ -48,12 +49,12 @@ def spiral_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> C
 
 
 def _sorted(grid_map: "GridMap", cells: Cells, middle: Size) -> Cells:
-    """Sort (N, 2) buffer indices in place; each axis on its own takes less memory."""
-    ring = list(zip(cells.T, middle, grid_map.start_index, grid_map.size, strict=True))
+    """Sort cells in place; each axis on its own takes less memory."""
+    ring = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in ring:
         place(numbers, 0, -start % size, size)
         numbers -= cell
-    order = _spiral_order(cells[:, 0], cells[:, 1])
+    order = _spiral_order(*cells)
     for numbers, cell, start, size in ring:
         numbers[...] = numbers[order]
         place(numbers, cell, start, size)
@@ -73,16 +74,16 @@ def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
         return row, column
     # Rounding may put a position on the border beyond it.
-    cell, inside = geometry.cells_at(position)
+    (i, j), inside = geometry.cells_at(position)
     if inside:
-        return int(cell[0]), int(cell[1])
+        return int(i), int(j)
     tolerance = BORDER_TOLERANCE / geometry.resolution
     row, column = (math.floor(max(min(step + tolerance, FAR), -FAR)) for step in steps)
     return row, column
 
 
 def _cut_out(grid_map: "GridMap", centre: Positions, middle: Size, limit: float) -> Cells:
-    """Return the spiral, of whose cells only the outermost need a closer look."""
+    """Return the spiral out of the kept one; only the outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
@@ -100,12 +101,11 @@ def _cut_out(grid_map: "GridMap", centre: Positions, middle: Size, limit: float)
         belong &= _on_map(doubtful, middle, geometry.size)
     (found,) = belong.nonzero()
     cells = empty_cells(known + found.size)
-    shift = np.add(middle, grid_map.start_index)[:, None]
-    np.add(spiral[:, :known], shift, out=cells.T[:, :known])
-    np.add(doubtful.take(found, axis=1), shift, out=cells.T[:, known:])
-    for numbers, start, size in zip(cells.T, grid_map.start_index, geometry.size, strict=True):
+    for axis, (numbers, start) in enumerate(zip(cells, grid_map.start_index, strict=True)):
+        np.add(spiral[axis, :known], middle[axis] + start, out=numbers[:known])
+        np.add(doubtful[axis].take(found), middle[axis] + start, out=numbers[known:])
         if start:
-            close_ring(numbers, size)
+            close_ring(numbers, geometry.size[axis])
     return cells
 
 

@@ -16,4 +16,4 @@ class BufferNormalizer:
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        return grid_map if grid_map.start_index == (0, 0) else grid_map.stored_from((0, 0))
+        return grid_map if grid_map.start_index == (0, 0) else grid_map.with_start_index((0, 0))

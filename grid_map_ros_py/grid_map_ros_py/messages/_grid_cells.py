@@ -79,9 +79,9 @@ def from_grid_cells(
         geometry = _covering(centres, side)
     else:
         _side(message, geometry.resolution)
-    cells, inside = geometry.cells_at(centres)
+    (rows, cols), inside = geometry.cells_at(centres)
     values = np.full(geometry.size, np.nan, np.float32, order="F")
-    values[tuple(cells[inside].T)] = COVERED
+    values[rows[inside], cols[inside]] = COVERED
     return GridMap.from_geometry(
         geometry, {layer: values}, frame_id=message.header.frame_id, timestamp=timestamp
     )
@@ -113,7 +113,7 @@ def centres_between(
     chosen = (values >= low) & (values <= high)
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
-    x, y = grid_map.geometry.axes(grid_map.start_index)
+    x, y = grid_map.axes()
     # A few columns of cells at a time, so that what is looked up stays in the cache. Their x are
     # always the same.
     width = max(1, min(BLOCK // rows, columns))

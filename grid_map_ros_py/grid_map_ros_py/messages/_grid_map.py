@@ -10,7 +10,7 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap, LayerNotFoundError
 from grid_map_core_py.arrays import Layer, Size
-from grid_map_core_py.map import block
+from grid_map_core_py.map import unwrapped
 
 from ..errors import MessageError
 from ._checks import check_position, check_positive, check_unrotated
@@ -46,7 +46,7 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
     """
     fields, first = outgoing(grid_map, layers, grid_map.start_index)
     if first != (0, 0):
-        fields["data"] = [_copied(layer, first) for layer in fields["data"]]
+        fields["data"] = [unwrapped(layer, first) for layer in fields["data"]]
     fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
     header, info = to_header(grid_map), to_info(grid_map.geometry)
     return messages_of("grid_map_msgs").GridMap(header=header, info=info, **fields)
@@ -208,12 +208,7 @@ def _check_basic_layers(message: "GridMapMessage") -> None:
 def _layer(view: Layer, start: Size, *, copy: bool) -> Layer:
     flags = view.flags
     if copy or start != (0, 0) or not (flags.f_contiguous and flags.aligned):
-        return _copied(view, start)
+        return unwrapped(view, start)
     shared = view.view()
     shared.flags.writeable = False
     return shared
-
-
-def _copied(view: Layer, start: Size) -> Layer:
-    rows, columns = view.shape
-    return block(view, start, slice(0, rows), slice(0, columns))

@@ -99,7 +99,7 @@ def _interleaved(
     """Return the bytes of (N, fields) little-endian float32: one row per valid cell."""
     rows, columns = grid_map.size
     with np.errstate(over="ignore"):
-        x, y = (axis.astype(FLOAT) for axis in grid_map.geometry.axes(grid_map.start_index))
+        x, y = (axis.astype(FLOAT) for axis in grid_map.axes())
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]

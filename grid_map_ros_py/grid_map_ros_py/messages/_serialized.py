@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Layer, Size
-from grid_map_core_py.map import block
+from grid_map_core_py.map import unwrapped
 
 from ._cdr import Buffer, Deferred, serialize_view, view
 from ._definition import GRID_MAP
@@ -167,14 +167,7 @@ def _values(layer: Layer, first: Size) -> npt.NDArray[np.float32] | Deferred:
     """Return the values of a layer, column after column from the cell `first`."""
     if first == (0, 0):
         return np.asarray(layer, dtype=np.float32, order="F").ravel("K")
-    rows, columns = layer.shape
     return Deferred(
         layer.size,
-        lambda values: block(
-            layer,
-            first,
-            slice(0, rows),
-            slice(0, columns),
-            out=values.reshape(layer.shape, order="F"),
-        ),
+        lambda values: unwrapped(layer, first, out=values.reshape(layer.shape, order="F")),
     )

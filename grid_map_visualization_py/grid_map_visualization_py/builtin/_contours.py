@@ -84,7 +84,7 @@ class Contours:
         if min(values.shape) < 2:
             return
         generator = _contourpy().contour_generator(
-            *grid_map.geometry.axes(),
+            *grid_map.geometry.axes_in_map_order(),
             np.ma.masked_invalid(values.astype(np.float64)),
             corner_mask=True,
             line_type="ChunkCombinedOffset",
