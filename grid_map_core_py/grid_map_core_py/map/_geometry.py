@@ -172,8 +172,7 @@ class GridGeometry:
         Raises:
             OutOfMapError: a cell lies outside the map.
         """
-        cells = as_cells(cells)
-        self.check_cells(cells)
+        cells = self.check_cells(cells)
         positions = np.empty((*cells[0].shape, 2))
         for axis, numbers in enumerate(cells):
             if 2 * numbers.size <= sum(self.size):
@@ -194,14 +193,24 @@ class GridGeometry:
         x, y = (self._first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
         return x, y
 
-    def check_cells(self, cells: Cells) -> None:
-        """Raise `OutOfMapError`, naming the first one, if cells (rows, cols) are not on the map."""
+    def check_cells(self, cells: npt.ArrayLike, name: str = "index") -> Cells:
+        """Return cells as (rows, cols) that are on the map.
+
+        Args:
+            cells: (rows, cols), or (N, 2).
+            name: of the parameter, for the message.
+
+        Raises:
+            OutOfMapError: a cell lies outside the map; the message names the first one.
+            GeometryError: the cells are no integers or have another shape.
+        """
+        cells = as_cells(cells, name)
         if not cells[0].size or all(
             # Without sign, negative numbers are too large as well.
             int(numbers.view(np.uint64).max()) < count
             for numbers, count in zip(cells, self.size, strict=True)
         ):
-            return
+            return cells
         pairs = np.stack(cells, axis=-1).reshape(-1, 2)
         outside = ((pairs < 0) | (pairs >= self.size)).any(axis=-1)
         found = tuple(pairs[outside][0].tolist())

@@ -14,7 +14,6 @@ from ..arrays._checks import (
     Mask,
     Positions,
     Size,
-    as_cells,
     as_layer,
     as_pair,
     as_point,
@@ -155,7 +154,7 @@ class GridMap:
     @start_index.setter
     def start_index(self, index: npt.ArrayLike) -> None:
         start = as_size(index, "start_index")
-        self._geometry.check_cells(as_cells(start, "start_index"))
+        self._geometry.check_cells(start, "start_index")
         self._start = start
 
     @property
@@ -386,8 +385,7 @@ class GridMap:
         Raises:
             OutOfMapError: there is no such cell.
         """
-        cells = as_cells(index)
-        self._geometry.check_cells(cells)
+        cells = self._geometry.check_cells(index)
         names = self._validity_layers(layers)
         valid = np.full(cells[0].shape, bool(names))
         for name in names:
@@ -410,8 +408,8 @@ class GridMap:
 
     def get_vector(self, prefix: str, index: npt.ArrayLike) -> Positions:
         """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
-        self._geometry.check_cells(as_cells(index))
         cell = as_size(index, "index")
+        self._geometry.check_cells(cell)
         vector = [self[f"{prefix}{axis}"][cell] for axis in "xyz"]
         return _finite_or_nan(np.array(vector, np.float64))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Cells, Mask, as_cells, as_size
+from ..arrays._checks import Cells, Mask, as_size
 from ..errors import GeometryError
 from ..map._ring_buffer import place
 
@@ -35,7 +35,7 @@ def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.Arra
         GeometryError: a size is negative.
     """
     start, extent = as_size(start_index, "start_index"), as_size(size, "size")
-    grid_map.geometry.check_cells(as_cells(start))
+    grid_map.geometry.check_cells(start)
     if min(extent) < 0:
         raise GeometryError(f"size: expected no negative numbers, got {extent}")
     rows, columns = (
@@ -64,8 +64,7 @@ def cells_to_mask(grid_map: "GridMap", cells: npt.ArrayLike) -> Mask:
     Raises:
         OutOfMapError: there is no such cell.
     """
-    chosen = as_cells(cells, "cells")
-    grid_map.geometry.check_cells(chosen)
+    chosen = grid_map.geometry.check_cells(cells, "cells")
     mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
     mask[chosen] = True
     return mask

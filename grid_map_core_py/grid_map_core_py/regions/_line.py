@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Cells, Mask, Positions, Size, as_cells, as_pair, as_size, as_text
+from ..arrays._checks import Cells, Mask, Positions, Size, as_pair, as_size, as_text
 from ..errors import OutOfMapError
 from ..map._geometry import GridGeometry
 from ..map._ring_buffer import place
@@ -52,7 +52,7 @@ def line_cells_between(
         OutOfMapError: there is no such cell.
     """
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
-    grid_map.geometry.check_cells(as_cells(np.array(ends)))
+    grid_map.geometry.check_cells(np.array(ends))
     (row, column), (rows, columns) = grid_map.start_index, grid_map.size
     first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
     return _drawn(grid_map, first, last)
