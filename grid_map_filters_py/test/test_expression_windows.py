@@ -13,6 +13,9 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from grid_map_filters_py.errors import ExpressionError, FilterError
 from grid_map_filters_py.expression import Expression
+from grid_map_filters_py.expression._functions import FUNCTIONS, Fold, elementwise, of_finites
+from grid_map_filters_py.expression._missing import skips_missing
+from grid_map_filters_py.expression._parser import parse
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -108,6 +111,54 @@ def test_all_windows_at_once_give_what_each_gives_alone(text, layer, window_size
         return
     result = expression.over_windows("e", layer, window_size, edge_handling)
     np.testing.assert_allclose(result, expected, rtol=1e-5, atol=2e-6)
+
+
+ONE_LINE_FUNCTIONS = {
+    "cbrt": elementwise(np.cbrt, keeps_nan=True),
+    "hypot": elementwise(np.hypot, 2, keeps_nan=True),
+    "isnan": elementwise(np.isnan, keeps_nan=False),
+    "squaresOfFinites": of_finites(Fold(lambda x: np.where(np.isfinite(x), x * x, 0.0), np.add)),
+}
+
+
+@pytest.mark.parametrize(
+    ("text", "whole", "has_shortcut"),
+    [
+        ("sumOfFinites(cbrt(e))", lambda e: np.nansum(np.cbrt(e)), True),
+        ("meanOfFinites(hypot(e, 2))", lambda e: np.nanmean(np.hypot(e, 2)), True),
+        ("squaresOfFinites(e)", lambda e: np.nansum(e * e), True),
+        ("sumOfFinites(isnan(e))", lambda e: np.isnan(e).sum(), False),
+        ("isnan(meanOfFinites(e)) + cbrt(maxOfFinites(e))", lambda e: np.cbrt(np.nanmax(e)), True),
+    ],
+)
+def test_one_line_of_the_table_adds_a_function(monkeypatch, text, whole, has_shortcut):
+    for name, function in ONE_LINE_FUNCTIONS.items():
+        monkeypatch.setitem(FUNCTIONS, name, function)
+    layer, expression = terrain(8, 9), Expression(text)
+    assert expression({"e": layer}) == pytest.approx(whole(layer.astype(float)), rel=1e-5)
+    for edge_handling in EDGES:
+        np.testing.assert_allclose(
+            expression.over_windows("e", layer, 3, edge_handling),
+            window_by_window(expression, "e", layer, 3, edge_handling),
+            rtol=1e-5,
+        )
+    assert skips_missing(parse(text)[0], "e") is has_shortcut
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_treat_nan_as_the_table_says(name):
+    function = FUNCTIONS[name]
+    letters = "abc"[: function.least]
+    if function.keeps_nan:
+        for missing in letters:
+            layers = {letter: np.full((1, 2), 0.5) for letter in letters}
+            layers[missing] = np.array([[0.5, np.nan]])
+            result = Expression(f"{name}({', '.join(letters)})")(layers)
+            np.testing.assert_array_equal(np.isnan(result), [[False, True]])
+    if function.skips_nan:
+        reduce = Expression(f"{name}(a)")
+        known, padded = np.array([[3.0, -1.0]]), np.array([[3.0, np.nan, -1.0]])
+        assert reduce({"a": padded}) == reduce({"a": known})
 
 
 def terrain(rows=40, columns=50, height=0.0) -> np.ndarray:

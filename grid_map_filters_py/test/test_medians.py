@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Medians of windows, against a loop over cells.
 
-Scattered cells, all cells, and all cells with large windows are computed in other ways.
+Scattered cells and large windows are computed in another way than most cells with small windows.
 """
 
 import filter_oracles as oracles

@@ -16,21 +16,15 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Mask, Size, slices
+from grid_map_core_py.arrays import Layer, Size, slices
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
 Kernel = npt.NDArray[np.float64]
-Sums = npt.NDArray[np.float64]
 Flat = npt.NDArray[Any]
 Lines = tuple[int, Flat, Flat]
-
-# OpenCV correlates larger kernels through a Fourier transform, where one huge value spoils the
-# sums of cells far away from it.
-_LARGEST_DIRECT_KERNEL = 7
 
 
 @dataclass(frozen=True)
@@ -229,20 +223,6 @@ def _even_parts(length: int, longest: int) -> Iterator[slice]:
     return slices(length, math.ceil(length / math.ceil(length / longest)))
 
 
-def centred(layer: Layer) -> tuple[Mask, Sums, float]:
-    """Return what sums over finite values need.
-
-    Returns:
-        mask: (rows, cols) where the layer is finite.
-        values: (rows, cols) float64, the layer minus `offset`, and 0 where it is not finite.
-        offset: see `typical_value`.
-    """
-    mask, offset = np.isfinite(layer), typical_value(layer)
-    values = np.subtract(layer, offset, dtype=np.float64)
-    np.copyto(values, 0.0, where=~mask)
-    return mask, values, offset
-
-
 def typical_value(layer: Layer) -> float:
     """Return about the median of the finite values, 0 if there are none.
 
@@ -256,40 +236,3 @@ def typical_value(layer: Layer) -> float:
         known = flat[np.isfinite(flat)]
     # In single precision the mean of two huge numbers would be infinite.
     return float(np.median(known.astype(np.float64))) if known.size else 0.0
-
-
-def correlate(image: npt.NDArray[np.float64], kernel: Kernel) -> Sums:
-    """Return for every cell the sum of its neighbours times the kernel centred on it.
-
-    Args:
-        image: (rows, cols) in Fortran order, without NaN; zero beyond the border.
-        kernel: (n, m), both odd, rows and columns as in the image.
-
-    Returns:
-        (rows, cols) float64 in Fortran order.
-    """
-    transposed, kernel = image.T, np.ascontiguousarray(kernel.T)
-    if max(kernel.shape) <= _LARGEST_DIRECT_KERNEL:
-        return _filter(transposed, kernel).T
-    padded = np.pad(transposed, [(side // 2, side // 2) for side in kernel.shape])
-    rows, columns = transposed.shape
-    total = np.zeros((rows, columns))
-    for (row, column), part in _parts(kernel):
-        height, width = part.shape
-        region = padded[row : row + rows + height - 1, column : column + columns + width - 1]
-        total += _filter(region, part, anchor=(0, 0))[:rows, :columns]
-    return total.T
-
-
-def _filter(image: Sums, kernel: Kernel, anchor: tuple[int, int] = (-1, -1)) -> Sums:
-    result = cv2.filter2D(image, cv2.CV_64F, kernel, anchor=anchor, borderType=cv2.BORDER_CONSTANT)
-    return np.asarray(result, dtype=np.float64)
-
-
-def _parts(kernel: Kernel) -> Iterator[tuple[tuple[int, int], Kernel]]:
-    """Yield small pieces of a kernel with their first row and column; not those of zeros."""
-    step = _LARGEST_DIRECT_KERNEL
-    for row, column in product(*(range(0, side, step) for side in kernel.shape)):
-        part = kernel[row : row + step, column : column + step]
-        if part.any():
-            yield (row, column), np.ascontiguousarray(part)

@@ -1,14 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Medians of the finite values in square windows; exact, since values are compared alone.
+"""Medians of the finite values in square windows.
 
-Three ways lead to the same numbers. The windows of scattered cells are gathered and sorted. Where
-most cells are asked for, small windows go through a sorting network, many cells at a time, and of
-large ones the four around a corner sort what they have in common only once.
+They are exact: values are only compared. Windows are gathered and sorted, but where medians of most
+cells are wanted, small windows go through a sorting network, which is two to five times as fast.
 """
 
 from collections.abc import Iterator
-from itertools import product
 
 import cv2
 import numpy as np
@@ -21,10 +19,10 @@ Values = npt.NDArray[np.float32]
 Ranks = npt.NDArray[np.int32]
 
 _SCATTERED = 0.3
-"""Share of all cells up to which sorting every window for itself is fastest."""
+"""Share of all cells up to which sorting single windows is fastest."""
 
 _LARGEST_NETWORK = 25
-"""Values of a window beyond which a network is slower than sorting."""
+"""Values of a window up to which a network is faster than sorting."""
 
 _PIECE = 2**16
 """Values that are sorted at a time."""
@@ -49,15 +47,11 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
     padded, ranks = _padded(layer.T, half_width), _middle_ranks(np.isfinite(layer.T), side)
-    if np.count_nonzero(cells) <= _SCATTERED * cells.size:
+    if side * side > _LARGEST_NETWORK or np.count_nonzero(cells) <= _SCATTERED * cells.size:
         _put_medians_of_single_windows(output.T, padded, ranks, cells.T)
         return
-    if side * side <= _LARGEST_NETWORK:
-        medians = _of_small_windows(padded, ranks)
-    else:
-        medians = _of_large_windows(padded, ranks, cells.T)
-    wanted = medians[: layer.shape[1], : layer.shape[0]]
-    cv2.copyTo(_without_infinity(wanted), cells.T.view(np.uint8), output.T)
+    medians = _medians_by_network(padded, ranks)
+    cv2.copyTo(_without_infinity(medians), cells.T.view(np.uint8), output.T)
 
 
 def _without_infinity(medians: Values) -> Values:
@@ -68,8 +62,8 @@ def _without_infinity(medians: Values) -> Values:
 
 
 def _padded(values: Values, half_width: int) -> Values:
-    """Return values with a margin, and infinity for what is missing: sorting puts it to the end."""
-    margins = (half_width, half_width + 1) * 2
+    """Return values with a margin, and infinity for missing ones: sorting puts it to the end."""
+    margins = (half_width,) * 4
     padded = cv2.copyMakeBorder(values, *margins, cv2.BORDER_CONSTANT, value=np.inf)
     cv2.patchNaNs(padded, np.inf)
     if cv2.minMaxLoc(padded)[0] == -np.inf:
@@ -78,10 +72,9 @@ def _padded(values: Values, half_width: int) -> Values:
 
 
 def _middle_ranks(known: Mask, side: int) -> Ranks:
-    """Return the place of the median among the values of a window, one row and column further."""
+    """Return the rank of the upper median among the sorted values of each window."""
     border = cv2.BORDER_CONSTANT
-    counted = cv2.copyMakeBorder(known.view(np.uint8), 0, 1, 0, 1, border, value=0)
-    counts = cv2.boxFilter(counted, cv2.CV_32S, (side, side), normalize=False, borderType=border)
+    counts = cv2.boxFilter(known.view(np.uint8), cv2.CV_32S, (side, side), normalize=False, borderType=border)
     return np.asarray(np.right_shift(counts, 1, out=counts), dtype=np.int32)
 
 
@@ -103,66 +96,15 @@ def _put_medians_of_single_windows(
         output[at] = _without_infinity(values[np.arange(len(values)), ranks[at]])
 
 
-def _of_small_windows(padded: Values, ranks: Ranks) -> Values:
+def _medians_by_network(padded: Values, ranks: Ranks) -> Values:
     side = _side(padded, ranks)
     medians = np.empty(ranks.shape, np.float32)
     windows = np.moveaxis(sliding_window_view(padded, (side, side)), (2, 3), (0, 1))
     for lines in slices(len(ranks), _NETWORK_PIECE // ranks.shape[1]):
-        values = windows[:, :, lines].reshape(side * side, -1)
+        values = windows[:, :, lines].copy().reshape(side * side, -1)
         picked = _pick(_sorted(values), ranks[lines].ravel())
         medians[lines] = picked.reshape(medians[lines].shape)
     return medians
-
-
-def _of_large_windows(padded: Values, ranks: Ranks, cells: Mask) -> Values:
-    """Sort the part that the windows of 2 x 2 cells share, then each with a row and a column more.
-
-    Only values of that part whose place is near the middle can be the median of a window.
-    """
-    side = _side(padded, ranks)
-    medians = np.zeros(ranks.shape, np.float32)
-    shared = sliding_window_view(padded[1:, 1:], (side - 1, side - 1))
-    lines = sliding_window_view(padded, side, axis=1)
-    columns = sliding_window_view(padded[1:], side - 1, axis=0)
-    firsts, seconds = _blocks(cells)
-    for piece in slices(firsts.size, _PIECE // side**2):
-        row, column = firsts[piece], seconds[piece]
-        middle = shared[row, column].reshape(len(row), -1)
-        middle.sort(axis=1)
-        corners = [(row + i, column + j) for i, j in product((0, 1), repeat=2)]
-        wanted = np.stack([ranks[corner] for corner in corners])
-        first, middle = _near(middle, wanted, 2 * side - 1)
-        for (i, j), corner, rank in zip(product((0, 1), repeat=2), corners, wanted, strict=True):
-            line, rest = lines[row + i * side, column + j], columns[row, column + j * side]
-            values = np.concatenate([middle, line, rest], axis=1)
-            values.sort(axis=1)
-            medians[corner] = values[np.arange(len(values)), rank - first]
-    return medians
-
-
-def _blocks(cells: Mask) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Return the first rows and columns of the blocks of 2 x 2 that have a wanted cell."""
-    even = np.pad(cells, [(0, side % 2) for side in cells.shape])
-    rows, columns = np.nonzero(
-        even[::2, ::2] | even[1::2, ::2] | even[::2, 1::2] | even[1::2, 1::2]
-    )
-    return 2 * rows, 2 * columns
-
-
-def _near(values: Values, ranks: Ranks, others: int) -> tuple[npt.NDArray[np.intp], Values]:
-    """Return which of sorted values can have one of some ranks after `others` are added to them.
-
-    Args:
-        values: (n, m) sorted along the second axis.
-        ranks: (k, n) looked for in each line.
-
-    Returns:
-        The place (n,) of the first such value, and the values (n, l).
-    """
-    first = np.maximum(ranks.min(axis=0) - others, 0)
-    width = min(int((ranks.max(axis=0) - first).max()) + 1, values.shape[1])
-    first = np.minimum(first, values.shape[1] - width)
-    return first, sliding_window_view(values, width, axis=1)[np.arange(len(values)), first]
 
 
 def _sorted(values: Values) -> list[Values]:

@@ -14,7 +14,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._filter import check_radius
-from .._shared.disc import Disc, Sums, centred
+from .._shared.disc import Disc, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,10 @@ class GaussianBlur:
         check_radius(self.radius or 0.0)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        mask, values, offset = centred(grid_map[self.input_layer])
+        layer = grid_map[self.input_layer]
+        mask, offset = np.isfinite(layer), typical_value(layer)
+        values = np.subtract(layer, offset, dtype=np.float64)
+        np.copyto(values, 0.0, where=~mask)
         reach = 3 * self.sigma if self.radius is None else self.radius
         disc = Disc(reach, grid_map.resolution, grid_map.size)
         mean = self._blur(values, disc)
@@ -57,7 +60,7 @@ class GaussianBlur:
             mean[~mask] = np.nan
         return grid_map.with_layers({self.output_layer: mean})
 
-    def _blur(self, image: npt.NDArray[Any], disc: Disc) -> Sums:
+    def _blur(self, image: npt.NDArray[Any], disc: Disc) -> npt.NDArray[np.float64]:
         with np.errstate(over="ignore"):
             scaled = (steps * (disc.resolution / self.sigma) for steps in disc.offsets)
             rows, columns = (np.exp(-0.5 * np.square(steps)) for steps in scaled)

@@ -116,29 +116,6 @@ def _nan_without(count: Any, values: Any) -> Any:
     return np.where(np.equal(count, 0.0), np.nan, values)
 
 
-STRICT: dict[str, Callable[..., Any]] = {
-    "abs": np.abs,
-    "sqrt": np.sqrt,
-    "square": np.square,
-    "exp": np.exp,
-    "log": np.log,
-    "log10": np.log10,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "sinh": np.sinh,
-    "cosh": np.cosh,
-    "tanh": np.tanh,
-    "floor": np.floor,
-    "ceil": np.ceil,
-    "round": round_half_away,
-}
-"""Functions of one argument that give NaN for NaN."""
-
-
 # --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {
@@ -236,14 +213,6 @@ def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
     return reduce
 
 
-def _finite(fold: Fold) -> Callable[..., Any]:
-    def reduce(algebra: Algebra[V], value: V) -> V:
-        count, result = algebra.fold(value, None, FINITE_COUNT, fold)
-        return algebra.elementwise(_nan_without, count, result)
-
-    return reduce
-
-
 def _mean(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
     rows, columns = algebra.shape(value)
     along = _axis(algebra, axis)
@@ -334,19 +303,36 @@ def _length(value: Plain, argument: int) -> int:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the language; `apply` takes the algebra and `least` to `most` arguments."""
+    """A function of the language.
+
+    Its properties tell `_missing` how it treats NaN: windows that are cropped at the border are
+    computed faster where these can be padded with NaN instead.
+
+    Attributes:
+        apply: takes the algebra and `least` to `most` arguments.
+        axis: the second argument is an axis, 0 or 1.
+        elementwise: an element of the result depends on the same element of the arguments alone.
+        keeps_nan: elementwise, and NaN wherever an argument is NaN.
+        skips_nan: takes one argument, and gives the same number whether NaN elements are there or
+            left out.
+    """
 
     apply: Callable[..., Any]
     least: int = 1
     most: int = 1
     axis: bool = False
+    elementwise: bool = False
+    keeps_nan: bool = False
+    skips_nan: bool = False
 
 
-def _elementwise(function: Callable[..., Any], arity: int = 1) -> Function:
+def elementwise(function: Callable[..., Any], arity: int = 1, *, keeps_nan: bool) -> Function:
+    """Return the function that applies `function` to each element."""
+
     def apply(algebra: Algebra[V], *values: V) -> V:
         return algebra.elementwise(function, *values)
 
-    return Function(apply, arity, arity)
+    return Function(apply, arity, arity, elementwise=True, keeps_nan=keeps_nan)
 
 
 def _cwise(function: np.ufunc) -> Function:
@@ -355,26 +341,48 @@ def _cwise(function: np.ufunc) -> Function:
             raise Fault("the matrix comes first and the number second", argument=0)
         return algebra.elementwise(function, matrix, other)
 
-    return Function(apply, 2, 2)
+    return Function(apply, 2, 2, elementwise=True, keeps_nan=True)
 
 
-OF_FINITES = {
-    "minOfFinites": Function(_finite(FINITE_MINIMUM)),
-    "maxOfFinites": Function(_finite(FINITE_MAXIMUM)),
-    "meanOfFinites": Function(_mean_of_finites),
-    "sumOfFinites": Function(_finite(FINITE_SUM)),
-    "numberOfFinites": Function(_folding(FINITE_COUNT)),
-}
-"""Reductions for which a missing value and a NaN are the same."""
+def of_finites(fold: Fold) -> Function:
+    """Return the reduction of the finite elements by `fold`; NaN if there are none."""
+
+    def reduce(algebra: Algebra[V], value: V) -> V:
+        count, result = algebra.fold(value, None, FINITE_COUNT, fold)
+        return algebra.elementwise(_nan_without, count, result)
+
+    return Function(reduce, skips_nan=True)
+
 
 FUNCTIONS = {
-    **{name: _elementwise(function) for name, function in STRICT.items()},
-    **OF_FINITES,
-    "isfinite": _elementwise(np.isfinite),
-    "atan2": _elementwise(np.arctan2, 2),
-    "where": _elementwise(where, 3),
+    "abs": elementwise(np.abs, keeps_nan=True),
+    "sqrt": elementwise(np.sqrt, keeps_nan=True),
+    "square": elementwise(np.square, keeps_nan=True),
+    "exp": elementwise(np.exp, keeps_nan=True),
+    "log": elementwise(np.log, keeps_nan=True),
+    "log10": elementwise(np.log10, keeps_nan=True),
+    "sin": elementwise(np.sin, keeps_nan=True),
+    "cos": elementwise(np.cos, keeps_nan=True),
+    "tan": elementwise(np.tan, keeps_nan=True),
+    "asin": elementwise(np.arcsin, keeps_nan=True),
+    "acos": elementwise(np.arccos, keeps_nan=True),
+    "atan": elementwise(np.arctan, keeps_nan=True),
+    "atan2": elementwise(np.arctan2, 2, keeps_nan=True),
+    "sinh": elementwise(np.sinh, keeps_nan=True),
+    "cosh": elementwise(np.cosh, keeps_nan=True),
+    "tanh": elementwise(np.tanh, keeps_nan=True),
+    "floor": elementwise(np.floor, keeps_nan=True),
+    "ceil": elementwise(np.ceil, keeps_nan=True),
+    "round": elementwise(round_half_away, keeps_nan=True),
+    "isfinite": elementwise(np.isfinite, keeps_nan=False),
+    "where": elementwise(where, 3, keeps_nan=False),
     "cwiseMin": _cwise(np.minimum),
     "cwiseMax": _cwise(np.maximum),
+    "minOfFinites": of_finites(FINITE_MINIMUM),
+    "maxOfFinites": of_finites(FINITE_MAXIMUM),
+    "meanOfFinites": Function(_mean_of_finites, skips_nan=True),
+    "sumOfFinites": of_finites(FINITE_SUM),
+    "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True),
     "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True),
     "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True),
     "absmax": Function(_absmax, most=2, axis=True),
@@ -391,3 +399,4 @@ FUNCTIONS = {
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
     "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),
 }
+"""All functions. A line here is all that a function needs to work on layers and in windows."""

@@ -1,45 +1,42 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""When a smaller window gives the same as a window padded with NaN.
+"""Analysis whether a cropped window may be padded with NaN instead.
 
-It does where every use of the window ends in a reduction of the finite values, and what comes
-before turns NaN into NaN. All cells are then alike, and the border needs no treatment of its own.
+It may where every use of the window ends in a reduction that skips NaN, and all functions before
+keep NaN. Then all cells have windows of one size, and the border needs no treatment of its own.
 """
 
-from ._functions import ARITHMETIC, COMPARISONS, CONSTANTS, FUNCTIONS, OF_FINITES, POWERS, STRICT
+from ._functions import ARITHMETIC, COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._nodes import Binary, Call, Name, Node, Number, Unary, children
-
-_POINTWISE = {*STRICT, "isfinite", "atan2", "where", "cwiseMin", "cwiseMax"}
-_STRICT = {*STRICT, "atan2", "cwiseMin", "cwiseMax"}
 
 
 def skips_missing(root: Node, name: str) -> bool:
-    """Tell whether cropping the windows of the layer `name` equals padding them with NaN.
+    """Return True if cropping the windows of the layer `name` equals padding them with NaN.
 
-    False may also mean that this simple analysis cannot tell.
+    It returns False, too, if this simple analysis cannot tell.
     """
     # A layer that is called like a function turns calls into indices.
     return name not in FUNCTIONS and _is_number(root, name)
 
 
 def _is_number(node: Node, name: str) -> bool:
-    """Tell whether a subtree gives the same single number for both kinds of windows."""
+    """Return True if a subtree gives the same single number for both kinds of windows."""
     match node:
         case Number():
             return True
         case Name(name=other):
             return other != name and other in CONSTANTS
-        case Call(function=function, arguments=(argument,)) if function in OF_FINITES:
+        case Call(function=function, arguments=(argument,)) if FUNCTIONS[function].skips_nan:
             return _keeps_missing(argument, name)
         case Call(function=function):
-            pointwise = function in _POINTWISE
+            elementwise = FUNCTIONS[function].elementwise
         case _:
-            pointwise = isinstance(node, Unary | Binary)
-    return pointwise and all(_is_number(child, name) for child in children(node))
+            elementwise = isinstance(node, Unary | Binary)
+    return elementwise and all(_is_number(child, name) for child in children(node))
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Tell whether a subtree is a number, or the window with every NaN kept at its place."""
+    """Return True if a subtree is a number, or the window with every NaN kept at its place."""
     if _is_number(node, name):
         return True
     match node:
@@ -58,6 +55,6 @@ def _keeps_missing(node: Node, name: str) -> bool:
                 and _keeps_missing(left, name)
                 and _keeps_missing(right, name)
             )
-        case Call(function=function, arguments=arguments) if function in _STRICT:
+        case Call(function=function, arguments=arguments) if FUNCTIONS[function].keeps_nan:
             return all(_keeps_missing(argument, name) for argument in arguments)
     return False
