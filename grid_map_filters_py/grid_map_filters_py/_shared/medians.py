@@ -74,7 +74,9 @@ def _padded(values: Values, half_width: int) -> Values:
 def _middle_ranks(known: Mask, side: int) -> Ranks:
     """Return the rank of the upper median among the sorted values of each window."""
     border = cv2.BORDER_CONSTANT
-    counts = cv2.boxFilter(known.view(np.uint8), cv2.CV_32S, (side, side), normalize=False, borderType=border)
+    counts = cv2.boxFilter(
+        known.view(np.uint8), cv2.CV_32S, (side, side), normalize=False, borderType=border
+    )
     return np.asarray(np.right_shift(counts, 1, out=counts), dtype=np.int32)
 
 
