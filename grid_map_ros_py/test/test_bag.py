@@ -73,11 +73,15 @@ def assert_identical(actual: GridMap, expected: GridMap) -> None:
 
 
 @settings(max_examples=40)
-@given(grid_maps(("elevation", "größe/m")), st.sampled_from(COMPRESSIONS))
-def test_a_map_comes_back_bit_by_bit_with_its_start_index(grid_map, compression):
+@given(
+    grid_maps(("elevation", "größe/m")),
+    st.sampled_from([("sqlite3", "none"), *(("mcap", name) for name in COMPRESSIONS)]),
+)
+def test_map_comes_back_bit_by_bit_with_start_index(grid_map, kind):
+    storage, compression = kind
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bag"
-        save_to_bag(grid_map, path, TOPIC, compression=compression)
+        save_to_bag(grid_map, path, TOPIC, storage=storage, compression=compression)
         assert_identical(load_from_bag(path, TOPIC, unwrap=False), grid_map)
         unwrapped = load_from_bag(path, TOPIC)
     assert unwrapped.start_index == (0, 0)
@@ -227,9 +231,21 @@ def test_a_time_that_a_message_cannot_hold_is_refused(tmp_path):
         save_to_bag(grid_map, tmp_path / "bag", TOPIC)
 
 
-def test_an_unknown_compression_is_refused(tmp_path):
-    with pytest.raises(BagError, match="compression: expected one of none, lz4, zstd, got 'gzip'"):
-        save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, compression="gzip")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"compression": "gzip"}, "compression: expected one of none, lz4, zstd, got 'gzip'"),
+        ({"storage": "sqlite"}, "storage: expected one of mcap, sqlite3, got 'sqlite'"),
+        (
+            {"storage": "sqlite3", "compression": "lz4"},
+            "compression: expected 'none' with storage 'sqlite3', got 'lz4'",
+        ),
+    ],
+)
+def test_unknown_formats_are_refused(tmp_path, options, message):
+    with pytest.raises(BagError, match=message):
+        save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, **options)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_bag_replaces_a_bag_unless_told_not_to(bag):
@@ -284,10 +300,15 @@ def test_importing_the_package_imports_neither_mcap_nor_rclpy():
 # --- what rosbag2 writes --------------------------------------------------------------------------
 
 
-def test_the_metadata_has_the_entries_that_rosbag2_writes(bag):
+@pytest.mark.parametrize(
+    ("storage", "recording", "file"),
+    [("mcap", "cpp_move_mcap", "bag_0.mcap"), ("sqlite3", "cpp_move_sqlite", "bag_0.db3")],
+)
+def test_metadata_has_the_entries_of_rosbag2(tmp_path, storage, recording, file):
+    save_to_bag(map(numbered_map, (3, 1, 2)), tmp_path / "bag", TOPIC, storage=storage)
     ours, theirs = (
         yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-        for path in (bag, DATA / "cpp_move_mcap")
+        for path in (tmp_path / "bag", DATA / recording)
     )
     topics = {
         found["topic_metadata"]["name"]: found for found in theirs["topics_with_message_count"]
@@ -297,10 +318,10 @@ def test_the_metadata_has_the_entries_that_rosbag2_writes(bag):
         "starting_time": {"nanoseconds_since_epoch": SECOND},
         "message_count": 3,
         "topics_with_message_count": [topics[TOPIC] | {"message_count": 3}],
-        "relative_file_paths": ["bag_0.mcap"],
+        "relative_file_paths": [file],
     }
     theirs["files"] = [
-        {"path": "bag_0.mcap"} | {key: theirs[key] for key in theirs["files"][0].keys() - {"path"}}
+        {"path": file} | {key: theirs[key] for key in theirs["files"][0].keys() - {"path"}}
     ]
     assert ours == theirs
 
@@ -327,6 +348,47 @@ def test_the_file_has_the_records_that_rosbag2_writes(bag):
     assert metadata.name == written_last.name
     stored = yaml.safe_load(metadata.metadata["serialized_metadata"])
     assert stored.keys() == yaml.safe_load(written_last.metadata["serialized_metadata"]).keys()
+
+
+def test_database_has_the_tables_and_rows_of_rosbag2(tmp_path):
+    save_to_bag(map(numbered_map, (3, 1)), tmp_path / "bag", TOPIC, storage="sqlite3")
+    recording = DATA / "cpp_move_sqlite" / "cpp_move_sqlite_0.db3"
+    with (
+        closing(sqlite3.connect(tmp_path / "bag" / "bag_0.db3")) as ours,
+        closing(sqlite3.connect(f"file:{recording}?mode=ro", uri=True)) as theirs,
+    ):
+
+        def columns(database):
+            tables = "SELECT type, name, tbl_name FROM sqlite_master ORDER BY name"
+            found = database.execute(tables).fetchall()
+            return found, [
+                database.execute(f"PRAGMA table_xinfo({row[1]})").fetchall() for row in found
+            ]
+
+        def rows(database, query):
+            return database.execute(query).fetchall()
+
+        assert columns(ours) == columns(theirs)
+        assert rows(ours, "SELECT * FROM schema") == rows(theirs, "SELECT * FROM schema")
+        topic = (
+            "SELECT name, type, serialization_format, type_description_hash FROM topics "
+            f"WHERE name = '{TOPIC}'"
+        )
+        assert rows(ours, topic) == rows(theirs, topic)
+        profiles = f"SELECT offered_qos_profiles FROM topics WHERE name = '{TOPIC}'"
+        ((actual,),), ((expected,),) = rows(ours, profiles), rows(theirs, profiles)
+        assert yaml.safe_load(actual) == yaml.safe_load(expected)
+        definition = (
+            "SELECT topic_type, encoding, type_description_hash FROM message_definitions "
+            f"WHERE topic_type = '{GRID_MAP_TYPE}'"
+        )
+        assert rows(ours, definition) == rows(theirs, definition)
+        last = "SELECT metadata_version, metadata FROM metadata ORDER BY id DESC LIMIT 1"
+        ((version, metadata),), ((model_version, model),) = rows(ours, last), rows(theirs, last)
+        assert version == model_version
+        assert yaml.safe_load(metadata).keys() == yaml.safe_load(model).keys()
+        stored = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+        assert yaml.safe_load(metadata) == stored["rosbag2_bagfile_information"]
 
 
 def test_the_definition_is_that_of_the_recordings_but_for_comments():
@@ -402,10 +464,12 @@ def test_a_recording_that_is_written_again_is_the_same(name, tmp_path):
 # --- the library rosbags --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("compression", COMPRESSIONS)
-def test_rosbags_reads_what_is_written_here(tmp_path, compression):
+@pytest.mark.parametrize(
+    "options", [{"storage": "sqlite3"}, *({"compression": name} for name in COMPRESSIONS)]
+)
+def test_rosbags_reads_new_bags(tmp_path, options):
     maps = [numbered_map(number) for number in (1, 2)]
-    save_to_bag(maps, tmp_path / "bag", TOPIC, compression=compression)
+    save_to_bag(maps, tmp_path / "bag", TOPIC, **options)
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     with rosbag2.Reader(tmp_path / "bag") as reader:
         (connection,) = reader.connections

@@ -45,17 +45,16 @@ def limited_file_size(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 @pytest.mark.parametrize("can_exchange", [True, False])
-def test_a_save_that_is_killed_leaves_the_old_bag_or_the_new_one(
-    tmp_path, monkeypatch, can_exchange
-):
+def test_killed_save_leaves_old_or_new_bag(tmp_path, monkeypatch, can_exchange, storage):
     if not can_exchange:
         monkeypatch.setattr(atomic, "_exchange", lambda *_: False)
     path = tmp_path / "bag"
     old, new = numbered_map(1), numbered_map(2)
     save_to_bag(old, path, TOPIC)
     found = []
-    for _ in killed_at_every_step(lambda: save_to_bag(new, path, TOPIC)):
+    for _ in killed_at_every_step(lambda: save_to_bag(new, path, TOPIC, storage=storage)):
         (grid_map,) = bag_maps(path, TOPIC)
         found.append(number_of(grid_map))
         save_to_bag(old, path, TOPIC)

@@ -48,7 +48,7 @@ grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", time
 grid_map.move((0.5, 0.25))
 for storage in ("mcap", "sqlite3"):
     path = f"{sys.argv[1]}/{storage}"
-    ros.save_to_bag(grid_map, path, "/grid_map")
+    ros.save_to_bag(grid_map, path, "/grid_map", storage=storage)
     print(ros.load_from_bag(path).position, len(ros.bag_topics(path)))
 received = ros.ReceivedMap(ros.to_serialized_message(grid_map))
 print(received.start_index == grid_map.start_index, received.frame_id)

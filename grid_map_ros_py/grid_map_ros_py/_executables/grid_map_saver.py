@@ -37,7 +37,9 @@ class GridMapSaverNode(Node):
             "save every map in place of the one before, and go on, instead of ending with the first"
         )
         self._continuous = read_parameter(self, "continuous", bool, False, description=about)
-        about = "of the bag: `none`, `lz4` or `zstd`"
+        about = "file format of the bag: `mcap` or `sqlite3`, which `loadFromBag` in C++ reads"
+        self._storage = read_parameter(self, "storage", str, "mcap", description=about)
+        about = "compression of the bag: `none`, or with `mcap` also `lz4` or `zstd`"
         self._compression = read_parameter(self, "compression", str, "none", description=about)
         # Before anybody waits for a map in vain.
         self._bag().check(self._topic)
@@ -45,7 +47,7 @@ class GridMapSaverNode(Node):
         self.get_logger().info(f"saves {topic} to {self._path}")
 
     def _bag(self) -> BagWriter:
-        return BagWriter(self._path, compression=self._compression)
+        return BagWriter(self._path, storage=self._storage, compression=self._compression)
 
     def _on_map(self, received: ReceivedMap) -> None:
         try:

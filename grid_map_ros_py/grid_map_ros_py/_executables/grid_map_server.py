@@ -27,7 +27,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
 from .._mapping.map_server import MapServer
-from ..bags._bag import load_from_bag
+from ..bags._bag import STORAGES, load_from_bag
 from ..messages._grid_map import from_message
 from ..messages._serialized import ReceivedMap, to_serialized_message
 from ..nodes._parameters import check_topic, read_parameter
@@ -42,7 +42,10 @@ class GridMapServerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_server")
-        self._server = MapServer(_read_directory(self))
+        about = "file format of saved bags: `mcap` or `sqlite3`"
+        storage = read_parameter(self, "storage", str, "mcap", description=about)
+        check(storage in STORAGES, "storage", f"one of {', '.join(STORAGES)}", storage)
+        self._server = MapServer(_read_directory(self), storage)
         self._throttle = LogThrottle()
         about = "every map that it takes goes there"
         topic = _read_topic(self, "output_topic", "/grid_map", about)

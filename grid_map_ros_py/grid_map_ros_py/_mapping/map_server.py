@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the node `grid_map_server` does, without the node: it holds a map and answers requests."""
+"""Map server: holds a map, hands out parts of it, and loads and saves it by request."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,10 +19,12 @@ class MapServer:
 
     Args:
         directory: bags are loaded and saved below it; None refuses both.
+        storage: file format of saved bags, "mcap" or "sqlite3".
     """
 
-    def __init__(self, directory: Path | None = None) -> None:
+    def __init__(self, directory: Path | None = None, storage: str = "mcap") -> None:
         self._directory = directory
+        self._storage = storage
         self._map: GridMap | None = None
 
     @property
@@ -103,7 +105,7 @@ class MapServer:
             BagError: the bag cannot be written.
         """
         grid_map, target = self.grid_map, self._inside(path)
-        save_to_bag(grid_map, target, topic)
+        save_to_bag(grid_map, target, topic, storage=self._storage)
 
     def _inside(self, path: str) -> Path:
         if self._directory is None:

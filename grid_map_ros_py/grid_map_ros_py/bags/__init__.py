@@ -1,8 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags of rosbag2: read, write, list."""
+"""Maps in bags of rosbag2, read and written without ROS: MCAP and sqlite3 files."""
 
 from ._bag import (
+    STORAGES,
     BagReader,
     BagRecord,
     BagTopic,
@@ -16,6 +17,7 @@ from ._mcap import COMPRESSIONS
 
 __all__ = [
     "COMPRESSIONS",
+    "STORAGES",
     "BagReader",
     "BagRecord",
     "BagTopic",

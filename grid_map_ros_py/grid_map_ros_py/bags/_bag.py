@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps in bags of rosbag2.
 
-Written are complete bags, as `ros2 bag record --storage mcap` leaves them: a folder with
-`metadata.yaml` and one MCAP file. Read are bags with MCAP or sqlite3 files, split or not, and such
-files by themselves. Neither takes rclpy or rosbag2; MCAP takes the package `mcap`.
+New bags are folders with `metadata.yaml` and one MCAP or sqlite3 file, as `ros2 bag record` of
+ROS 2 Jazzy leaves them. Bags with files of either format are read, split or not, and single files.
+Neither rclpy nor message packages are needed; MCAP needs the package `mcap`.
 
-The time of a message in a bag is that of its map, unless said otherwise.
+The time of a message in a new bag is that of its map, unless another one is given.
 """
 
 import bisect
@@ -31,13 +31,16 @@ from . import _metadata as bag_metadata
 from . import _sqlite as bag_sqlite
 from ._mcap import COMPRESSIONS, McapFile, McapWriter
 from ._metadata import GRID_MAP_TYPE
-from ._sqlite import SqliteFile
+from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import Entry, Storage, Topic, bag_errors
+
+STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
+"""Formats of the file in a new bag, with the endings of its name."""
 
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-_OF_BAGS = {".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
+_BAG_ENDINGS = {".mcap", ".db3", ".db3-wal", ".db3-shm", ".zstd"}
 """Endings of the files in the folder of a bag, besides its metadata."""
 
 
@@ -51,58 +54,73 @@ def save_to_bag(
     *,
     layers: Iterable[str] | None = None,
     overwrite: bool = True,
+    storage: str = "mcap",
     compression: str = "none",
 ) -> None:
     """Write maps to a new bag.
 
-    The bag appears complete, or not at all: whatever interrupts it leaves the old bag, if there was
+    The bag appears complete or not at all: an interrupted save leaves the old bag, if there was
     one.
 
     Args:
-        maps: one map, or several, of which each is written before the next is asked for.
+        maps: one map, or several; each is written before the next one is taken.
         path: folder of the bag.
-        topic: the maps' topic in the bag.
+        topic: topic of the maps in the bag.
         layers: names of the layers to write; None means all.
-        overwrite: replace a bag that is there. Anything but a bag is never replaced.
-        compression: "none", "lz4" or "zstd".
+        overwrite: replace an existing bag. Other files and folders are never replaced.
+        storage: "mcap", or "sqlite3", which `loadFromBag` of the C++ library reads.
+        compression: "none", "lz4" or "zstd" for MCAP; "none" for sqlite3.
 
     Raises:
-        BagError: the bag cannot be written, there is one and `overwrite` is False, or there are no
+        BagError: the bag cannot be written, it exists and `overwrite` is False, or there are no
             maps.
         LayerNotFoundError: a map lacks a layer.
         MessageError: the time of a map does not fit a message.
-        MissingPackageError: the package `mcap` is not installed.
+        MissingPackageError: the package `mcap` is needed and not installed.
     """
     names = _once(layers)
-    with BagWriter(path, overwrite=overwrite, compression=compression) as bag:
+    options = {"storage": storage, "compression": compression}
+    with BagWriter(path, overwrite=overwrite, **options) as bag:
         for grid_map in (maps,) if isinstance(maps, GridMap) else maps:
             bag.write(topic, grid_map, layers=names)
 
 
 class BagWriter:
-    """Writes a bag map by map, as a context: when it is left, the bag is there.
+    """Writes a bag map by map, as a context manager.
 
-    When it is left by an error there is no bag, or the old one.
+    The bag is in its place when the context ends. After an exception there is no bag, or the old
+    one.
 
     Args and errors are those of `save_to_bag`.
     """
 
     def __init__(
-        self, path: str | PathLike[str], *, overwrite: bool = True, compression: str = "none"
+        self,
+        path: str | PathLike[str],
+        *,
+        overwrite: bool = True,
+        storage: str = "mcap",
+        compression: str = "none",
     ) -> None:
         self._path = Path(path)
         self._overwrite = overwrite
-        if compression not in COMPRESSIONS:
-            known = ", ".join(COMPRESSIONS)
-            raise BagError(self._path, f"compression: expected one of {known}, got {compression!r}")
-        self._compression = compression
+        self._storage, self._compression = storage, compression
+        self._check_one_of("storage", storage, STORAGES)
+        self._check_one_of("compression", compression, COMPRESSIONS)
+        if storage == "sqlite3" and compression != "none":
+            expected = "'none' with storage 'sqlite3'"
+            raise BagError(self._path, f"compression: expected {expected}, got {compression!r}")
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
             self._check_parent()
             self._folder = stack.enter_context(new_folder(self._path, self._check_old))
-            self._file = f"{self._path.resolve().name}_0.mcap"
-            self._writer = McapWriter(self._folder / self._file, self._compression)
+            self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
+            file = self._folder / self._file
+            is_mcap = self._storage == "mcap"
+            self._writer: McapWriter | SqliteWriter = (
+                McapWriter(file, self._compression) if is_mcap else SqliteWriter(file)
+            )
             stack.callback(self._writer.abandon)
             self._contents = bag_metadata.Contents({})
             self._stack = stack.pop_all()
@@ -118,7 +136,11 @@ class BagWriter:
             self._stack.__exit__(kind, error, traceback)
             return
         with bag_errors(self._path, "written"), self._stack:
-            self._finish()
+            if not self._contents.count:
+                raise BagError(self._path, "no maps to write")
+            document = bag_metadata.information(self._contents, self._file, self._storage)
+            self._writer.finish(document)
+            bag_metadata.save(self._folder, document)
 
     def check(self, topic: str) -> None:
         """Raise the error that writing to a topic would raise now, without writing anything."""
@@ -139,9 +161,9 @@ class BagWriter:
         """Append a map.
 
         Args:
-            topic: the map's topic in the bag.
+            topic: topic of the map in the bag.
             grid_map: the map.
-            time: of the message [ns]; None means that of the map.
+            time: time of the message [ns]; None means that of the map.
             layers: names of the layers to write; None means all.
         """
         self._check_topic(topic)
@@ -154,11 +176,10 @@ class BagWriter:
             self._writer.write(topic, stamp, data)
         self._contents.add(topic, stamp)
 
-    def _finish(self) -> None:
-        if not self._contents.count:
-            raise BagError(self._path, "no maps to write")
-        self._writer.finish(bag_metadata.information(self._contents, self._file))
-        bag_metadata.save(self._folder, self._contents, self._file)
+    def _check_one_of(self, parameter: str, value: str, known: Iterable[str]) -> None:
+        if value not in known:
+            expected = f"one of {', '.join(known)}"
+            raise BagError(self._path, f"{parameter}: expected {expected}, got {value!r}")
 
     def _check_topic(self, topic: str) -> None:
         if not _TOPIC_NAME.fullmatch(topic):
@@ -172,12 +193,12 @@ class BagWriter:
             raise BagError(self._path, f"cannot be written: {parent} may not be written to")
 
     def _check_old(self, target: Path) -> None:
-        """Let a bag or an empty folder be replaced, and nothing else."""
+        """Refuse to replace anything but a bag or an empty folder."""
         if not target.is_dir():
             raise BagError(self._path, "is a file, and a bag is a folder")
         names = sorted(path.name for path in target.iterdir())
         others = [name for name in names if name != bag_metadata.FILE_NAME]
-        foreign = [name for name in others if Path(name).suffix not in _OF_BAGS]
+        foreign = [name for name in others if Path(name).suffix not in _BAG_ENDINGS]
         if foreign or (names and others == names):
             raise BagError(
                 self._path, f"is no bag and not replaced; it holds {(foreign or names)[0]}"
@@ -198,14 +219,14 @@ def load_from_bag(
     time: int | None = None,
     unwrap: bool = True,
 ) -> GridMap:
-    """Return a map of a bag, the last one on the topic unless asked otherwise.
+    """Return a map from a bag: by default the last one on the topic.
 
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
-        topic: the maps' topic; None will do where the bag has a single topic of maps.
+        topic: topic of the maps; None means the only topic with maps.
         layers: names of the layers to take; None means all.
-        index: which map, in time order: 0 is the first, -1 the last.
-        time: take the last map that is not later than this [ns]; `index` does not count then.
+        index: index of the map in time order: 0 is the first, -1 the last.
+        time: take the last map that is not later than this [ns], whatever `index` is.
         unwrap: as for `from_message`.
 
     Raises:
@@ -234,13 +255,13 @@ def bag_maps(
 
 @dataclass(frozen=True)
 class BagTopic:
-    """What a bag has on a topic, of whatever type.
+    """A topic of a bag, of any message type.
 
     Attributes:
-        name: of the topic.
-        type: of its messages, such as `grid_map_msgs/msg/GridMap`.
-        count: how many there are.
-        first, last: earliest and latest time [ns]; None where there are no messages.
+        name: name of the topic.
+        type: type of its messages, such as `grid_map_msgs/msg/GridMap`.
+        count: number of messages.
+        first, last: earliest and latest time [ns]; None without messages.
     """
 
     name: str
@@ -251,12 +272,12 @@ class BagTopic:
 
     @property
     def holds_maps(self) -> bool:
-        """Whether there are maps on it."""
+        """True if the topic has maps."""
         return self.type == GRID_MAP_TYPE and self.count > 0
 
 
 def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
-    """Return what is in a bag, by topic in the order of their names; no message is read.
+    """Return the topics of a bag in the order of their names; no message is read.
 
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
@@ -277,7 +298,7 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
 
 
 def _counted(topic: BagTopic, entries: list[Entry]) -> BagTopic:
-    """Return a topic with the messages of one more file."""
+    """Return a topic with the messages of one more file added."""
     times = [time for time in (topic.first, topic.last) if time is not None]
     times += [entry.time for entry in entries]
     return replace(
@@ -289,12 +310,12 @@ def _counted(topic: BagTopic, entries: list[Entry]) -> BagTopic:
 
 
 class BagRecord(NamedTuple):
-    """A message as it was recorded.
+    """A recorded message.
 
     Attributes:
-        time: when it was recorded [ns].
+        time: time of the recording [ns].
         data: the serialized `grid_map_msgs/GridMap`.
-        place: what to call it in an error.
+        place: name of the message in errors.
     """
 
     time: int
@@ -302,7 +323,7 @@ class BagRecord(NamedTuple):
     place: str
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
-        """Return the map in it.
+        """Return the map in the message.
 
         Args:
             layers: names of the layers to take; None means all.
@@ -319,10 +340,10 @@ class BagRecord(NamedTuple):
 
 
 class BagReader:
-    """The messages of maps on one topic of a bag, in time order, as a sequence of `BagRecord`.
+    """Sequence of the map messages (`BagRecord`) on one topic of a bag, in time order.
 
-    Records are read when they are asked for, and nothing is decoded. Close it, or use it as a
-    context.
+    Each record is read when it is accessed, and not decoded. Close the reader, or use it as a
+    context manager.
 
     Args and errors are those of `load_from_bag`.
 
@@ -374,7 +395,7 @@ class BagReader:
             yield self[index]
 
     def at(self, time: int) -> BagRecord:
-        """Return the last record that is not later than a time [ns]."""
+        """Return the last record that is not later than `time` [ns]."""
         before = bisect.bisect_right(self._entries, time, key=lambda found: found[1].time)
         if not before:
             first = f"; the first is of {self._entries[0][1].time}" if self._entries else ""
@@ -382,7 +403,7 @@ class BagReader:
         return self[before - 1]
 
     def _storage(self, file: int) -> Storage:
-        """Open a file; one at a time, since a bag may have more than a process may open."""
+        """Open a file and close the last one: a bag may have more files than a process may open."""
         if self._open is None or self._open[0] != file:
             self.close()
             self._open = file, _open(self._files[file])
@@ -406,7 +427,7 @@ class BagReader:
         return sorted(found, key=lambda one: one[1].time)
 
     def _chosen(self, topic: str | None) -> str:
-        """Return the topic if it is one of maps, or the only one of maps for None."""
+        """Return the topic, or the only topic with maps for None, after checking its type."""
         with_maps = [name for name, kind in self.topics.items() if kind.type == GRID_MAP_TYPE]
         if topic is None:
             if len(with_maps) != 1:
@@ -430,7 +451,6 @@ class BagReader:
 
 
 def _files(path: Path) -> list[Path]:
-    """Return the files with the messages of a bag."""
     if not path.exists():
         raise BagError(path, "no such file or folder")
     if not path.is_dir():
@@ -443,7 +463,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _open(path: Path) -> Storage:
-    """Open a file of messages, whose first bytes tell what it is."""
+    """Open a file whose format its first bytes tell."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):
@@ -458,17 +478,17 @@ def _open(path: Path) -> Storage:
 
 
 def _unpacked(data: bytes, path: Path) -> bytes:
-    """Return a message; rosbag2 may have compressed each by itself, whose first bytes tell."""
+    """Return a message, decompressed if rosbag2 has compressed it by itself."""
     if not data.startswith(_ZSTD_MAGIC):
         return data
-    message = bag_mcap.unpack("zstd", data, bag_mcap.LARGEST_CHUNK, path)
+    message = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
     if len(message) > bag_mcap.LARGEST_CHUNK:
         raise BagError(path, f"a message of more than {bag_mcap.LARGEST_CHUNK} bytes, unpacked")
     return message
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return names that can be gone through for every map."""
+    """Return names that can be iterated over for every map."""
     if layers is None:
         return None
     return (layers,) if isinstance(layers, str) else tuple(layers)

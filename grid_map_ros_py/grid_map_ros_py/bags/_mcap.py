@@ -40,12 +40,13 @@ _STATISTICS, _DATA_END = 11, 15
 _RECORDS = {
     _SCHEMA: "Schema",
     _CHANNEL: "Channel",
-    _CHUNK: "Chunk",
     _MESSAGE_INDEX: "MessageIndex",
     _CHUNK_INDEX: "ChunkIndex",
     _STATISTICS: "Statistics",
 }
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
+_CHUNK_HEAD = struct.Struct("<16xQII")
+_SIZE = struct.Struct("<Q")
 
 
 def package(module: str, path: Path) -> Any:
@@ -74,7 +75,7 @@ class McapFile:
         self._file = path.open("rb")
         try:
             self._source = _Source(self._file, path.stat().st_size)
-            self._chunk: tuple[int, bytes] | None = None
+            self._chunk: tuple[int, memoryview] | None = None
             self._schemas: dict[int, Any] = {}
             self._channels: dict[int, Any] = {}
             self._scanned: dict[int, list[Entry]] | None = None
@@ -94,13 +95,13 @@ class McapFile:
     def read(self, entry: Entry) -> bytes:
         """Return a message as it was recorded."""
         chunk, offset = entry.place
-        source = self._source if chunk < 0 else _source_of(self._unpacked(chunk))
+        source = self._source if chunk < 0 else _Memory(self._unpacked(chunk))
         code, body = source.record_at(offset)
         if code != _MESSAGE or len(body) < _MESSAGE_HEAD.size:
             raise BagError(self._path, f"its index is damaged: no message at {entry.place}")
         if _MESSAGE_HEAD.unpack_from(body)[2] != entry.time:
             raise BagError(self._path, f"its index is damaged: another time at {entry.place}")
-        return body[_MESSAGE_HEAD.size :]
+        return bytes(body[_MESSAGE_HEAD.size :])
 
     def close(self) -> None:
         """Close the file."""
@@ -183,16 +184,16 @@ class McapFile:
             if code == _DATA_END:
                 break
             if code == _CHUNK:
-                data = self._unpack(self._parsed(code, body))
+                data = self._unpack(body)
                 inside = 0
-                for inner, content in _source_of(data).records(0, len(data)):
+                for inner, content in _Memory(data).records(0, len(data)):
                     self._note(inner, content, (offset, inside))
                     inside += _RECORD.size + len(content)
             else:
                 self._note(code, body, (-1, offset))
             offset += _RECORD.size + len(body)
 
-    def _note(self, code: int, body: bytes, place: tuple[int, int]) -> None:
+    def _note(self, code: int, body: memoryview, place: tuple[int, int]) -> None:
         assert self._scanned is not None
         if code == _MESSAGE:
             channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
@@ -202,47 +203,50 @@ class McapFile:
 
     # Records and chunks
 
-    def _parsed(self, code: int, body: bytes) -> Any:
-        """Return a record, None for one of a kind that is not needed."""
+    def _parsed(self, code: int, body: memoryview) -> Any:
+        """Return a record; None for one of another kind."""
         if code not in _RECORDS:
             return None
-        return getattr(self._records, _RECORDS[code]).read(
-            self._streams.ReadDataStream(_source_of(body))
-        )
+        stream = self._streams.ReadDataStream(io.BytesIO(body))
+        return getattr(self._records, _RECORDS[code]).read(stream)
 
-    def _unpacked(self, offset: int) -> bytes:
+    def _unpacked(self, offset: int) -> memoryview:
         """Return the content of the chunk at an offset; that of the last one is kept."""
         if self._chunk is None or self._chunk[0] != offset:
             code, body = self._source.record_at(offset)
             if code != _CHUNK:
                 raise BagError(self._path, f"its index is damaged: no chunk at {offset}")
-            self._chunk = offset, self._unpack(self._parsed(code, body))
+            self._chunk = offset, self._unpack(body)
         return self._chunk[1]
 
-    def _unpack(self, chunk: Any) -> bytes:
-        size = chunk.uncompressed_size
+    def _unpack(self, body: memoryview) -> memoryview:
+        """Return the records in a chunk, without a copy where they are not compressed."""
+        size, checksum, length = _CHUNK_HEAD.unpack_from(body)
         if size > LARGEST_CHUNK:
             raise BagError(self._path, f"a chunk claims to hold {size} bytes, which is absurd")
-        if chunk.compression not in ("", "lz4", "zstd"):
-            raise BagError(self._path, f"its compression {chunk.compression!r} is not known")
-        data: bytes = chunk.data
-        if chunk.compression:
-            data = unpack(chunk.compression, data, size, self._path)
+        begin = _CHUNK_HEAD.size + length
+        compression = bytes(body[_CHUNK_HEAD.size : begin]).decode()
+        if compression not in ("", "lz4", "zstd"):
+            raise BagError(self._path, f"its compression {compression!r} is not known")
+        (packed_size,) = _SIZE.unpack_from(body, begin)
+        data = body[begin + _SIZE.size :][:packed_size]
+        if compression:
+            data = memoryview(unpack(compression, data, size, self._path))
         if len(data) != size:
             raise BagError(self._path, f"a chunk of {size} bytes holds {len(data)}")
-        if chunk.uncompressed_crc:
-            self._check_sum(data, chunk.uncompressed_crc, "chunk")
+        if checksum:
+            self._check_sum(data, checksum, "chunk")
         return data
 
-    def _check_sum(self, data: bytes, checksum: int, what: str) -> None:
+    def _check_sum(self, data: memoryview, checksum: int, what: str) -> None:
         if zlib.crc32(data) != checksum:
             raise BagError(self._path, f"is damaged: the checksum of a {what} is wrong")
 
 
-def unpack(compression: str, data: bytes, size: int, path: Path) -> bytes:
-    """Return compressed data of `size` bytes; of more, only the first byte too many.
+def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
+    """Return decompressed data, at most one byte more than `size`.
 
-    Memory is taken as the data comes, not as its own header claims.
+    Memory grows with the data that comes out, whatever the header of the data claims.
     """
     if compression == "lz4":
         stream = package("lz4.frame", path).open(io.BytesIO(data))
@@ -259,55 +263,59 @@ def _pieces(stream: IO[bytes], size: int) -> Iterator[bytes]:
 
 
 class _Source:
-    """A stream whose reads return exactly as many bytes as were asked for, or raise."""
+    """An open file, read in parts of which every byte must be there."""
 
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self.size = size
         self._stream = stream
 
-    def read(self, length: int) -> bytes:
-        if not 0 <= length <= self.size - self._stream.tell():
-            raise ValueError(f"{length} bytes are missing at {self._stream.tell()}")
+    def at(self, offset: int, length: int) -> memoryview:
+        if not 0 <= offset <= self.size or length > self.size - offset:
+            raise ValueError(f"{length} bytes are missing at {offset}")
+        self._stream.seek(offset)
         data = self._stream.read(length)
         if len(data) != length:
-            raise ValueError(f"is cut off at {self._stream.tell()}")
-        return data
+            raise ValueError(f"is cut off at {offset}")
+        return memoryview(data)
 
-    def at(self, offset: int, length: int) -> bytes:
-        if not 0 <= offset <= self.size:
-            raise ValueError(f"nothing at {offset}")
-        self._stream.seek(offset)
-        return self.read(length)
-
-    def record_at(self, offset: int) -> tuple[int, bytes]:
+    def record_at(self, offset: int) -> tuple[int, memoryview]:
         """Return code and content of the record at an offset."""
         code, length = _RECORD.unpack(self.at(offset, _RECORD.size))
-        return code, self.read(length)
+        return code, self.at(offset + _RECORD.size, length)
 
-    def records(self, start: int, end: int) -> Iterator[tuple[int, bytes]]:
-        """Yield code and content of the records in a part of the stream."""
+    def records(self, start: int, end: int) -> Iterator[tuple[int, memoryview]]:
+        """Yield code and content of the records in a part of the source."""
         while start < end:
             code, body = self.record_at(start)
             yield code, body
             start += _RECORD.size + len(body)
 
 
-def _source_of(data: bytes) -> _Source:
-    return _Source(io.BytesIO(data), len(data))
+class _Memory(_Source):
+    """Bytes in memory, read without a copy."""
+
+    def __init__(self, data: memoryview) -> None:
+        self.size = len(data)
+        self._data = data
+
+    def at(self, offset: int, length: int) -> memoryview:
+        if not 0 <= offset <= self.size or length > self.size - offset:
+            raise ValueError(f"{length} bytes are missing at {offset}")
+        return self._data[offset : offset + length]
 
 
 # --- writing --------------------------------------------------------------------------------------
 
 
 class McapWriter:
-    """Writes maps that are serialized already.
+    """Writes serialized maps to a new file.
 
     Args:
         path: the file.
         compression: one of `COMPRESSIONS`.
     """
 
-    def __init__(self, path: Path, compression: str) -> None:
+    def __init__(self, path: Path, compression: str = "none") -> None:
         writer = package("mcap.writer", path)
         kind = writer.CompressionType[compression.upper()]
         self._file = path.open("xb")
@@ -327,7 +335,7 @@ class McapWriter:
         self._writer.add_message(self._channels[topic], time, data, time)
 
     def finish(self, information: object) -> None:
-        """Write the rest of the file, and what the bag tells about itself, and close it."""
+        """Write the metadata of the bag and the index, and close the file."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
         self._writer.finish()
         self._file.close()

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a bag of rosbag2 tells about itself: `metadata.yaml`, and the type of its messages."""
+"""Metadata of rosbag2 bags: `metadata.yaml`, read and written."""
 
 import os
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from ..messages._definition import TYPE_HASH
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
-"""Of the metadata, as ROS 2 Jazzy writes it."""
+"""Version of the metadata that ROS 2 Jazzy writes."""
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
@@ -36,12 +36,12 @@ QOS_PROFILES = [
         "avoid_ros_namespace_conventions": False,
     }
 ]
-"""Of topics of maps, which makes `ros2 bag play` publish them latched."""
+"""Quality of service of map topics, which makes `ros2 bag play` publish them latched."""
 
 
 @dataclass
 class Contents:
-    """What has been written to a bag: messages by topic, and their first and last time [ns]."""
+    """Number of messages by topic in a new bag, and their first and last time [ns]."""
 
     counts: dict[str, int]
     first: int = 2**63 - 1
@@ -59,7 +59,12 @@ class Contents:
         self.last = max(self.last, time)
 
 
-def information(contents: Contents, file: str) -> dict[str, Any]:
+def ros_distro() -> str:
+    """Return the ROS distribution that is named in new bags."""
+    return os.environ.get("ROS_DISTRO", "jazzy")
+
+
+def information(contents: Contents, file: str, storage: str) -> dict[str, Any]:
     """Return the metadata of a bag with one file of maps."""
     time = {
         "duration": {"nanoseconds": contents.last - contents.first},
@@ -68,7 +73,7 @@ def information(contents: Contents, file: str) -> dict[str, Any]:
     }
     return {
         "version": VERSION,
-        "storage_identifier": "mcap",
+        "storage_identifier": storage,
         **time,
         "topics_with_message_count": [
             {"topic_metadata": _topic(name), "message_count": count}
@@ -79,7 +84,7 @@ def information(contents: Contents, file: str) -> dict[str, Any]:
         "relative_file_paths": [file],
         "files": [{"path": file, **time}],
         "custom_data": None,
-        "ros_distro": os.environ.get("ROS_DISTRO", "jazzy"),
+        "ros_distro": ros_distro(),
     }
 
 
@@ -94,7 +99,7 @@ def _topic(name: str) -> dict[str, Any]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Repeats what occurs twice in place of naming it, which other readers may not know."""
+    """Writes no aliases, which other readers may not know."""
 
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
         return True
@@ -106,9 +111,9 @@ def dump(document: object) -> str:
     return text
 
 
-def save(folder: Path, contents: Contents, file: str) -> None:
-    """Write the metadata of a bag."""
-    text = dump({"rosbag2_bagfile_information": information(contents, file)})
+def save(folder: Path, document: object) -> None:
+    """Write `information` as the metadata of a bag."""
+    text = dump({"rosbag2_bagfile_information": document})
     (folder / FILE_NAME).write_text(text, encoding="utf-8")
 
 

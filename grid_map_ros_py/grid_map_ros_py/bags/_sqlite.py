@@ -1,15 +1,71 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Reading the sqlite3 files of bags."""
+"""The sqlite3 files of bags."""
 
 import sqlite3
 from pathlib import Path
 from urllib.parse import quote
 
 from ..errors import BagError
+from ..messages._definition import DEFINITION, TYPE_HASH
+from ._metadata import GRID_MAP_TYPE, QOS_PROFILES, VERSION, dump, ros_distro
 from ._storage import Entry, Topic
 
 MAGIC = b"SQLite format 3\0"
+
+_SCHEMA_VERSION = 4
+_SCHEMA = """
+CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
+CREATE TABLE metadata(
+    id INTEGER PRIMARY KEY, metadata_version INTEGER NOT NULL, metadata TEXT NOT NULL);
+CREATE TABLE topics(
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,
+    serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL,
+    type_description_hash TEXT NOT NULL);
+CREATE TABLE message_definitions(
+    id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,
+    encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL);
+CREATE TABLE messages(
+    id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,
+    data BLOB NOT NULL);
+CREATE INDEX timestamp_idx ON messages (timestamp ASC);
+"""
+"""Tables as rosbag2 of ROS 2 Jazzy makes them."""
+
+
+class SqliteWriter:
+    """Writes serialized maps to a new database."""
+
+    def __init__(self, path: Path) -> None:
+        self._database = sqlite3.connect(path)
+        # The file is renamed into its place when it is complete; a journal would protect nothing.
+        self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
+        self._database.executescript(_SCHEMA)
+        self._insert("schema", _SCHEMA_VERSION, ros_distro())
+        self._insert("message_definitions", None, GRID_MAP_TYPE, "ros2msg", DEFINITION, TYPE_HASH)
+        self._topics: dict[str, int] = {}
+
+    def write(self, topic: str, time: int, data: bytes) -> None:
+        """Append a message."""
+        if topic not in self._topics:
+            key = self._topics[topic] = len(self._topics) + 1
+            profiles = dump(QOS_PROFILES)
+            self._insert("topics", key, topic, GRID_MAP_TYPE, "cdr", profiles, TYPE_HASH)
+        self._insert("messages", None, self._topics[topic], time, data)
+
+    def finish(self, information: object) -> None:
+        """Write the metadata of the bag and close the file."""
+        self._insert("metadata", None, VERSION, dump(information))
+        self._database.commit()
+        self._database.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is."""
+        self._database.close()
+
+    def _insert(self, table: str, *values: object) -> None:
+        marks = ", ".join("?" * len(values))
+        self._database.execute(f"INSERT INTO {table} VALUES ({marks})", values)
 
 
 class SqliteFile:
@@ -75,6 +131,6 @@ class SqliteFile:
 
 
 def _is_unfinished(path: Path) -> bool:
-    """Tell whether a recorder has left messages in a log beside the database, or still writes."""
+    """Return whether a recorder has left messages in a log beside the database, or still writes."""
     log = path.with_name(path.name + "-wal")
     return log.exists() and log.stat().st_size > 0
