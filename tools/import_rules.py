@@ -53,4 +53,4 @@ class PrivateStaysInside(Contract):
 
 
 def is_private(module: str) -> bool:
-    return any(part.startswith("_") for part in module.split("."))
+    return any(part.startswith("_") and part != "__future__" for part in module.split("."))

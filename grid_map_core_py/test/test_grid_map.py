@@ -4,6 +4,7 @@
 
 import copy
 import pickle
+from collections.abc import MutableMapping
 
 import numpy as np
 import pytest
@@ -71,6 +72,64 @@ def test_layers_keep_the_order_in_which_they_were_added(terrain):
     terrain.add("color")
     terrain["elevation"] = 0.0
     assert terrain.layers == tuple(terrain) == ("elevation", "variance", "color")
+
+
+def test_a_map_is_a_mutable_mapping_of_layers(terrain):
+    assert isinstance(terrain, MutableMapping)
+    assert (len(terrain), terrain.shape) == (2, (8, 5))
+    assert list(terrain.keys()) == list(dict(terrain)) == ["elevation", "variance"]
+    assert dict(terrain.items())["elevation"] is terrain["elevation"]
+    assert terrain.get("x") is None
+    terrain.basic_layers = ["variance"]
+    variance = terrain.pop("variance")
+    assert (terrain.layers, terrain.basic_layers) == (("elevation",), ())
+    terrain.update({"a": variance}, b=2.0)
+    assert terrain.setdefault("c") is terrain["c"]
+    assert terrain.layers == ("elevation", "a", "b", "c")
+    assert bool(GridMap((1, 1), 0.5))
+
+
+@given(grid_maps(("a", "b")), st.data())
+def test_layers_of_another_map_keep_their_places(grid_map, data):
+    start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
+    other = grid_map.without_layers(grid_map).with_start_index(start)
+    other.basic_layers = ()
+    whole = other.with_layers(grid_map)
+    other.update(grid_map)
+    for layer in ("a", "b"):
+        np.testing.assert_array_equal(other.unwrapped(layer), grid_map.unwrapped(layer))
+        np.testing.assert_array_equal(whole.unwrapped(layer), grid_map.unwrapped(layer))
+    again = GridMap.from_geometry(grid_map.geometry, grid_map)
+    np.testing.assert_array_equal(again.unwrapped("a"), grid_map.unwrapped("a"))
+
+
+@given(grid_maps(("a", "b")), st.data())
+def test_maps_are_equal_if_they_show_the_same_world(grid_map, data):
+    start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
+    assert grid_map == grid_map.copy() == grid_map.with_start_index(start)
+    last = np.subtract(grid_map.size, 1)
+    changes = {
+        "value": lambda m: m["a"].__setitem__(tuple(last), 12345.0),
+        "layer": lambda m: m.pop("b"),
+        "frame": lambda m: setattr(m, "frame_id", "elsewhere"),
+        "time": lambda m: setattr(m, "timestamp", m.timestamp + 1),
+        "place": lambda m: setattr(m, "position", m.position + 0.1),
+        "basic layers": lambda m: setattr(m, "basic_layers", ["a", "b"]),
+    }
+    for change in changes.values():
+        changed = grid_map.with_start_index(start)
+        change(changed)
+        assert changed != grid_map
+    assert grid_map != dict(grid_map)
+
+
+def test_a_map_has_no_hash_and_no_layers_as_attributes(terrain):
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(terrain)
+    with pytest.raises(AttributeError, match=r'write map\["elevation"\] = values'):
+        terrain.elevation = 1.0
+    with pytest.raises(AttributeError, match="property 'size'"):
+        terrain.size = (1, 2)
 
 
 def test_a_missing_layer_is_named_with_those_that_exist(terrain):

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py.errors import ExpressionError, FilterError
 from grid_map_filters_py.expression import Expression
 
@@ -35,6 +36,15 @@ def layers() -> dict[str, np.ndarray]:
 
 def value(text, **more):
     return Expression(text)({**layers(), **more})
+
+
+@given(grid_maps(("a", "b")))
+def test_expression_of_a_map_is_in_the_order_of_its_layers(grid_map):
+    in_map_order = {name: grid_map.unwrapped(name) for name in grid_map}
+    for text in ("a .* 2 + b", "a - meanOfFinites(b)"):
+        grid_map["out"] = Expression(text)(grid_map)
+        np.testing.assert_array_equal(grid_map.unwrapped("out"), Expression(text)(in_map_order))
+    assert Expression("maxOfFinites(a)")(grid_map.with_layers({"a": 2.0})) == 2.0
 
 
 # --- numbers and operators ------------------------------------------------------------------------

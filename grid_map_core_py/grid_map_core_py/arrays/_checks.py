@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Array aliases of this package, and the conversions of what users pass into them."""
 
+from __future__ import annotations
+
 import math
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..errors import GeometryError
 
@@ -29,7 +32,7 @@ Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
 
 
-def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
+def as_positions(values: ArrayLike, name: str = "position") -> Positions:
     """Return `values` as a float64 array whose last axis is x, y."""
     positions = as_array(values, np.float64, name)
     if positions.ndim == 0 or positions.shape[-1] != 2:
@@ -37,7 +40,7 @@ def as_positions(values: npt.ArrayLike, name: str = "position") -> Positions:
     return positions
 
 
-def as_pair(values: npt.ArrayLike, name: str) -> Positions:
+def as_pair(values: ArrayLike, name: str) -> Positions:
     """Return `values` as a (2,) float64 array of finite numbers of its own."""
     pair = as_array(values, np.float64, name)
     # For two numbers NumPy takes several times as long.
@@ -46,7 +49,7 @@ def as_pair(values: npt.ArrayLike, name: str) -> Positions:
     return pair.copy()
 
 
-def as_point(values: npt.ArrayLike, name: str) -> Positions:
+def as_point(values: ArrayLike, name: str) -> Positions:
     """Return `values` as one position (2,), which may be NaN or infinite."""
     point = as_positions(values, name)
     if point.shape != (2,):
@@ -62,7 +65,7 @@ def as_number(value: object, name: str) -> float:
         raise GeometryError(f"{name}: expected a number, got {value!r}") from error
 
 
-def as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
     """Return `values` as an array of real numbers of whatever type; what is masked is NaN."""
     try:
         if isinstance(values, np.ma.MaskedArray):
@@ -76,7 +79,7 @@ def as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
     return numbers
 
 
-def as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
+def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
     """Return `values` as an array of this type."""
     if type(values) is np.ndarray and values.dtype == dtype:
         return values
@@ -85,7 +88,7 @@ def as_array(values: npt.ArrayLike, dtype: type[np.generic], name: str) -> npt.N
         return as_numbers(values, name).astype(dtype, copy=False)
 
 
-def as_size(values: npt.ArrayLike, name: str) -> Size:
+def as_size(values: ArrayLike, name: str) -> Size:
     """Return `values` as a pair of Python integers."""
     size = _as_integers(values, name)
     if size.shape != (2,):
@@ -93,7 +96,7 @@ def as_size(values: npt.ArrayLike, name: str) -> Size:
     return int(size[0]), int(size[1])
 
 
-def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
+def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     """Return cells as (rows, cols).
 
     Args:
@@ -117,7 +120,7 @@ def as_cells(values: npt.ArrayLike, name: str = "index") -> Cells:
     return cells[..., 0], cells[..., 1]
 
 
-def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
+def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
     """Return a scalar or a (rows, cols) array as a layer of its own, never an alias of `value`."""
     data = as_array(value, np.float32, f"layer {name!r}")
     if data.ndim and data.shape != size:
@@ -127,12 +130,12 @@ def as_layer(value: npt.ArrayLike, size: Size, name: str) -> Layer:
     return layer
 
 
-def as_text(values: npt.ArrayLike) -> str:
+def as_text(values: ArrayLike) -> str:
     """Return a pair of numbers as the text of a tuple, for messages."""
     return str(tuple(np.asarray(values, dtype=np.float64).tolist()))
 
 
-def _as_integers(values: npt.ArrayLike, name: str) -> Integers:
+def _as_integers(values: ArrayLike, name: str) -> Integers:
     integers = as_numbers(values, name)
     if integers.size and integers.dtype.kind not in "iu":
         raise GeometryError(f"{name}: expected integers, got {values!r}")

@@ -10,12 +10,15 @@ Example:
     2.0
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ._checks import as_numbers
 from ._pieces import slices
@@ -23,35 +26,35 @@ from ._pieces import slices
 _PIECE = 2**17
 
 
-def number_of_finites(values: npt.ArrayLike) -> int:
+def number_of_finites(values: ArrayLike) -> int:
     """Return how many of the values are finite."""
     # OpenCV counts the bytes of a mask faster than NumPy.
     return sum(cv2.countNonZero(np.isfinite(piece).view(np.uint8)) for piece in _pieces(values))
 
 
-def sum_of_finites(values: npt.ArrayLike) -> float:
+def sum_of_finites(values: ArrayLike) -> float:
     """Return the sum of the finite values, NaN where there are none."""
     total = float(sum(map(_sum, _pieces(values))))
     return total if total != 0.0 or number_of_finites(values) else np.nan
 
 
-def mean_of_finites(values: npt.ArrayLike) -> float:
+def mean_of_finites(values: ArrayLike) -> float:
     """Return the mean of the finite values, NaN where there are none."""
     number = number_of_finites(values)
     return float(sum(map(_sum, _pieces(values)))) / number if number else np.nan
 
 
-def min_of_finites(values: npt.ArrayLike) -> float:
+def min_of_finites(values: ArrayLike) -> float:
     """Return the smallest finite value, NaN where there are none."""
     return _extreme(np.fmin, values)
 
 
-def max_of_finites(values: npt.ArrayLike) -> float:
+def max_of_finites(values: ArrayLike) -> float:
     """Return the largest finite value, NaN where there are none."""
     return _extreme(np.fmax, values)
 
 
-def _pieces(values: npt.ArrayLike) -> Iterator[npt.NDArray[Any]]:
+def _pieces(values: ArrayLike) -> Iterator[npt.NDArray[Any]]:
     flat = as_numbers(values, "values").ravel("K")
     return (flat[piece] for piece in slices(flat.size, _PIECE))
 
@@ -66,7 +69,7 @@ def _sum(values: npt.NDArray[Any]) -> float:
     return float(values[np.isfinite(values)].sum(dtype=np.float64))
 
 
-def _extreme(choose: np.ufunc, values: npt.ArrayLike) -> float:
+def _extreme(choose: np.ufunc, values: ArrayLike) -> float:
     extremes = [_extreme_of(choose, piece) for piece in _pieces(values)]
     return float(choose.reduce(extremes, initial=np.nan))
 

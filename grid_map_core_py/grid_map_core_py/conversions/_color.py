@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Colours in layers: one float32 whose bits are 0x00RRGGBB."""
 
+from __future__ import annotations
+
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import as_numbers
 from ..arrays._pieces import elementwise
@@ -16,7 +19,7 @@ Bytes: TypeAlias = npt.NDArray[np.uint8]
 _NAN = np.float32(np.nan).view(np.uint32)
 
 
-def color_vector_to_value(rgb: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
     """Pack colours into layer values.
 
     Args:
@@ -53,7 +56,7 @@ def color_channels_to_value(
     return values
 
 
-def color_value_to_vector(value: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
     """Unpack layer values into colours.
 
     Args:

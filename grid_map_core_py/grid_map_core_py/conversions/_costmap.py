@@ -8,12 +8,15 @@ range of values to 0..254, as the nav2 costmap messages of the C++ library have 
 NaN becomes 255, never free.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
 from ..arrays._pieces import elementwise
@@ -34,10 +37,10 @@ UNKNOWN = 255
 class CostCodec(Protocol):
     """Turns layer values into costs and back."""
 
-    def to_costs(self, values: npt.ArrayLike) -> Costs:
+    def to_costs(self, values: ArrayLike) -> Costs:
         """Return the costs (...) uint8 of values (...); 255 for NaN."""
 
-    def to_values(self, costs: npt.ArrayLike) -> Layer:
+    def to_values(self, costs: ArrayLike) -> Layer:
         """Return the values (...) float32 of costs (...) uint8."""
 
 
@@ -74,7 +77,7 @@ class CostTable:
         values.flags.writeable = False
         object.__setattr__(self, "_values", values)
 
-    def to_costs(self, values: npt.ArrayLike) -> Costs:
+    def to_costs(self, values: ArrayLike) -> Costs:
         """Return the cost whose value is nearest.
 
         Args:
@@ -85,7 +88,7 @@ class CostTable:
         """
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
-    def to_values(self, costs: npt.ArrayLike) -> Layer:
+    def to_values(self, costs: ArrayLike) -> Layer:
         """Return the values (...) float32 of costs (...) in [0, 255]."""
         return elementwise(self._values.take, np.float32, _as_costs(costs))
 
@@ -135,7 +138,7 @@ class CostRange:
         if not np.isfinite(extent) or extent == 0:
             raise GeometryError(f"expected two different finite float32 numbers, got {self}")
 
-    def to_costs(self, values: npt.ArrayLike) -> Costs:
+    def to_costs(self, values: ArrayLike) -> Costs:
         """Return `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`.
 
         The arithmetic is that of float32, as in the C++ library.
@@ -148,7 +151,7 @@ class CostRange:
         """
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
-    def to_values(self, costs: npt.ArrayLike) -> Layer:
+    def to_values(self, costs: ArrayLike) -> Layer:
         """Return the value (...) float32 at which each cost (...) begins; NaN for 255."""
         step = float(self._extent) / LETHAL
         table = np.append(self.data_min + step * np.arange(UNKNOWN), np.nan).astype(np.float32)
@@ -242,7 +245,7 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
     ).with_layers({layer: values})
 
 
-def _as_costs(costs: npt.ArrayLike) -> npt.NDArray[Any]:
+def _as_costs(costs: ArrayLike) -> npt.NDArray[Any]:
     array = as_numbers(costs, "costs")
     if array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() > UNKNOWN)):
         raise GeometryError(f"costs: expected integers from 0 to {UNKNOWN}, got {costs!r}")

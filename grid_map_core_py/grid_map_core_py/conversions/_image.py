@@ -18,12 +18,15 @@ elsewhere. Infinities become the bounds of the range. When read, pixels whose al
 half of the largest value are NaN.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Size, as_number
 from ..arrays._pieces import piece_of, slices
@@ -214,13 +217,13 @@ def _unpack(values: Layer, pixel: np.dtype[Any], order: Order) -> list[npt.NDArr
 
 
 def from_image(
-    image: npt.ArrayLike,
+    image: ArrayLike,
     layer: str,
     resolution: float,
     lower: float = 0.0,
     upper: float = 1.0,
     *,
-    position: npt.ArrayLike = (0.0, 0.0),
+    position: ArrayLike = (0.0, 0.0),
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
     frame_id: str = "",
@@ -255,7 +258,7 @@ def from_image(
 
 def add_layer_from_image(
     grid_map: GridMap,
-    image: npt.ArrayLike,
+    image: ArrayLike,
     layer: str,
     lower: float = 0.0,
     upper: float = 1.0,
@@ -278,7 +281,7 @@ def add_layer_from_image(
 
 def add_color_layer_from_image(
     grid_map: GridMap,
-    image: npt.ArrayLike,
+    image: ArrayLike,
     layer: str = COLOR_LAYER,
     *,
     alpha_threshold: float = 0.5,
@@ -412,7 +415,7 @@ def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis
 # --- checks ---------------------------------------------------------------------------------------
 
 
-def _as_image(image: npt.ArrayLike, size: Size | None = None) -> Image:
+def _as_image(image: ArrayLike, size: Size | None = None) -> Image:
     """Return an image as (rows, cols, channels)."""
     if image is None:
         raise GeometryError("image: got None, which cv2.imread returns for a file it cannot read")

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers from triangle meshes: the highest point of the mesh at each cell centre."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Mask, Size
 from ..arrays._ragged import Integers, expanded
@@ -29,7 +32,7 @@ Values: TypeAlias = npt.NDArray[np.float64]
 
 
 def rasterize_triangles(
-    vertices: npt.ArrayLike, faces: npt.ArrayLike, grid_map: GridMap, layer: str = "elevation"
+    vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
     """Return the map with a layer of the highest hits of vertical rays through the cell centres.
 
@@ -58,8 +61,8 @@ def rasterize_triangles(
 
 
 def from_mesh(
-    vertices: npt.ArrayLike,
-    faces: npt.ArrayLike,
+    vertices: ArrayLike,
+    faces: ArrayLike,
     resolution: float,
     layer: str = "elevation",
     *,
@@ -90,7 +93,7 @@ def from_mesh(
     return grid_map.with_layers({layer: _highest_hits(corners, triangles, geometry)})
 
 
-def as_triangles(faces: npt.ArrayLike, vertices: int) -> npt.NDArray[Any]:
+def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
     """Return faces as (F, 3) integers, polygons cut into fans from their first vertex.
 
     Args:

@@ -14,6 +14,8 @@ Reductions, of heights as of other fields:
 - `count`: the number of points, 0 where there are none. All others are NaN there.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -21,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Mask, Positions, as_number, as_numbers, as_pair
 from ..errors import ConfigError, GeometryError, GridMapError
@@ -46,11 +49,11 @@ _MOST_CELLS = 2**26
 
 
 def rasterize(
-    points: npt.ArrayLike,
+    points: ArrayLike,
     grid_map: GridMap,
     layers: Mapping[str, str] = HIGHEST,
     *,
-    fields: Mapping[str, npt.ArrayLike] | None = None,
+    fields: Mapping[str, ArrayLike] | None = None,
     field_reductions: Mapping[str, str] | None = None,
     min_height: float = -np.inf,
     max_height: float = np.inf,
@@ -86,13 +89,13 @@ def rasterize(
 
 
 def from_points(
-    points: npt.ArrayLike,
+    points: ArrayLike,
     resolution: float,
     layers: Mapping[str, str] = HIGHEST,
     *,
-    length: npt.ArrayLike | None = None,
-    position: npt.ArrayLike | None = None,
-    fields: Mapping[str, npt.ArrayLike] | None = None,
+    length: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    fields: Mapping[str, ArrayLike] | None = None,
     field_reductions: Mapping[str, str] | None = None,
     min_height: float = -np.inf,
     max_height: float = np.inf,
@@ -120,7 +123,7 @@ def from_points(
     return grid_map.with_layers(_reduce(cloud, columns, geometry))
 
 
-def as_points(points: npt.ArrayLike, name: str = "points") -> npt.NDArray[Any]:
+def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
     """Return `points` as a float32 or float64 array (N, 3) or wider; no copy if they are one.
 
     Masked values become NaN.
@@ -134,7 +137,7 @@ def as_points(points: npt.ArrayLike, name: str = "points") -> npt.NDArray[Any]:
     return values
 
 
-def as_colors(values: npt.ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
+def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
     """Return packed colours without alpha, as `color` packs them.
 
     Args:
@@ -194,7 +197,7 @@ class _Cloud:
     highest: float
 
     @classmethod
-    def of(cls, points: npt.ArrayLike, min_height: float, max_height: float) -> "_Cloud":
+    def of(cls, points: ArrayLike, min_height: float, max_height: float) -> _Cloud:
         lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
         if not lowest <= highest:
             raise ConfigError(f"expected min_height <= max_height, found {lowest} and {highest}")
@@ -238,7 +241,7 @@ class _Column:
 def _columns(
     cloud: _Cloud,
     layers: Mapping[str, str],
-    fields: Mapping[str, npt.ArrayLike],
+    fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
 ) -> dict[str, _Column]:
     """Return the columns of the layers by their names; everything is checked."""
@@ -256,7 +259,7 @@ def _columns(
 
 def _check_names(
     layers: Mapping[str, str],
-    fields: Mapping[str, npt.ArrayLike],
+    fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
 ) -> None:
     given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
@@ -268,7 +271,7 @@ def _check_names(
         raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
 
 
-def _field_column(name: str, field: npt.ArrayLike, reduction: str, points: int) -> _Column:
+def _field_column(name: str, field: ArrayLike, reduction: str, points: int) -> _Column:
     is_color = name in COLOR_FIELDS
     read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
     values = read(field, f"field {name!r}")
@@ -317,8 +320,8 @@ def _feed(
 def _geometry(
     cloud: _Cloud,
     resolution: float,
-    length: npt.ArrayLike | None,
-    position: npt.ArrayLike | None,
+    length: ArrayLike | None,
+    position: ArrayLike | None,
 ) -> GridGeometry:
     """Return the given geometry, with what is not given taken from the points."""
     centre = None if position is None else as_pair(position, "position")
@@ -334,7 +337,7 @@ def _geometry(
     return GridGeometry(as_pair(length, "length"), resolution, centre)
 
 
-def _as_floats(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+def _as_floats(values: ArrayLike, name: str) -> npt.NDArray[Any]:
     """Return numbers as an array of float32, if they are, or float64."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)

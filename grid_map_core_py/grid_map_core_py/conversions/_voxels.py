@@ -2,15 +2,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Points in boxes of equal size, the voxels of a lattice through the origin."""
 
+from __future__ import annotations
+
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Positions, as_array
 from ..errors import GeometryError
 from ._points import as_points
 
 
-def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
+def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:
     """Return the mean of the points in each voxel that holds any.
 
     Args:
@@ -50,7 +52,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
     return means
 
 
-def finite_points(points: npt.ArrayLike) -> Positions:
+def finite_points(points: ArrayLike) -> Positions:
     """Return x, y, z (N, 3) in float64 of the points of which all three are finite."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)

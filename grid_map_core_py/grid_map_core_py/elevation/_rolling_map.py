@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A map that is made of one point cloud after the other, and moves with a robot."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from .. import GridGeometry, GridMap
 from ..arrays._checks import Layer
@@ -80,7 +83,7 @@ class RollingMap:
         """The map as it is now; `copy()` of it stays as it is."""
         return self._map
 
-    def move(self, position: npt.ArrayLike) -> None:
+    def move(self, position: ArrayLike) -> None:
         """Move the window by whole cells to a new centre (2,) [m]; what leaves it is forgotten.
 
         Raises:
@@ -92,10 +95,10 @@ class RollingMap:
 
     def fuse(
         self,
-        points: npt.ArrayLike,
+        points: ArrayLike,
         columns: Columns = _NO_COLUMNS,
         *,
-        position: npt.ArrayLike | None = None,
+        position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> None:
         """Take the points of a cloud into the map; if that fails the map is what it was.
@@ -123,9 +126,7 @@ class RollingMap:
         if timestamp is not None:
             self._map.timestamp = timestamp
 
-    def _rasterized(
-        self, geometry: GridGeometry, points: npt.ArrayLike, columns: Columns
-    ) -> GridMap:
+    def _rasterized(self, geometry: GridGeometry, points: ArrayLike, columns: Columns) -> GridMap:
         return rasterize(
             points,
             GridMap.from_geometry(geometry),

@@ -6,12 +6,14 @@ Cells are counted here from the corner with the largest x and y, rows towards -x
 -y, as if the map had never moved. Where a cell is stored is the business of `ring_buffer`.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import (
     Cells,
@@ -83,13 +85,13 @@ class GridGeometry:
 
     @classmethod
     def from_size(
-        cls, size: Size, resolution: float, position: npt.ArrayLike = (0.0, 0.0)
-    ) -> "GridGeometry":
+        cls, size: Size, resolution: float, position: ArrayLike = (0.0, 0.0)
+    ) -> GridGeometry:
         """Return the geometry with `size` rows and columns of cells."""
         length = np.multiply(as_size(size, "size"), as_number(resolution, "resolution"))
         return cls(length, resolution, as_pair(position, "position"))
 
-    def at(self, position: npt.ArrayLike) -> "GridGeometry":
+    def at(self, position: ArrayLike) -> GridGeometry:
         """Return the same grid centred on another position."""
         return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
 
@@ -103,7 +105,7 @@ class GridGeometry:
         """(2,) the corner with the largest x and y [m], where cell (0, 0) lies."""
         return self.position + 0.5 * self.length
 
-    def is_inside(self, positions: npt.ArrayLike) -> Mask:
+    def is_inside(self, positions: ArrayLike) -> Mask:
         """Tell which positions lie on the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
@@ -122,7 +124,7 @@ class GridGeometry:
             inside[part] = self._contains(points[part].reshape(-1), half, centre)
         return inside.reshape(positions.shape[:-1])
 
-    def cells_at(self, positions: npt.ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
+    def cells_at(self, positions: ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
 
         Args:
@@ -159,7 +161,7 @@ class GridGeometry:
         rows, columns = cells.reshape(2, *positions.shape[:-1])
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
-    def centers(self, cells: npt.ArrayLike, start_index: Size = (0, 0)) -> Positions:
+    def centers(self, cells: ArrayLike, start_index: Size = (0, 0)) -> Positions:
         """Return the centres of cells.
 
         Args:
@@ -181,7 +183,8 @@ class GridGeometry:
                 continue
             coordinates = np.roll(self.axes_in_map_order()[axis], start_index[axis])
             for part in slices(len(numbers), CHUNK):
-                positions[part, axis] = coordinates[numbers[part]]
+                # The cells have been checked; another mode would check them again.
+                positions[part, axis] = coordinates.take(numbers[part], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
@@ -193,7 +196,7 @@ class GridGeometry:
         x, y = (self._first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
         return x, y
 
-    def check_cells(self, cells: npt.ArrayLike, name: str = "index") -> Cells:
+    def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.
 
         Args:
@@ -216,7 +219,7 @@ class GridGeometry:
         found = tuple(pairs[outside][0].tolist())
         raise OutOfMapError(f"index {found} is outside the map of {self.size} cells")
 
-    def box(self, lower: npt.ArrayLike, upper: npt.ArrayLike) -> tuple[slice, slice]:
+    def box(self, lower: ArrayLike, upper: ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
         An edge within 1e-9 m of a cell border takes no further cell; a rectangle without area takes
@@ -232,13 +235,13 @@ class GridGeometry:
             return slice(0, 0), slice(0, 0)
         return rows, columns
 
-    def cropped(self, rows: slice, columns: slice) -> "GridGeometry":
+    def cropped(self, rows: slice, columns: slice) -> GridGeometry:
         """Return the geometry of a block of cells of this grid."""
         first = np.array([rows.start, columns.start])
         size = (rows.stop - rows.start, columns.stop - columns.start)
         return self._derived(size, self.corner - self.resolution * (first + 0.5 * np.array(size)))
 
-    def closest_position(self, positions: npt.ArrayLike) -> Positions:
+    def closest_position(self, positions: ArrayLike) -> Positions:
         """Return each position itself when it is on the map, else the nearest one that is.
 
         Args:
@@ -254,7 +257,7 @@ class GridGeometry:
         clamped = np.clip(positions, lower, upper)
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
-    def bound_position_to_range(self, positions: npt.ArrayLike) -> Positions:
+    def bound_position_to_range(self, positions: ArrayLike) -> Positions:
         """Clamp positions onto the border, then nudge them inside.
 
         The nudge is 10 machine epsilons times the larger of 1 and the magnitude of the coordinate.
@@ -266,7 +269,7 @@ class GridGeometry:
         bounded = np.where(low, epsilon, np.where(high, self.length - epsilon, shifted))
         return bounded + self.position - 0.5 * self.length
 
-    def index_shift(self, position: npt.ArrayLike) -> Size:
+    def index_shift(self, position: ArrayLike) -> Size:
         """Return by how many rows and columns the map moves to come nearest to `position`.
 
         Rounded half away from zero per axis; positive towards +row, that is towards -x.
@@ -277,7 +280,7 @@ class GridGeometry:
             raise GeometryError(f"position {tuple(np.asarray(position).tolist())} is too far away")
         return int(shift[0]), int(shift[1])
 
-    def shifted(self, shift: Size) -> "GridGeometry":
+    def shifted(self, shift: Size) -> GridGeometry:
         """Return the grid moved by whole cells, as counted by `index_shift`."""
         return self._derived(self.size, self.position - self.resolution * np.array(shift))
 
@@ -303,7 +306,7 @@ class GridGeometry:
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
-    def _derived(self, size: Size, position: Positions) -> "GridGeometry":
+    def _derived(self, size: Size, position: Positions) -> GridGeometry:
         """Return a grid of the same cells, unchecked: checks would take most of the time."""
         result = object.__new__(GridGeometry)
         result._set("resolution", self.resolution)

@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The map: named layers over one grid."""
 
+from __future__ import annotations
+
 import operator
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import (
     Cells,
@@ -31,14 +35,19 @@ from ._submap import submap_block
 from ._transform import transformed_map
 
 
-class GridMap:
+class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
 
-    `map[layer]` is the live (rows, cols) array of a layer: writing into it changes the map. Row 0,
+    A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
+    and writing into it changes the map; `map[layer] = values` adds or replaces a layer. Row 0,
     column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
     -x, columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
     rotated (a circular buffer that begins at `start_index`). `axes()`, positions and regions follow
     the rotation; `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
+
+    Two maps are equal if they describe the same world: grid, frame, time, basic layers, and values
+    in map order, where NaN equals NaN. The order of the layers and the start index do not matter.
+    Maps are mutable and cannot be hashed.
 
     Args:
         length: (2,) side lengths along x and y [m], rounded to whole cells.
@@ -60,17 +69,29 @@ class GridMap:
         GridMap(4 x 2 cells of 0.5 m at (0.0, 0.0) in '', layers: elevation)
     """
 
+    __slots__ = (
+        "__weakref__",
+        "_basic_layers",
+        "_frame_id",
+        "_geometry",
+        "_layers",
+        "_start",
+        "_timestamp",
+    )
+    __hash__ = None  # type: ignore[assignment]
+
     def __init__(
         self,
-        length: npt.ArrayLike,
+        length: ArrayLike,
         resolution: float,
-        position: npt.ArrayLike = (0.0, 0.0),
-        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        position: ArrayLike = (0.0, 0.0),
+        layers: Iterable[str] | Mapping[str, ArrayLike] = (),
         *,
         basic_layers: Iterable[str] = (),
         frame_id: str = "",
         timestamp: int = 0,
     ) -> None:
+        """Make a map; the arguments are described at the class."""
         geometry = GridGeometry(
             as_pair(length, "length"), resolution, as_pair(position, "position")
         )
@@ -80,12 +101,12 @@ class GridMap:
     def from_geometry(
         cls,
         geometry: GridGeometry,
-        layers: Iterable[str] | Mapping[str, npt.ArrayLike] = (),
+        layers: Iterable[str] | Mapping[str, ArrayLike] = (),
         *,
         basic_layers: Iterable[str] = (),
         frame_id: str = "",
         timestamp: int = 0,
-    ) -> "GridMap":
+    ) -> GridMap:
         """Return a map over `geometry`; the other arguments are those of the constructor."""
         # The geometry has been checked where it was made.
         grid_map = cls.__new__(cls)
@@ -95,7 +116,7 @@ class GridMap:
     def _set_up(
         self,
         geometry: GridGeometry,
-        layers: Iterable[str] | Mapping[str, npt.ArrayLike],
+        layers: Iterable[str] | Mapping[str, ArrayLike],
         basic_layers: Iterable[str],
         frame_id: str,
         timestamp: int,
@@ -122,6 +143,11 @@ class GridMap:
         return self._geometry.size
 
     @property
+    def shape(self) -> Size:
+        """Shape of every layer: `size` by the name that NumPy has for it."""
+        return self.size
+
+    @property
     def length(self) -> Positions:
         """(2,) side lengths along x and y [m]."""
         return self._geometry.length
@@ -140,7 +166,7 @@ class GridMap:
         return self._geometry.position
 
     @position.setter
-    def position(self, position: npt.ArrayLike) -> None:
+    def position(self, position: ArrayLike) -> None:
         self._geometry = self._geometry.at(position)
 
     @property
@@ -152,7 +178,7 @@ class GridMap:
         return self._start
 
     @start_index.setter
-    def start_index(self, index: npt.ArrayLike) -> None:
+    def start_index(self, index: ArrayLike) -> None:
         start = as_size(index, "start_index")
         self._geometry.check_cells(start, "start_index")
         self._start = start
@@ -198,6 +224,18 @@ class GridMap:
                 f"timestamp: expected an integer of nanoseconds, got {timestamp!r}"
             ) from None
 
+    if not TYPE_CHECKING:  # Type checkers find wrong names themselves.
+
+        def __setattr__(self, name: str, value: object) -> None:
+            try:
+                super().__setattr__(name, value)
+            except AttributeError:
+                if hasattr(type(self), name):
+                    raise
+                raise AttributeError(
+                    f'a map has no attribute {name!r}; to set a layer, write map["{name}"] = values'
+                ) from None
+
     # Layers
 
     def __getitem__(self, layer: str) -> Layer:
@@ -206,7 +244,7 @@ class GridMap:
         except (KeyError, TypeError):
             raise LayerNotFoundError(layer, self._layers) from None
 
-    def __setitem__(self, layer: str, value: npt.ArrayLike) -> None:
+    def __setitem__(self, layer: str, value: ArrayLike) -> None:
         _check_name(layer)
         # `map[layer] += 1` has already written into the layer.
         if layer not in self._layers or value is not self._layers[layer]:
@@ -223,7 +261,50 @@ class GridMap:
     def __iter__(self) -> Iterator[str]:
         return iter(self._layers)
 
-    def add(self, layer: str, value: npt.ArrayLike = np.nan) -> None:
+    def __len__(self) -> int:
+        return len(self._layers)
+
+    def __bool__(self) -> bool:
+        # A map without layers has a place and a size, and `if grid_map:` asks for neither.
+        return True
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, GridMap):
+            return NotImplemented
+        if (
+            self._geometry != other._geometry
+            or (self._frame_id, self._timestamp) != (other._frame_id, other._timestamp)
+            or self._layers.keys() != other._layers.keys()
+            or set(self._basic_layers) != set(other._basic_layers)
+        ):
+            return False
+        return all(
+            np.array_equal(data, other._from_start(other[name], self._start), equal_nan=True)
+            for name, data in self._layers.items()
+        )
+
+    def update(  # type: ignore[override]
+        self,
+        layers: Mapping[str, ArrayLike] | Iterable[tuple[str, ArrayLike]] = (),
+        /,
+        **named: ArrayLike,
+    ) -> None:
+        """Add or replace layers, as `dict.update` does.
+
+        Args:
+            layers: names and values; a map of the same size may be stored from another start index.
+            named: more of them, as keywords.
+        """
+        for name, value in {**dict(self._in_my_order(layers)), **named}.items():
+            self[name] = value
+
+    def setdefault(self, layer: str, default: ArrayLike = np.nan) -> Layer:
+        """Return a layer, which is added with `default` if the map lacks it."""
+        if layer not in self:
+            self[layer] = default
+        return self[layer]
+
+    def add(self, layer: str, value: ArrayLike = np.nan) -> None:
         """Add a layer, or replace it: `map[layer] = value`.
 
         Args:
@@ -232,7 +313,7 @@ class GridMap:
         """
         self[layer] = value
 
-    def with_layers(self, layers: Mapping[str, npt.ArrayLike]) -> "GridMap":
+    def with_layers(self, layers: Mapping[str, ArrayLike]) -> GridMap:
         """Return a map with these layers added or replaced.
 
         The other layers are shared with this map: neither should be written into afterwards.
@@ -240,14 +321,14 @@ class GridMap:
         """
         return self._with({**self._layers, **self._adopted(layers)})
 
-    def without_layers(self, names: Iterable[str]) -> "GridMap":
+    def without_layers(self, names: Iterable[str]) -> GridMap:
         """Return a map without the named layers; the others are shared as in `with_layers`."""
         dropped = _names(names)
         self._check_layers(dropped)
         return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
-    def clear(self, layer: str) -> None:
-        """Set a layer to NaN."""
+    def clear(self, layer: str) -> None:  # type: ignore[override]
+        """Set a layer to NaN; the layer stays."""
         self[layer][...] = np.nan
 
     def clear_basic(self) -> None:
@@ -260,16 +341,16 @@ class GridMap:
         for name in self._layers:
             self.clear(name)
 
-    def copy(self) -> "GridMap":
+    def copy(self) -> GridMap:
         """Return a map with data of its own."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
-    def __copy__(self) -> "GridMap":
+    def __copy__(self) -> GridMap:
         return self.copy()
 
     # Positions and indices
 
-    def is_inside(self, positions: npt.ArrayLike) -> bool | Mask:
+    def is_inside(self, positions: ArrayLike) -> bool | Mask:
         """Tell whether (2,) or (N, 2) positions [m] lie on the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
@@ -277,7 +358,7 @@ class GridMap:
         inside = self._geometry.is_inside(positions)
         return bool(inside) if inside.ndim == 0 else inside
 
-    def get_index(self, position: npt.ArrayLike) -> Size:
+    def get_index(self, position: ArrayLike) -> Size:
         """Return the buffer row and column of the cell under a (2,) position [m].
 
         Raises:
@@ -290,7 +371,7 @@ class GridMap:
             )
         return int(row), int(column)
 
-    def get_indices(self, positions: npt.ArrayLike) -> tuple[Cells, Mask]:
+    def get_indices(self, positions: ArrayLike) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
 
         Args:
@@ -303,7 +384,7 @@ class GridMap:
         """
         return self._geometry.cells_at(positions, self._start)
 
-    def get_position(self, index: npt.ArrayLike) -> Positions:
+    def get_position(self, index: ArrayLike) -> Positions:
         """Return the centre (2,) [m] of the cell at a buffer index.
 
         Raises:
@@ -311,7 +392,7 @@ class GridMap:
         """
         return self.get_positions(as_size(index, "index"))
 
-    def get_positions(self, indices: npt.ArrayLike | None = None) -> Positions:
+    def get_positions(self, indices: ArrayLike | None = None) -> Positions:
         """Return the centres (N, 2) [m] of cells.
 
         Args:
@@ -340,14 +421,14 @@ class GridMap:
         x, y = self._geometry.axes_in_map_order()
         return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
-    def get_closest_position_in_map(self, positions: npt.ArrayLike) -> Positions:
+    def get_closest_position_in_map(self, positions: ArrayLike) -> Positions:
         """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
         return self._geometry.closest_position(positions)
 
     def at_position(
         self,
         layer: str,
-        positions: npt.ArrayLike,
+        positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
     ) -> float | npt.NDArray[np.float64]:
         """Return the values of a layer at positions.
@@ -372,9 +453,7 @@ class GridMap:
 
     # Validity and vectors
 
-    def is_valid(
-        self, index: npt.ArrayLike, layers: str | Iterable[str] | None = None
-    ) -> bool | Mask:
+    def is_valid(self, index: ArrayLike, layers: str | Iterable[str] | None = None) -> bool | Mask:
         """Return whether the cell at a buffer index, or each of many, holds finite data.
 
         Args:
@@ -400,13 +479,13 @@ class GridMap:
             valid &= np.isfinite(self._layers[name])
         return valid
 
-    def get_position3(self, layer: str, index: npt.ArrayLike) -> Positions:
+    def get_position3(self, layer: str, index: ArrayLike) -> Positions:
         """Return (3,) x, y and the value of a layer as z [m]; NaN where the value is not finite."""
         position = self.get_position(index)
         value = float(self[layer][as_size(index, "index")])
         return _finite_or_nan(np.array([*position, value]))
 
-    def get_vector(self, prefix: str, index: npt.ArrayLike) -> Positions:
+    def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
         """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
         cell = as_size(index, "index")
         self._geometry.check_cells(cell)
@@ -415,7 +494,7 @@ class GridMap:
 
     # Moving and cutting
 
-    def move(self, position: npt.ArrayLike) -> list[BufferRegion]:
+    def move(self, position: ArrayLike) -> list[BufferRegion]:
         """Move the map while its data stays where it is in the frame.
 
         Only whole cells move, so that the centre comes within half a cell of `position`. Cells that
@@ -449,7 +528,7 @@ class GridMap:
         """
         return self._from_start(self[layer], (0, 0))
 
-    def set_unwrapped(self, layer: str, value: npt.ArrayLike) -> None:
+    def set_unwrapped(self, layer: str, value: ArrayLike) -> None:
         """Add or replace a layer whose values are in map order.
 
         Args:
@@ -462,7 +541,7 @@ class GridMap:
             back = -self._start[0] % self.size[0], -self._start[1] % self.size[1]
             self._layers[layer] = ring_buffer.unwrapped(self._adopt(layer, value), back)
 
-    def with_start_index(self, index: npt.ArrayLike) -> "GridMap":
+    def with_start_index(self, index: ArrayLike) -> GridMap:
         """Return a copy of the map whose layers are stored from another start index.
 
         `with_start_index((0, 0))` has every layer in map order.
@@ -486,7 +565,7 @@ class GridMap:
         self._layers = {name: self.unwrapped(name) for name in self._layers}
         self._start = (0, 0)
 
-    def get_submap(self, position: npt.ArrayLike, length: npt.ArrayLike) -> "GridMap":
+    def get_submap(self, position: ArrayLike, length: ArrayLike) -> GridMap:
         """Return a copy of the cells that a rectangle overlaps.
 
         The rectangle is clipped to the map; an edge within 1e-9 m of a cell border takes no further
@@ -514,7 +593,7 @@ class GridMap:
         result._basic_layers = self._basic_layers
         return result
 
-    def extend_to_include(self, other: "GridMap") -> None:
+    def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
 
         The cells keep their places and values, new cells are NaN. A map that already covers the
@@ -531,7 +610,7 @@ class GridMap:
 
     def add_data_from(
         self,
-        other: "GridMap",
+        other: GridMap,
         *,
         extend_map: bool,
         overwrite_data: bool,
@@ -561,11 +640,11 @@ class GridMap:
 
     def get_transformed_map(
         self,
-        transform: npt.ArrayLike,
+        transform: ArrayLike,
         height_layer: str,
         frame_id: str,
         sample_ratio: float = 0.0,
-    ) -> "GridMap":
+    ) -> GridMap:
         """Return the map in another frame, as a surface of 3-D points seen from above.
 
         Each cell with a finite height is a point that is rotated and shifted. Where several come
@@ -606,17 +685,23 @@ class GridMap:
         """Return a picture for notebooks that show no tables."""
         return notebook.to_png(self)
 
-    def _add_all(self, layers: Iterable[str] | Mapping[str, npt.ArrayLike]) -> None:
-        values = layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)
-        for name, value in values.items():
-            self.add(name, value)
+    def _add_all(self, layers: Iterable[str] | Mapping[str, ArrayLike]) -> None:
+        self.update(
+            layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)
+        )
 
-    def _adopted(self, layers: Mapping[str, npt.ArrayLike]) -> dict[str, Layer]:
+    def _in_my_order(self, layers: Any) -> Any:
+        """Return layers as they are, those of a map stored from the start index of this one."""
+        if isinstance(layers, GridMap) and layers.size == self.size:
+            return layers if layers._start == self._start else layers.with_start_index(self._start)
+        return layers
+
+    def _adopted(self, layers: Mapping[str, ArrayLike]) -> dict[str, Layer]:
         if not isinstance(layers, Mapping):
             raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
-        return {name: self._adopt(name, data) for name, data in layers.items()}
+        return {n: self._adopt(n, data) for n, data in self._in_my_order(layers).items()}
 
-    def _adopt(self, name: str, data: npt.ArrayLike) -> Layer:
+    def _adopt(self, name: str, data: ArrayLike) -> Layer:
         _check_name(name)
         if (
             isinstance(data, np.ndarray)
@@ -627,7 +712,7 @@ class GridMap:
             return data
         return as_layer(data, self.size, name)
 
-    def _with(self, layers: dict[str, Layer]) -> "GridMap":
+    def _with(self, layers: dict[str, Layer]) -> GridMap:
         result = GridMap.from_geometry(
             self._geometry, frame_id=self.frame_id, timestamp=self.timestamp
         )

@@ -8,12 +8,15 @@ column. An axis therefore gives for every position the places of its cells in th
 weights; beyond the border it repeats the border cell.
 """
 
+from __future__ import annotations
+
 from enum import Enum
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
 from ..arrays._pieces import CHUNK, chunks
@@ -59,7 +62,7 @@ _FALLBACKS = {
 
 
 def interpolate(
-    grid_map: "GridMap", layer: str, positions: npt.ArrayLike, interpolation: Interpolation | str
+    grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Numbers:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
     method = _as_interpolation(interpolation)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Growing a map, and filling it with the data of another one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -20,8 +22,8 @@ _BLOCK = 1 << 15
 
 
 def add_data_from(
-    grid_map: "GridMap",
-    other: "GridMap",
+    grid_map: GridMap,
+    other: GridMap,
     *,
     extend_map: bool,
     overwrite_data: bool,
@@ -43,7 +45,7 @@ def add_data_from(
             _fill(grid_map[name][block].T, source.ravel("F")[cells], overwrite_data)
 
 
-def extended_map(grid_map: "GridMap", other: "GridMap") -> "GridMap":
+def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return a map that covers `other` as well, `grid_map` itself if it does so already."""
     _check_frames(grid_map, other)
     before, after = _missing_cells(grid_map.geometry, other.geometry)
@@ -67,7 +69,7 @@ def extended_map(grid_map: "GridMap", other: "GridMap") -> "GridMap":
     return result
 
 
-def _check_frames(grid_map: "GridMap", other: "GridMap") -> None:
+def _check_frames(grid_map: GridMap, other: GridMap) -> None:
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {other!r}")
     if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
@@ -96,7 +98,7 @@ def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions,
 
 
 def _lines_under(
-    grid_map: "GridMap", other: "GridMap", axis: int
+    grid_map: GridMap, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
     """Return which row (axis 0) or column (axis 1) of `other` lies under each one of `grid_map`.
 

@@ -7,6 +7,8 @@ blue) to the largest (yellow); cells that are NaN are transparent. Layers whose 
 are taken for packed colours.
 """
 
+from __future__ import annotations
+
 import base64
 import html
 from typing import TYPE_CHECKING
@@ -32,7 +34,7 @@ _COLUMNS = ("layer", "min", "max", "mean", "NaN", "")
 _OPAQUE = 255
 
 
-def to_html(grid_map: "GridMap") -> str:
+def to_html(grid_map: GridMap) -> str:
     """Return a table of the layers, with pictures that are part of the text."""
     rows, columns = grid_map.size
     title = (
@@ -45,13 +47,13 @@ def to_html(grid_map: "GridMap") -> str:
     return f"<p>{html.escape(title)}</p><table><tr>{head}</tr>{body}</table>"
 
 
-def to_png(grid_map: "GridMap") -> bytes | None:
+def to_png(grid_map: GridMap) -> bytes | None:
     """Return a picture of the first basic layer, or of the first layer; None without layers."""
     layers = (*grid_map.basic_layers, *grid_map.layers)
     return _png(grid_map, layers[0], PICTURE) if layers else None
 
 
-def _row(grid_map: "GridMap", layer: str) -> str:
+def _row(grid_map: GridMap, layer: str) -> str:
     name = html.escape(layer)
     values = grid_map[layer]
     shown = [f"<b>{name}</b>" if layer in grid_map.basic_layers else name]
@@ -66,7 +68,7 @@ def _row(grid_map: "GridMap", layer: str) -> str:
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in shown) + "</tr>"
 
 
-def _png(grid_map: "GridMap", layer: str, side: int) -> bytes:
+def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     """Return a picture whose longer side has so many pixels."""
     # Layers begin with the largest x and y: that is at the top, but to the left.
     values = grid_map.unwrapped(layer).T[:, ::-1]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """How far every point above and below a height layer is from its surface."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, as_array, as_number
 from ..arrays._pieces import CHUNK, chunks
@@ -73,7 +76,7 @@ class SignedDistanceField:
 
     def __init__(
         self,
-        grid_map: "GridMap",
+        grid_map: GridMap,
         layer: str,
         min_height: float,
         max_height: float,
@@ -128,7 +131,7 @@ class SignedDistanceField:
         """
         return self._distances
 
-    def value(self, points: npt.ArrayLike) -> float | Positions:
+    def value(self, points: ArrayLike) -> float | Positions:
         """Return the signed distance at points.
 
         Args:
@@ -145,7 +148,7 @@ class SignedDistanceField:
         values += self._base
         return float(values[0]) if given.ndim == 1 else values
 
-    def nearest_value(self, points: npt.ArrayLike) -> float | Positions:
+    def nearest_value(self, points: ArrayLike) -> float | Positions:
         """Return the distance at the node nearest to each point, faster than `value`.
 
         Args and errors are those of `value`. Outside, the nearest node is one on the border.
@@ -155,7 +158,7 @@ class SignedDistanceField:
         values += self._base
         return float(values[0]) if given.ndim == 1 else values
 
-    def gradient(self, points: npt.ArrayLike) -> Positions:
+    def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
         They are those of what `value` interpolates. On a plane through nodes, and within 1e-9 m of
@@ -172,7 +175,7 @@ class SignedDistanceField:
         """
         return self.value_and_gradient(points)[1]
 
-    def value_and_gradient(self, points: npt.ArrayLike) -> tuple[float | Positions, Positions]:
+    def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
         """Return what `value` and `gradient` return, for the price of `gradient`."""
         given = _as_points(points)
         values, gradients = self._interpolant.values_and_gradients(given.reshape(-1, 3))
@@ -207,7 +210,7 @@ class SignedDistanceField:
             f"z from {self._levels[0]:g} to {self._levels[-1]:g} m, in {self._frame_id!r})"
         )
 
-    def _interpolation(self) -> tuple[float, "_Trilinear"]:
+    def _interpolation(self) -> tuple[float, _Trilinear]:
         """Return a number to add to every value, and the rest as a function of the point."""
         x, y = self._geometry.axes_in_map_order()
         first = np.array([x[0], y[0], self._levels[0]])
@@ -369,14 +372,14 @@ def _fractions(places: _Coordinates, cells: _Coordinates) -> list[npt.NDArray[np
     return [(place - cell).astype(np.float32) for place, cell in zip(places, cells, strict=True)]
 
 
-def _as_points(values: npt.ArrayLike) -> Positions:
+def _as_points(values: ArrayLike) -> Positions:
     points: Positions = as_array(values, np.float64, "points")
     if points.ndim not in {1, 2} or points.shape[-1] != 3:
         raise GeometryError(f"points: expected x, y, z of shape (3,) or (N, 3), got {points.shape}")
     return points
 
 
-def _heights(grid_map: "GridMap", layer: str, unknown: str | None) -> Layer:
+def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
     """Return the heights (rows, cols) in map order, C order; -inf where there is no column."""
     if unknown not in (None, "free"):
         raise GridMapError(f"unknown: expected None or 'free', got {unknown!r}")
@@ -425,7 +428,7 @@ def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
     return np.moveaxis(distances, 0, 2)
 
 
-def _to_nearest(upper: npt.ArrayLike, lower: npt.ArrayLike, resolution: float) -> Layer:
+def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return how far each cell is from the nearest end of a vertical gap over any cell.
 
     The gap reaches from `lower` up to `upper`, of which one is a number and one (rows, cols); it
@@ -438,7 +441,7 @@ def _to_nearest(upper: npt.ArrayLike, lower: npt.ArrayLike, resolution: float) -
     return np.sqrt(squares, out=squares)
 
 
-def _squared_gaps(upper: npt.ArrayLike, lower: npt.ArrayLike) -> Layer:
+def _squared_gaps(upper: ArrayLike, lower: ArrayLike) -> Layer:
     # The difference of large heights may be small.
     gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
     np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which cells a submap takes."""
 
-import numpy.typing as npt
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import as_pair, as_text
 from ..errors import GeometryError, OutOfMapError
@@ -10,7 +12,7 @@ from ._geometry import GridGeometry
 
 
 def submap_block(
-    geometry: GridGeometry, position: npt.ArrayLike, length: npt.ArrayLike
+    geometry: GridGeometry, position: ArrayLike, length: ArrayLike
 ) -> tuple[slice, slice]:
     """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A map seen from another coordinate frame."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Mask, Size, as_number
 from ..errors import GeometryError
@@ -31,12 +34,12 @@ _Indices: TypeAlias = npt.NDArray[np.intp]
 
 
 def transformed_map(
-    grid_map: "GridMap",
-    transform: npt.ArrayLike,
+    grid_map: GridMap,
+    transform: ArrayLike,
     height_layer: str,
     frame_id: str,
     sample_ratio: float = 0.0,
-) -> "GridMap":
+) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)
     steps = _sample_steps(sample_ratio, grid_map.resolution)
@@ -59,7 +62,7 @@ def transformed_map(
     return result
 
 
-def _as_rigid(transform: npt.ArrayLike) -> _Numbers:
+def _as_rigid(transform: ArrayLike) -> _Numbers:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
     try:
         # By way of objects nothing is converted silently, such as complex numbers.

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts that the cell shapes are made of."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
@@ -21,7 +23,7 @@ _BAND = 2**13
 
 
 def cells_inside(
-    grid_map: "GridMap",
+    grid_map: GridMap,
     lower: Positions,
     upper: Positions,
     contains: Callable[[Positions, Positions], Mask],
@@ -42,7 +44,7 @@ def cells_inside(
     return cells_of_mask(grid_map, rows, columns, mask)
 
 
-def cells_of_mask(grid_map: "GridMap", rows: slice, columns: slice, mask: Mask) -> Cells:
+def cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
     """Return the cells (rows, cols) of a block where `mask` is true, row after row."""
     cells = empty_cells(int(np.count_nonzero(mask)))
     width, done = mask.shape[1], 0
@@ -59,7 +61,7 @@ def cells_of_mask(grid_map: "GridMap", rows: slice, columns: slice, mask: Mask) 
     return cells
 
 
-def cells_of_runs(grid_map: "GridMap", first_row: int, start: Integers, stop: Integers) -> Cells:
+def cells_of_runs(grid_map: GridMap, first_row: int, start: Integers, stop: Integers) -> Cells:
     """Return the cells (rows, cols) of one run per row, row after row.
 
     Args:

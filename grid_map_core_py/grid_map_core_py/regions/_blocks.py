@@ -2,26 +2,32 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Cells of the whole map and of rectangular blocks, and masks of cells."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Mask, as_size
 from ..errors import GeometryError
 from ..map._ring_buffer import place
+from ._assembly import empty_cells
 
 if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 
-def map_cells(grid_map: "GridMap") -> Cells:
+def map_cells(grid_map: GridMap) -> Cells:
     """Return all cells (rows, cols), column after column of the buffer."""
     rows, columns = grid_map.size
-    return np.tile(np.arange(rows), columns), np.arange(columns).repeat(rows)
+    cells = empty_cells(rows * columns)
+    cells[0].reshape(columns, rows)[...] = np.arange(rows)
+    cells[1].reshape(columns, rows)[...] = np.arange(columns)[:, None]
+    return cells
 
 
-def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.ArrayLike) -> Cells:
+def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
     """Return the cells (rows, cols) of a block, row after row of the map.
 
     Cells beyond the map are left out.
@@ -49,7 +55,7 @@ def submap_cells(grid_map: "GridMap", start_index: npt.ArrayLike, size: npt.Arra
     return rows.repeat(columns.size), np.tile(columns, rows.size)
 
 
-def cells_to_mask(grid_map: "GridMap", cells: npt.ArrayLike) -> Mask:
+def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
     """Return a mask (rows, cols) of the layers that is True in the given cells.
 
     Masks combine with `&`, `|` and `~`:

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells of a disc."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, as_pair
 from ._assembly import cells_of_runs, checked_radius
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 
-def circle_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
+def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) whose centre lies in a disc, row after row.
 
     The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells of an ellipse."""
 
+from __future__ import annotations
+
 import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Mask, Positions, as_number, as_pair
 from ..errors import GeometryError
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def ellipse_cells(
-    grid_map: "GridMap", center: npt.ArrayLike, length: npt.ArrayLike, rotation: float = 0.0
+    grid_map: GridMap, center: ArrayLike, length: ArrayLike, rotation: float = 0.0
 ) -> Cells:
     """Return the cells (rows, cols) whose centre lies in an ellipse, row after row.
 

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells along a straight line."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Mask, Positions, Size, as_pair, as_size, as_text
 from ..errors import OutOfMapError
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 
-def line_cells(grid_map: "GridMap", start: npt.ArrayLike, end: npt.ArrayLike) -> Cells:
+def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
     """Return the cells (rows, cols) along a line, from its start to its end.
 
     The line is clipped to the map. It is drawn after Bresenham between the cells of its two ends,
@@ -38,9 +40,7 @@ def line_cells(grid_map: "GridMap", start: npt.ArrayLike, end: npt.ArrayLike) ->
     return _drawn(grid_map, (first_row, first_column), (last_row, last_column))
 
 
-def line_cells_between(
-    grid_map: "GridMap", start_index: npt.ArrayLike, end_index: npt.ArrayLike
-) -> Cells:
+def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
     """Return the cells (rows, cols) along the line between two cells.
 
     Both ends are included. See `line_cells`.
@@ -58,7 +58,7 @@ def line_cells_between(
     return _drawn(grid_map, first, last)
 
 
-def _drawn(grid_map: "GridMap", first: Size, last: Size) -> Cells:
+def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     """Return the buffer cells of Bresenham's line between two cells of the map.
 
     The axis with more steps takes one per cell. After k of n cells, the other axis has taken

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Polygons in the plane of the map."""
 
+from __future__ import annotations
+
 import math
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Mask, Positions, as_number, as_numbers, as_pair, as_positions
 from ..errors import GeometryError
@@ -48,7 +51,7 @@ class Polygon:
 
     __slots__ = ("_vertices",)
 
-    def __init__(self, vertices: npt.ArrayLike) -> None:
+    def __init__(self, vertices: ArrayLike) -> None:
         given = as_numbers(vertices, "vertices")
         points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices").copy()
         if points.ndim != 2 or not np.isfinite(points).all():
@@ -57,12 +60,12 @@ class Polygon:
         self._vertices = points
 
     @classmethod
-    def of(cls, polygon: "Polygon | npt.ArrayLike") -> "Polygon":
+    def of(cls, polygon: Polygon | ArrayLike) -> Polygon:
         """Return a polygon itself, or the one with these (V, 2) vertices [m]."""
         return polygon if isinstance(polygon, Polygon) else cls(polygon)
 
     @classmethod
-    def from_circle(cls, center: npt.ArrayLike, radius: float, n: int = 20) -> "Polygon":
+    def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
         """Return a circle as `n` vertices, counter-clockwise; the last one lies on the first.
 
         Args:
@@ -77,8 +80,8 @@ class Polygon:
 
     @classmethod
     def convex_hull_of_two_circles(
-        cls, center1: npt.ArrayLike, center2: npt.ArrayLike, radius: float, n: int = 20
-    ) -> "Polygon":
+        cls, center1: ArrayLike, center2: ArrayLike, radius: float, n: int = 20
+    ) -> Polygon:
         """Return the hull of two circles of one radius: half a circle round each, then joined.
 
         Args:
@@ -101,7 +104,7 @@ class Polygon:
         )
 
     @classmethod
-    def convex_hull(cls, *polygons: "Polygon | npt.ArrayLike") -> "Polygon":
+    def convex_hull(cls, *polygons: Polygon | ArrayLike) -> Polygon:
         """Return the convex hull of polygons, counter-clockwise from the vertex of smallest x, y.
 
         Vertices in the middle of an edge are left out (Andrew's monotone chain).
@@ -158,7 +161,7 @@ class Polygon:
         lower, upper = self._vertices.min(axis=0), self._vertices.max(axis=0)
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
-    def is_inside(self, points: npt.ArrayLike) -> bool | Mask:
+    def is_inside(self, points: ArrayLike) -> bool | Mask:
         """Tell which points lie inside, by the even-odd rule.
 
         A point on an edge on the left or below is inside, on the right or above it is outside.
@@ -177,7 +180,7 @@ class Polygon:
             inside[first : first + step] = self._is_inside(*flat[first : first + step].T)
         return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
 
-    def thicken_line(self, thickness: float) -> "Polygon":
+    def thicken_line(self, thickness: float) -> Polygon:
         """Return the rectangle that reaches `thickness` [m] to both sides of a line.
 
         Raises:
@@ -190,7 +193,7 @@ class Polygon:
         across = np.array([y, -x])
         return Polygon([start + across, start - across, end - across, end + across])
 
-    def offset_inward(self, margin: float) -> "Polygon":
+    def offset_inward(self, margin: float) -> Polygon:
         """Return the polygon with its edges moved inwards by `margin` [m]; outwards if negative.
 
         Meant for convex polygons: at a vertex that points inwards the edges move the other way.
@@ -239,7 +242,7 @@ class Polygon:
         a = normals / distance[scaled, None]
         return a, 1.0 + a @ mean
 
-    def triangulate(self) -> "list[Polygon]":
+    def triangulate(self) -> list[Polygon]:
         """Return triangles that all have the first vertex in common: a fan.
 
         They cover a convex polygon. There are none for fewer than 3 vertices.

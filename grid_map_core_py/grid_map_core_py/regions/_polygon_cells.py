@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells of a polygon."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Mask, Positions
 from ._assembly import cells_of_mask, empty_cells
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 
-def polygon_cells(grid_map: "GridMap", polygon: Polygon | npt.ArrayLike) -> Cells:
+def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     """Return the cells (rows, cols) whose centre lies in a polygon, row after row.
 
     They are those whose centre `Polygon.is_inside` takes, without the cells beyond the map.

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A window around every cell."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from itertools import product
@@ -21,7 +23,7 @@ with NaN, or padded with the mean of its finite values."""
 
 
 def sliding_windows(
-    grid_map: "GridMap",
+    grid_map: GridMap,
     layer: str,
     edge_handling: EdgeHandling = "crop",
     window_size: int | None = None,
@@ -58,7 +60,7 @@ def sliding_windows(
 
 
 def window_array(
-    grid_map: "GridMap",
+    grid_map: GridMap,
     layer: str,
     edge_handling: EdgeHandling = "empty",
     window_size: int | None = None,

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The cells of a disc from the inside out."""
 
+from __future__ import annotations
+
 import math
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Integers, Mask, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
@@ -26,7 +28,7 @@ FAR = 2.0**30
 """Cells; farther away, the square of a distance would not be an integer any more."""
 
 
-def spiral_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> Cells:
+def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
     A cell belongs to the ring of its distance from the centre cell, in cells, rounded down. A ring
@@ -48,7 +50,7 @@ def spiral_cells(grid_map: "GridMap", center: npt.ArrayLike, radius: float) -> C
     return _sorted(grid_map, circle_cells(grid_map, centre, radius), middle)
 
 
-def _sorted(grid_map: "GridMap", cells: Cells, middle: Size) -> Cells:
+def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
     """Sort cells in place; each axis on its own takes less memory."""
     ring = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in ring:
@@ -82,7 +84,7 @@ def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     return row, column
 
 
-def _cut_out(grid_map: "GridMap", centre: Positions, middle: Size, limit: float) -> Cells:
+def _cut_out(grid_map: GridMap, centre: Positions, middle: Size, limit: float) -> Cells:
     """Return the spiral out of the kept one; only the outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))

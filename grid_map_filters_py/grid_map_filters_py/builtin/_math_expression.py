@@ -31,9 +31,8 @@ class MathExpression:
         object.__setattr__(self, "_parsed", Expression(self.expression))
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        layers = {name: grid_map[name] for name in grid_map}
         with np.errstate(over="ignore"):
-            result = np.asarray(self._parsed(layers), dtype=np.float32)
+            result = np.asarray(self._parsed(grid_map), dtype=np.float32)
         if result.ndim and result.shape != grid_map.size:
             raise ExpressionError(
                 f"{self.expression!r} gives a matrix of shape {result.shape}; "

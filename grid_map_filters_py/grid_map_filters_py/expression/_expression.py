@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grid_map_core_py import GridMap
+
 from ..errors import ExpressionError
 from ._checks import check
 from ._faults import Fault, to_error
@@ -73,15 +75,19 @@ class Expression:
         accumulate in double precision. Infinities and NaN follow IEEE 754, silently.
 
         Args:
-            layers: (rows, columns) arrays by name; a layer hides the function or the constant of
-                the same name. Only those that the expression names are touched, and never changed.
+            layers: a map, or (rows, columns) arrays by name; a layer hides the function or the
+                constant of the same name. Only those that the expression names are touched, and
+                never changed.
 
         Returns:
-            A new float32 matrix, or a number where the expression reduces to one.
+            A new float32 matrix, or a number where the expression reduces to one. That of a map
+            that has moved is in the order of its layers: `map["out"] = expression(map)`.
 
         Raises:
             ExpressionError: a layer is missing, or shapes or indices do not fit.
         """
+        if isinstance(layers, GridMap) and layers.start_index != (0, 0):
+            return self._of_moved_map(layers)
         available = ", ".join(sorted(layers)) or "none"
         used = self._places.keys() & layers.keys()
         try:
@@ -94,6 +100,14 @@ class Expression:
         if isinstance(result, float) or result.flags.writeable:
             return result
         return result.copy(order="K")
+
+    def _of_moved_map(self, grid_map: GridMap) -> NDArray[np.float32] | float:
+        result = self({name: grid_map.unwrapped(name) for name in grid_map})
+        if isinstance(result, float) or result.shape != grid_map.size:
+            return result
+        stored = grid_map.without_layers(grid_map)
+        stored.set_unwrapped("result", result)
+        return stored["result"]
 
     def over_windows(
         self,
