@@ -7,10 +7,10 @@ from rclpy.serialization import deserialize_message
 from terrain import terrain
 from visualization_msgs.msg import Marker
 
-from grid_map_visualization_py.builtin._contours import Contours
-from grid_map_visualization_py.builtin._image import Image
-from grid_map_visualization_py.builtin._surface import Surface
-from grid_map_visualization_py.builtin._vectors import Vectors
+from grid_map_visualization_py.builtin._contours import ContoursVisualization
+from grid_map_visualization_py.builtin._image import ImageVisualization
+from grid_map_visualization_py.builtin._surface import SurfaceVisualization
+from grid_map_visualization_py.builtin._vectors import VectorsVisualization
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Surface as Triangles
 
@@ -25,7 +25,7 @@ def triangle_count(heights):
 
 
 def test_surface(measure, cells):
-    show, grid_map = Surface(), terrain(cells)
+    show, grid_map = SurfaceVisualization(), terrain(cells)
     data = measure("surface, map to bytes", cells, lambda: show(grid_map))
     corners = 3 * triangle_count(grid_map["elevation"])
     assert 0 < len(data) - BYTES_PER_CORNER * corners < 400
@@ -40,7 +40,7 @@ def test_mesh(measure, cells):
 
 
 def test_vectors(measure, cells):
-    show = Vectors(layer_prefix="normal_vectors_", position_layer="elevation")
+    show = VectorsVisualization(layer_prefix="normal_vectors_", position_layer="elevation")
     grid_map = terrain(cells, layers=4)
     data = measure("vectors, map to bytes", cells, lambda: show(grid_map))
     lines = np.isfinite([grid_map[f"normal_vectors_{axis}"] for axis in "xyz"]).all(axis=0)
@@ -49,13 +49,13 @@ def test_vectors(measure, cells):
 
 
 def test_contours(measure, cells):
-    show, grid_map = Contours(layer="elevation", interval=0.1), terrain(cells)
+    show, grid_map = ContoursVisualization(layer="elevation", interval=0.1), terrain(cells)
     data = measure("contours every 0.1", cells, lambda: show(grid_map))
     heights = np.array([point.z for point in deserialize_message(data, Marker).points])
     np.testing.assert_allclose(np.unique(heights), np.arange(-3, 4) * 0.1, atol=1e-12)
 
 
 def test_image(measure, cells):
-    show, grid_map = Image(layer="elevation"), terrain(cells)
-    image = measure("image by a colour map", cells, lambda: show(grid_map))
+    show, grid_map = ImageVisualization(layer="elevation"), terrain(cells)
+    image = measure("image by a color map", cells, lambda: show(grid_map))
     assert (image.height, image.width, len(image.data)) == (cells, cells, 3 * cells**2)

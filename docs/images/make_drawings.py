@@ -92,7 +92,7 @@ class View:
         )
 
     def cells(self, grid_map: GridMap, words: Callable[[tuple[int, int]], tuple[str, str]]) -> None:
-        """Draw the cells of a map where they lie, with a word and a colour for each index."""
+        """Draw the cells of a map where they lie, with a word and a color for each index."""
         side = self.scale * grid_map.resolution
         for index in ((i, j) for i in range(grid_map.size[0]) for j in range(grid_map.size[1])):
             x, y = self.place(grid_map.get_position(index))
@@ -114,7 +114,7 @@ class View:
 
 
 def letters(grid_map: GridMap) -> Callable[[tuple[int, int]], tuple[str, str]]:
-    """Return what shows the data of a map: letters, or nothing in another colour for NaN."""
+    """Return what shows the data of a map: letters, or nothing in another color for NaN."""
 
     def shown(index: tuple[int, int]) -> tuple[str, str]:
         value = grid_map["data"][index]
@@ -139,10 +139,10 @@ def axes() -> Figure:
     corners = {(0, 0): FIRST}
     view.cells(grid_map, lambda index: (f"{index[0]}, {index[1]}", corners.get(index, OLD)))
     view.axes(1.6)
-    centre = view.place(grid_map.position)
-    figure.line(centre, (centre[0] + 104, centre[1]), stroke=AXIS, stroke_dasharray="2 3")
-    figure.dot(centre, AXIS)
-    figure.text((centre[0] + 134, centre[1]), "position", fill=AXIS)
+    center = view.place(grid_map.position)
+    figure.line(center, (center[0] + 104, center[1]), stroke=AXIS, stroke_dasharray="2 3")
+    figure.dot(center, AXIS)
+    figure.text((center[0] + 134, center[1]), "position", fill=AXIS)
     left, top = view.place(grid_map.position + grid_map.length / 2)
     right, bottom = view.place(grid_map.position - grid_map.length / 2)
     figure.arrow((left, top - 14), (right, top - 14))

@@ -39,7 +39,7 @@ Draw = Callable[[Axes, GridMap], None]
 
 
 def shaded(layer: str, limits: tuple[float, float] = (-0.6, 1.0)) -> Draw:
-    """Return what draws heights: colours by height, in the light from the upper left."""
+    """Return what draws heights: colors by height, in the light from the upper left."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         heights = upright(grid_map.unwrapped(layer)).astype(np.float64)
@@ -58,7 +58,7 @@ def shaded(layer: str, limits: tuple[float, float] = (-0.6, 1.0)) -> Draw:
 def values(
     layer: str, limits: tuple[float, float] | None = None, colors: str = "viridis", unit: str = ""
 ) -> Draw:
-    """Return what draws a layer by a colour bar; grey where it is missing."""
+    """Return what draws a layer by a color bar; gray where it is missing."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         numbers = upright(grid_map.unwrapped(layer))
@@ -72,7 +72,7 @@ def values(
 
 
 def rgb(layer: str) -> Draw:
-    """Return what draws a layer of packed colours."""
+    """Return what draws a layer of packed colors."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         image = color_value_to_vector(upright(grid_map.unwrapped(layer)))
@@ -113,7 +113,7 @@ def show(axes: Axes, image: object, title: str, **style: object) -> object:
 
 
 def colored(name: str) -> object:
-    """Return a colour map whose missing values are grey."""
+    """Return a color map whose missing values are gray."""
     return matplotlib.colormaps[name].with_extremes(bad=MISSING)
 
 
@@ -138,20 +138,20 @@ def scene() -> GridMap:
     spread = 0.01 + 0.02 * (x - x.min()) ** 2 / 5
     grid_map["variance"] = np.where((x > 1.9) & (y > 0.9), np.nan, spread)
     grid_map["color"] = checkered(x, y, ground)
-    for centre, radii in [
+    for center, radii in [
         ((-0.2, -0.4), (0.35, 0.2)),
         ((-1.9, -1.0), (0.18, 0.18)),
         ((1.55, 0.7), (0.3, 0.45)),
         ((2.7, -1.2), (0.5, 0.35)),
     ]:
-        ground[((x - centre[0]) / radii[0]) ** 2 + ((y - centre[1]) / radii[1]) ** 2 < 1] = np.nan
+        ground[((x - center[0]) / radii[0]) ** 2 + ((y - center[1]) / radii[1]) ** 2 < 1] = np.nan
     ground[random.random(ground.shape) < 0.01] = np.nan
     grid_map["elevation"] = ground
     return FilterChain.from_config(PREPARATION)(grid_map)
 
 
 def checkered(x: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Return the colours of a camera: tints by height on a chequered floor."""
+    """Return the colors of a camera: tints by height on a chequered floor."""
     tints = matplotlib.colormaps["terrain"](0.25 + 0.6 * (heights + 0.3))[..., :3]
     floor = np.where((np.floor(x / 0.6) + np.floor(y / 0.6)) % 2, 1.0, 0.75)
     return color_vector_to_value(np.clip(tints * floor[..., None], 0, 1))

@@ -70,7 +70,7 @@ def draw_image(axes: Axes, message: Image) -> None:
 
 
 def draw_occupancy_grid(axes: Axes, message: OccupancyGrid) -> None:
-    """Draw an occupancy grid in the colours of RViz."""
+    """Draw an occupancy grid in the colors of RViz."""
     info = message.info
     cells = np.array(message.data, np.float64).reshape(info.height, info.width)
     shown = np.where(cells < 0, np.nan, cells)
@@ -92,7 +92,7 @@ def draw_grid_cells(axes: Axes, message: GridCells) -> None:
 
 
 def draw_point_cloud(axes: Axes, message: PointCloud2) -> None:
-    """Draw points, coloured by the elevation."""
+    """Draw points, colored by the elevation."""
     fields = read_points(message)
     values = fields.get("elevation", fields["z"])
     axes.scatter(fields["x"], fields["y"], fields["z"], c=values, s=3.0, cmap="viridis")

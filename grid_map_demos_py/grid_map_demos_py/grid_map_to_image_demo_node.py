@@ -37,7 +37,7 @@ class Picture:
     Attributes:
         layer: the layer.
         bits: 8 or 16, per channel.
-        is_color: whether it holds packed colours; grey values otherwise.
+        is_color: whether it holds packed colors; gray values otherwise.
         is_transparent: whether there is an alpha channel, 0 where cells have no value.
         lower, upper: values of black and white; None for the smallest and the largest.
     """
@@ -50,7 +50,7 @@ class Picture:
     upper: float | None = None
 
     def draw(self, grid_map: GridMap) -> Image:
-        """Return the image; its colours are BGR, as OpenCV writes them."""
+        """Return the image; its colors are BGR, as OpenCV writes them."""
         dtype = DTYPES[self.bits]
         if self.is_color:
             return to_color_image(grid_map, self.layer, dtype, 4 if self.is_transparent else 3)
@@ -122,7 +122,7 @@ class GridMapToImageDemoNode(Node):
                 "is_color",
                 bool,
                 layer == COLOR_LAYER,
-                description="whether the layer holds packed colours; by default only `color` does",
+                description="whether the layer holds packed colors; by default only `color` does",
             ),
             is_transparent=read_parameter(
                 self,

@@ -3,7 +3,7 @@
 """Node `image_publisher`: publishes an image file, again and again.
 
 The file is read anew each time, so that what a drawing program saves is seen at once. It may have 8
-or 16 bits or floats per channel, be grey or coloured, and have an alpha channel.
+or 16 bits or floats per channel, be gray or colored, and have an alpha channel.
 """
 
 import array
@@ -29,7 +29,7 @@ from grid_map_ros_py.nodes import (
 
 from .share import share, user_path
 
-# OpenCV has colours in the order BGR.
+# OpenCV has colors in the order BGR.
 NAMES = ("mono8", "bgr8", "bgra8", "mono16", "bgr16", "bgra16")
 FLOAT_NAMES = ("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4")
 ENCODING_OF = {
@@ -39,7 +39,7 @@ ENCODING_OF = {
 
 
 def read_image(path: Path) -> core.Image:
-    """Return the pixels (rows, cols, channels) of a file, as they are in it; colours are BGR.
+    """Return the pixels (rows, cols, channels) of a file, as they are in it; colors are BGR.
 
     Raises:
         ConfigError: the file cannot be read, or is no image that a message can hold.

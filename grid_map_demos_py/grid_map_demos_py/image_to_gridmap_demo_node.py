@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_to_gridmap_demo`: bright pixels become high ground.
 
-Listens to images, and publishes `grid_map` with the layers `elevation`, from the grey values, and
+Listens to images, and publishes `grid_map` with the layers `elevation`, from the gray values, and
 `color`. The first image decides how many cells the map has; later ones must have as many pixels.
 Transparent pixels become cells without a value.
 """

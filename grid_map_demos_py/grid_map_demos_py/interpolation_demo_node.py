@@ -35,7 +35,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""So many rows and columns on each side do not count: there a method lacks neighbours."""
+"""So many rows and columns on each side do not count: there a method lacks neighbors."""
 
 MOST_CELLS = 4_000_000
 
@@ -85,13 +85,13 @@ METHODS = {
 
 
 def sampled(world: World, geometry: GridGeometry) -> GridMap:
-    """Return the heights of a world at the cell centres of a map."""
+    """Return the heights of a world at the cell centers of a map."""
     x, y = geometry.axes_in_map_order()
     return GridMap.from_geometry(geometry, {LAYER: world(x[:, None], y)}, frame_id="map")
 
 
 def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -> GridMap:
-    """Return the heights at the cell centres of a map as a method makes them of data."""
+    """Return the heights at the cell centers of a map as a method makes them of data."""
     result = GridMap.from_geometry(geometry, frame_id=data.frame_id)
     heights = np.asarray(data.at_position(LAYER, result.get_positions(), method))
     result[LAYER] = heights.reshape(result.size, order="F")

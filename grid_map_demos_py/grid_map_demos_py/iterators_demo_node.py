@@ -109,10 +109,10 @@ def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
     yield Step(REGION_PAUSE)
 
 
-def square(grid_map: GridMap, centre: Positions) -> Polygon:
+def square(grid_map: GridMap, center: Positions) -> Polygon:
     """Return the outline of the window around a position (2,)."""
     corners = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
-    return Polygon(centre + 0.5 * WINDOW * grid_map.resolution * corners)
+    return Polygon(center + 0.5 * WINDOW * grid_map.resolution * corners)
 
 
 class IteratorsDemoNode(Node):

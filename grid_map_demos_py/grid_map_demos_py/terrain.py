@@ -67,7 +67,7 @@ def _load_posts(path: Path) -> npt.NDArray[np.float32]:
 
 
 def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-    """Return (rows, cols, 3) colours of (rows, cols) heights: green valleys, white summits."""
+    """Return (rows, cols, 3) colors of (rows, cols) heights: green valleys, white summits."""
     share = (heights - heights.min()) / max(float(np.ptp(heights)), 1e-9)
     tints = [(0.18, 0.42, 0.24), (0.62, 0.68, 0.38), (0.62, 0.47, 0.32), (0.96, 0.95, 0.94)]
     stops = np.linspace(0.0, 1.0, len(tints))
@@ -79,9 +79,9 @@ def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float
 def _punch_holes(grid_map: GridMap) -> None:
     """Set discs to NaN; always the same ones."""
     random = np.random.default_rng(7)
-    centres = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
+    centers = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
     radii = random.uniform(0.5, LARGEST_HOLE, HOLES) * grid_map.resolution
-    for centre, radius in zip(centres, radii, strict=True):
-        cells = circle_cells(grid_map, centre, radius)
+    for center, radius in zip(centers, radii, strict=True):
+        cells = circle_cells(grid_map, center, radius)
         for layer in grid_map:
             grid_map[layer][cells] = np.nan

@@ -3,7 +3,7 @@
 """Node `grid_map_tutorial_demo`: a tour of the library in one loop.
 
 A wave with its normal vectors is covered with noise and outliers, cleaned in a part of the map by
-a weighted mean of the neighbours, and compared with what it was. Publishes all layers on
+a weighted mean of the neighbors, and compared with what it was. Publishes all layers on
 `grid_map`, 30 times a second, and logs once a second how large the error is.
 """
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""PNG files, written without OpenCV, so that the order of colours is beyond doubt."""
+"""PNG files, written without OpenCV, so that the order of colors is beyond doubt."""
 
 import struct
 import zlib
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 COLOR_TYPES = {1: 0, 3: 2, 4: 6}
-"""Of PNG, by number of channels: grey, red-green-blue, and the same with alpha."""
+"""Of PNG, by number of channels: gray, red-green-blue, and the same with alpha."""
 
 
 def write_png(path: Path, pixels: np.ndarray) -> None:

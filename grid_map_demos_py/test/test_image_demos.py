@@ -34,7 +34,7 @@ PIXELS = {
     "bgra8": [[[255, 10, 20, 0], [30, 254, 40, 128], [50, 60, 253, 255]]],
     "bgra16": [[[65535, 10, 20, 0], [30, 65534, 40, 300], [50, 60, 65533, 65535]]],
 }
-"""By the encoding that messages should have; colours as red, green, blue."""
+"""By the encoding that messages should have; colors as red, green, blue."""
 
 
 # --- from files to messages -----------------------------------------------------------------------
@@ -56,7 +56,7 @@ def test_a_message_holds_the_pixels_of_the_file(encoding, tmp_path):
 @pytest.mark.parametrize("channels", [1, 3])
 def test_floats_stay_floats(channels, tmp_path):
     values = np.linspace(-1e3, 1e3, 6 * channels, dtype=np.float32).reshape(2, 3, channels)
-    # Without compression, as older versions of OpenCV compress colours with loss.
+    # Without compression, as older versions of OpenCV compress colors with loss.
     uncompressed = [cv2.IMWRITE_TIFF_COMPRESSION, 1]
     assert cv2.imwrite(str(tmp_path / "image.tiff"), values, uncompressed)
     message = to_message(read_image(tmp_path / "image.tiff"))

@@ -33,7 +33,7 @@ def module(demo: str) -> str:
 # --- image_publisher ------------------------------------------------------------------------------
 
 
-def test_the_terrain_is_published_as_an_image_and_as_a_map_of_its_heights_and_colours():
+def test_the_terrain_is_published_as_an_image_and_as_a_map_of_its_heights_and_colors():
     terrain = cv2.imread(str(DATA / "terrain.png"), cv2.IMREAD_UNCHANGED)
     with peer() as other:
         other.listen("/image", Image)
@@ -99,15 +99,15 @@ def image_message(encoding: str, pixels: np.ndarray, **fields: object) -> Image:
 
 
 def test_the_first_image_sets_the_size_and_others_of_that_size_follow():
-    grey = np.array([[0, 65535, 13107], [52428, 26214, 39321]], "<u2")
+    gray = np.array([[0, 65535, 13107], [52428, 26214, 39321]], "<u2")
     green_and_glass = np.array([[[0, 255, 0, 255]] * 3, [[10, 20, 30, 100]] * 3], np.uint8)
     given = parameters("min_height:=1", "max_height:=-1.0", "resolution:=0.5", "map_frame_id:=odom")
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node(module("image_to_gridmap_demo"), *given) as demo:
-            other.publish("/image", image_message("mono16", grey, sec=7))
+            other.publish("/image", image_message("mono16", gray, sec=7))
             first = from_message(other.expect("/grid_map", 1))
-            for wrong in (grey[:1], grey[:, :2]):
+            for wrong in (gray[:1], gray[:, :2]):
                 other.publish("/image", image_message("mono16", wrong))
                 found = f"({wrong.shape[0]}, {wrong.shape[1]})"
                 other.wait_until(lambda text=found: text in demo.text, "a warning")
@@ -216,7 +216,7 @@ def test_a_layer_is_saved_with_16_bits_bounds_and_transparency(moved_map, saved)
     np.testing.assert_array_equal(image[..., 3], np.where(np.isnan(values), 0, 65535))
 
 
-def test_colours_are_saved_as_colours(saved):
+def test_colors_are_saved_as_colors(saved):
     blue, green, red, alpha = np.moveaxis(saved["color.png"], -1, 0)
     assert (red[0, 0], green[0, 0], blue[0, 0], alpha[0, 0]) == (0xFF, 0x80, 0x01, 255)
     assert np.count_nonzero(alpha) == 1

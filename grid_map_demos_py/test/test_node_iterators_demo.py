@@ -46,7 +46,7 @@ def shown(title: str) -> np.ndarray:
 
 
 def distances() -> np.ndarray:
-    """Return (rows, cols) the distances of all cells from the centre [m]."""
+    """Return (rows, cols) the distances of all cells from the center [m]."""
     x, y = make_map().axes()
     return np.hypot(x[:, None] - CENTRE[0], y - CENTRE[1])
 
@@ -96,7 +96,7 @@ def test_the_star_is_the_same_on_both_sides():
     assert not star[0].any()
 
 
-def test_the_spiral_ends_far_from_the_centre():
+def test_the_spiral_ends_far_from_the_center():
     before = np.isnan(scenes()["a spiral"][0][1])
     order = []
     for _, layer in scenes()["a spiral"][1:-1]:
@@ -122,8 +122,8 @@ def test_polygons_are_the_star_and_the_window_around_every_cell():
     assert [step.polygon for step, _ in scenes()["a polygon"]][:2] == [STAR, None]
     star, *windows, _ = [step.polygon for step, _ in scenes()["a sliding window"]]
     assert star == STAR
-    centres = make_map().get_positions()
-    np.testing.assert_allclose([window.centroid for window in windows], centres, atol=1e-9)
+    centers = make_map().get_positions()
+    np.testing.assert_allclose([window.centroid for window in windows], centers, atol=1e-9)
     np.testing.assert_allclose([window.area for window in windows], 0.15**2)
 
 

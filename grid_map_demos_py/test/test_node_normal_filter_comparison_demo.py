@@ -56,7 +56,7 @@ def test_only_the_wave_moves():
     assert moving == ["wave"]
 
 
-def test_a_mean_weighs_the_finite_neighbours_by_their_distance():
+def test_a_mean_weighs_the_finite_neighbors_by_their_distance():
     random = np.random.default_rng(5)
     layer = random.uniform(size=(9, 11))
     layer[random.uniform(size=layer.shape) < 0.3] = np.inf

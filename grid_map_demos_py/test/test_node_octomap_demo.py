@@ -46,7 +46,7 @@ def test_the_room_is_shown_below_its_ceiling():
     assert grid_map.timestamp > 0
     np.testing.assert_allclose(grid_map.length, (3.0, 3.0))
     np.testing.assert_allclose(grid_map.position, (0.5, 0.0), atol=1e-9)
-    # Centres of the highest voxels, of 5 cm.
+    # Centers of the highest voxels, of 5 cm.
     places = {"floor": (0.0, 0.0), "table": (0.8, 0.6), "box": (1.0, -0.8), "wall": (0.0, 1.475)}
     heights = {name: grid_map.at_position("elevation", xy) for name, xy in places.items()}
     expected = {"floor": -0.025, "table": 0.675, "box": 0.375, "wall": 1.975}

@@ -42,10 +42,6 @@ def line_marker(
     """
     marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
     marker.scale.x = line_width
-    colors = np.tile(_rgba(color), (len(points), 1))
+    rgba = np.append(color_value_to_vector(color), np.float32(1))
+    colors = np.tile(rgba, (len(points), 1))
     return serialize(marker, {"points": points, "colors": colors})
-
-
-def _rgba(color: int) -> npt.NDArray[np.float32]:
-    rgb = color_value_to_vector(np.uint32(color).view(np.float32))
-    return np.append(rgb, np.float32(1)).astype(np.float32)

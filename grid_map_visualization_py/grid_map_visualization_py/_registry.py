@@ -12,26 +12,26 @@ from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import Registry, build
 
 from ._visualization import Visualization
-from .builtin._contours import Contours
-from .builtin._flat_point_cloud import FlatPointCloud
-from .builtin._grid_cells import GridCells
-from .builtin._image import Image
-from .builtin._map_region import MapRegion
-from .builtin._occupancy_grid import OccupancyGrid
-from .builtin._point_cloud import PointCloud
-from .builtin._surface import Surface
-from .builtin._vectors import Vectors
+from .builtin._contours import ContoursVisualization
+from .builtin._flat_point_cloud import FlatPointCloudVisualization
+from .builtin._grid_cells import GridCellsVisualization
+from .builtin._image import ImageVisualization
+from .builtin._map_region import MapRegionVisualization
+from .builtin._occupancy_grid import OccupancyGridVisualization
+from .builtin._point_cloud import PointCloudVisualization
+from .builtin._surface import SurfaceVisualization
+from .builtin._vectors import VectorsVisualization
 
 BUILT_IN: Mapping[str, type[Visualization]] = {
-    "contours": Contours,
-    "flat_point_cloud": FlatPointCloud,
-    "grid_cells": GridCells,
-    "image": Image,
-    "map_region": MapRegion,
-    "occupancy_grid": OccupancyGrid,
-    "point_cloud": PointCloud,
-    "surface": Surface,
-    "vectors": Vectors,
+    "contours": ContoursVisualization,
+    "flat_point_cloud": FlatPointCloudVisualization,
+    "grid_cells": GridCellsVisualization,
+    "image": ImageVisualization,
+    "map_region": MapRegionVisualization,
+    "occupancy_grid": OccupancyGridVisualization,
+    "point_cloud": PointCloudVisualization,
+    "surface": SurfaceVisualization,
+    "vectors": VectorsVisualization,
 }
 
 VISUALIZATIONS: Registry[Visualization] = Registry(

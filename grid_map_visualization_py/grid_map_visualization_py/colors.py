@@ -1,11 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values of layers as colours.
+"""Color scales: from values of layers to colors, and which layer colors come from.
 
-Colours are red, green, blue in [0, 255]. Colour maps are those of Matplotlib, under their names
-there (https://matplotlib.org/stable/gallery/color/colormap_reference.html), so that a map has the
-same colours in RViz, in the browser and in a picture. Matplotlib is imported when the first colour
-map is asked for.
+A color map is a named sequence of colors, such as viridis; a color scale is a color map with the
+values at its ends. The names are those of Matplotlib
+(https://matplotlib.org/stable/gallery/color/colormap_reference.html), so that a map has the same
+colors in RViz, in the browser and in a picture. Colors are red, green, blue in [0, 255].
+
+Layers that hold colors, packed into one float32 per cell, are written and read by
+`grid_map_core_py.conversions`. Matplotlib is imported when the first color map is needed.
 """
 
 import difflib
@@ -30,15 +33,13 @@ __all__ = [
     "Colors",
     "check_color",
     "color_map_names",
-    "flat_color",
-    "packed_colors",
 ]
 
 Colors: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) red, green, blue."""
 
 MISSING = 128
-"""Red, green and blue of cells without a value: grey."""
+"""Red, green and blue of cells without a value: gray."""
 
 DEFAULT_COLOR_MAP = "viridis"
 
@@ -48,7 +49,7 @@ _STEPS = 256
 
 
 def color_map_names() -> list[str]:
-    """Return the names of all colour maps but the reversed ones.
+    """Return the names of all color maps but the reversed ones.
 
     Raises:
         MissingPackageError: Matplotlib is not installed.
@@ -58,16 +59,16 @@ def color_map_names() -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ColorScale:
-    """A colour map and the values at its ends.
+    """A color map and the values at its ends.
 
     Attributes:
-        color_map: name of the colour map.
-        lower, upper: values at its ends; values beyond have the colours of the ends. None means
+        color_map: name of the color map.
+        lower, upper: values at its ends; values beyond have the colors of the ends. None means
             the smallest and the largest finite value.
         invert: swap the ends.
 
     Raises:
-        ConfigError: there is no such colour map, or the bounds are not finite and in order.
+        ConfigError: there is no such color map, or the bounds are not finite and in order.
         MissingPackageError: Matplotlib is not installed.
     """
 
@@ -81,11 +82,11 @@ class ColorScale:
         for name, bound in (("lower", self.lower), ("upper", self.upper)):
             check(bound is None or np.isfinite(bound), name, "a finite number", bound)
         if self.lower is not None and self.upper is not None:
-            expected = f"more than lower ({self.lower}); `invert` swaps the colours"
+            expected = f"more than lower ({self.lower}); `invert` swaps the colors"
             check(self.lower < self.upper, "upper", expected, self.upper)
 
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
-        """Return the values at the ends of the colour map for these values.
+        """Return the values at the ends of the color map for these values.
 
         A bound that is given stands, and the other is not beyond it. Where nothing is finite and
         nothing given, they are 0 and 0.
@@ -101,9 +102,9 @@ class ColorScale:
         return lower, max(lower, upper)
 
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colours (..., 3) of values (...); NaN is grey.
+        """Return the colors (..., 3) of values (...); NaN is gray.
 
-        The range is divided into 256 equal steps, one per colour.
+        The range is divided into 256 equal steps, one per color.
         """
         lower, upper = self.bounds(values)
         factor = _STEPS / (upper - lower) if upper > lower else 0.0
@@ -119,33 +120,21 @@ class ColorScale:
         return colors
 
 
-def packed_colors(values: npt.NDArray[np.float32]) -> Colors:
-    """Return the colours (..., 3) of packed colour values (...), 0x00RRGGBB; NaN is grey."""
-    colors = np.stack(color_value_to_bytes(values), axis=-1)
-    colors[np.isnan(values)] = MISSING
-    return colors
-
-
 def check_color(color: int) -> None:
     """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
     check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
 
 
-def flat_color(color: int) -> Colors:
-    """Return the colour (3,) of 0xRRGGBB."""
-    return np.array([color >> 16 & 0xFF, color >> 8 & 0xFF, color & 0xFF], np.uint8)
-
-
 @dataclass(frozen=True)
 class Coloring:
-    """Where the colours of cells come from.
+    """Where the colors of cells come from.
 
     Attributes:
-        mode: "intensity", the values of a layer by a colour map; "color", the packed colours of a
-            layer; "flat", one colour for all.
+        mode: "intensity", the values of a layer by a color map; "color", the packed colors of a
+            layer; "flat", one color for all.
         layer: the layer of the first two.
-        scale: the colour map of the first.
-        color: the one colour, 0xRRGGBB.
+        scale: the color map of the first.
+        color: the one color, 0xRRGGBB.
     """
 
     mode: Literal["intensity", "color", "flat"] = "intensity"
@@ -154,17 +143,20 @@ class Coloring:
     color: int = 0xC0C0C0
 
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colours (..., 3) of the cells in which `layer` has these values (...)."""
+        """Return the colors (..., 3) of cells in which `layer` has the values (...)."""
         if self.mode == "intensity":
             return self.scale(values)
-        if self.mode == "color":
-            return packed_colors(values)
-        return np.broadcast_to(flat_color(self.color), (*values.shape, 3))
+        if self.mode == "flat":
+            one = np.stack(color_value_to_bytes(np.array(self.color)))
+            return np.broadcast_to(one, (*values.shape, 3))
+        colors = np.stack(color_value_to_bytes(values), axis=-1)
+        colors[np.isnan(values)] = MISSING
+        return colors
 
 
 @cache
 def _table(name: str) -> Colors:
-    """Return the (256, 3) colours of a colour map."""
+    """Return the (256, 3) colors of a color map."""
     maps = _matplotlib().colormaps
     if name not in maps:
         raise ConfigError(_unknown(name, list(maps)))
@@ -176,12 +168,12 @@ def _table(name: str) -> Colors:
 def _unknown(name: str, known: list[str]) -> str:
     close = difflib.get_close_matches(name, known)
     hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
-    return f"parameter 'color_map': expected a colour map of Matplotlib, found {name!r}; {hint}"
+    return f"parameter 'color_map': expected a color map of Matplotlib, found {name!r}; {hint}"
 
 
 def _matplotlib() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise MissingPackageError("matplotlib", "a colour map", REMEDY) from error
+        raise MissingPackageError("matplotlib", "a color map", REMEDY) from error
     return matplotlib

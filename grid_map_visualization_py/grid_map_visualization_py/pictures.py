@@ -6,7 +6,7 @@ Maps are seen from above as in RViz: x runs to the right and y upwards, in metre
 the map. Cells without a value are left blank.
 
 The light of shaded pictures comes from the upper left, 45 degrees high. Level ground keeps its
-colour, slopes towards the light are lighter and slopes away from it darker.
+color, slopes towards the light are lighter and slopes away from it darker.
 """
 
 import math
@@ -68,26 +68,26 @@ def plot(
 
     Args:
         grid_map: the map.
-        layer: gives the colours.
+        layer: gives the colors.
         ax: Matplotlib axes to draw on; None means the current ones, as for Matplotlib's own
             functions.
-        color_mode: "intensity" colours values by the colour map, "color" takes the layer as packed
-            colours.
-        color_map: name of a colour map of Matplotlib.
-        lower, upper: values at the ends of the colour map; None means the smallest and the largest.
-        invert: swap the ends of the colour map.
+        color_mode: "intensity" colors values by the color map, "color" takes the layer as packed
+            colors.
+        color_map: name of a color map of Matplotlib.
+        lower, upper: values at the ends of the color map; None means the smallest and the largest.
+        invert: swap the ends of the color map.
         shade_by: layer of heights [m] that the light falls on; empty for no light.
         exaggeration: factor on the heights for the light.
-        label: of the colour bar; empty means the name of the layer.
+        label: of the color bar; empty means the name of the layer.
         title: above the picture.
-        color_bar: whether to draw a colour bar.
+        color_bar: whether to draw a color bar.
 
     Returns:
         The axes.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option makes no sense.
     """
     _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
@@ -95,7 +95,7 @@ def plot(
     values = _upright(grid_map.unwrapped(layer))
     bar = _mappable(scale, values)
     if color_mode == "intensity" and not shade_by:
-        # Not as an image of colours: the pointer then tells the values.
+        # Not as an image of colors: the pointer then tells the values.
         pixels: Any = np.ma.masked_invalid(values)
     else:
         pixels = _rgba(Coloring(color_mode, layer, scale)(values), values)
@@ -133,7 +133,7 @@ def plot_3d(
         grid_map: the map.
         height_layer: heights [m].
         ax: Matplotlib axes of the projection "3d"; None means new ones.
-        color_layer: gives the colours; empty means the heights.
+        color_layer: gives the colors; empty means the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor on the heights for the eye and the light; the axis tells true heights.
         max_cells: thin out larger maps to at most so many cells; 0 means never.
@@ -143,7 +143,7 @@ def plot_3d(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option makes no sense.
     """
     _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
@@ -258,7 +258,7 @@ def save_picture(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the colour map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option makes no sense.
         OSError: the file cannot be written.
     """
     styles = "flat", "surface", "relief"
@@ -286,11 +286,11 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
     check(is_factor, "exaggeration", "a positive number", exaggeration)
 
 
-# --- colours and light ----------------------------------------------------------------------------
+# --- colors and light ----------------------------------------------------------------------------
 
 
 def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
-    """Return what tells Matplotlib which value has which colour."""
+    """Return what tells Matplotlib which value has which color."""
     colors: Colormap = matplotlib.colormaps[scale.color_map]
     return ScalarMappable(
         Normalize(*scale.bounds(values)), colors.reversed() if scale.invert else colors
@@ -298,14 +298,14 @@ def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
 
 
 def _rgba(colors: npt.NDArray[np.uint8], values: Layer) -> npt.NDArray[np.float64]:
-    """Return colours (..., 4) in [0, 1], transparent where a value is NaN."""
+    """Return colors (..., 4) in [0, 1], transparent where a value is NaN."""
     return np.concatenate([colors / 255, ~np.isnan(values)[..., None]], axis=-1)
 
 
 def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
-    """Return colours (..., 3) in [0, 1] in the light; where a normal (..., 3) is NaN, as they are.
+    """Return colors (..., 3) in [0, 1] in the light; where a normal (..., 3) is NaN, as they are.
 
-    The blending is the soft light of Pegtop, which leaves colours alone at a half.
+    The blending is the soft light of Pegtop, which leaves colors alone at a half.
     """
     light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
     light = np.where(np.isnan(light), 0.5, light)[..., None]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as surfaces of triangles, for markers and for meshes.
 
-Three cells of a square of four neighbours make a triangle if all three have a height: a square with
+Three cells of a square of four neighbors make a triangle if all three have a height: a square with
 four heights is two triangles, one with three is one, and with fewer it is a hole. The corners of
-the triangles are the centres of the cells.
+the triangles are the centers of the cells.
 
 Maps with more than `max_cells` cells are thinned out to every n-th row and column, and the first
 and the last ones, so that the surface reaches as far as the map. Values are those of the cells that
@@ -45,7 +45,7 @@ class Mesh:
     """Triangles that share their corners.
 
     Attributes:
-        origin: (3,) where the vertices count from: the centre of the map at height zero [m], map
+        origin: (3,) where the vertices count from: the center of the map at height zero [m], map
             frame.
         vertices: (N, 3) float32 x, y, z from there [m], all finite.
         faces: (M, 3) uint32 numbers of vertices; counter-clockwise, seen from above.
@@ -131,7 +131,7 @@ class Surface:
     def colors(self, coloring: Coloring) -> Colors:
         """Return red, green, blue (columns * rows, 3) of all cells.
 
-        Without a layer, the colours come from the heights. One colour for all needs no layer.
+        Without a layer, the colors come from the heights. One color for all needs no layer.
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
@@ -143,7 +143,7 @@ class Surface:
         """Return the surface as a mesh.
 
         Raises:
-            LayerNotFoundError: the map lacks the layer of the colours.
+            LayerNotFoundError: the map lacks the layer of the colors.
         """
         origin = self.grid_map.position
         valid = self.valid.ravel()
@@ -207,7 +207,7 @@ def _lines(cells: int, step: int) -> int:
 
 def _every(step: int, axis: Positions, resolution: float) -> npt.NDArray[np.int64]:
     """Return which cells of an axis stay: every n-th of the frame, the first and the last."""
-    # The quarter keeps centres at whole and half cells, the usual ones, clear of rounding.
+    # The quarter keeps centers at whole and half cells, the usual ones, clear of rounding.
     first = int(np.floor(axis[0] / resolution + 0.25))
     kept = (first - np.arange(len(axis))) % step == 0
     kept[[0, -1]] = True

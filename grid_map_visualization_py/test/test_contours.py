@@ -28,7 +28,7 @@ def pieces(marker: Marker) -> np.ndarray:
 
 
 def slope() -> GridMap:
-    """Return a map whose height is x, on cells of 1 m centred at -3 to 3 m."""
+    """Return a map whose height is x, on cells of 1 m centerd at -3 to 3 m."""
     grid_map = GridMap((7, 5), 1.0, layers=["elevation"], frame_id="odom")
     grid_map["elevation"][:] = grid_map.geometry.axes_in_map_order()[0][:, None]
     return grid_map

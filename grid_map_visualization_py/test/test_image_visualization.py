@@ -57,7 +57,7 @@ def test_upper_left_pixel_has_the_largest_x_and_y_however_the_map_has_moved():
         ("bgra8", [[3, 2, 1, 255], [MISSING, MISSING, MISSING, 0]]),
     ],
 )
-def test_packed_colours_in_the_order_of_the_encoding(encoding, expected):
+def test_packed_colors_in_the_order_of_the_encoding(encoding, expected):
     layer = np.array([[color_vector_to_value((1, 2, 3)), np.nan]])
     grid_map = GridMap((1, 2), 1.0, layers={"color": layer})
     message = drawn(grid_map, layer="color", color_mode="color", encoding=encoding)

@@ -10,11 +10,11 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import grid_maps
-from grid_map_visualization_py.builtin._map_region import MapRegion
+from grid_map_visualization_py.builtin._map_region import MapRegionVisualization
 
 
 def drawn(grid_map: GridMap, **parameters: object) -> Marker:
-    return deserialize_message(MapRegion(**parameters)(grid_map), Marker)
+    return deserialize_message(MapRegionVisualization(**parameters)(grid_map), Marker)
 
 
 @settings(max_examples=60)

@@ -145,12 +145,12 @@ def assert_as_computed_by_hand(last: dict[str, Any]) -> None:
 
     triangles = [one, two, three, two, four, three]
     assert points(last["surface"]) == triangles
-    grey = {0.0: 0, 1.0: 85, 2.0: 170, 3.0: 255}
-    shades = [[grey[z] / 255] * 3 + [0.5] for _, _, z in triangles]
+    gray = {0.0: 0, 1.0: 85, 2.0: 170, 3.0: 255}
+    shades = [[gray[z] / 255] * 3 + [0.5] for _, _, z in triangles]
     np.testing.assert_allclose(rgba(last["surface"]), shades, atol=1e-6)
     image = last["image"]
     assert (image.height, image.width, image.step, image.encoding) == (2, 2, 6, "rgb8")
-    assert list(image.data) == [shade for z in (0.0, 1.0, 2.0, 3.0) for shade in [grey[z]] * 3]
+    assert list(image.data) == [shade for z in (0.0, 1.0, 2.0, 3.0) for shade in [gray[z]] * 3]
     found = points(last["contours"])
     # Height 1 runs from the third cell to the middle of the first edge, 2 the other way round.
     expected_ends = {(10.5, -0.5, 1.0), (10.0, 0.5, 1.0), (9.5, 0.5, 2.0), (10.0, -0.5, 2.0)}

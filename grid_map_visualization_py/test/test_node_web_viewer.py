@@ -55,7 +55,7 @@ VIRIDIS, COOLWARM = (
         [(0x3B, 0x4C, 0xC0), (0xB4, 0x04, 0x26)],
     )
 )
-"""The colours at the ends of these colour maps."""
+"""The colors at the ends of these color maps."""
 
 VIEWPORT = {"width": 900, "height": 640}
 MAX_CELLS = 5000
@@ -97,7 +97,7 @@ class Browser:
         return decoded(self.tab.screenshot(clip=clip))
 
     def shows(self, *colors: tuple[int, int, int]) -> bool:
-        """Tell whether each of these colours covers at least 2 % of the scene."""
+        """Tell whether each of these colors covers at least 2 % of the scene."""
         picture = self.picture()
         return all(share(picture, color) > 0.02 for color in colors)
 
@@ -110,7 +110,7 @@ class Browser:
             raise
 
     def wait_for_colors(self, *colors: tuple[int, int, int]) -> None:
-        self.wait_for(lambda: self.shows(*colors), f"the colours {colors}")
+        self.wait_for(lambda: self.shows(*colors), f"the colors {colors}")
 
     def control(self, label: str) -> object:
         return self.tab.get_by_label(label, exact=True)
@@ -212,14 +212,14 @@ def test_the_map_is_on_the_page_and_only_what_is_shown_is_decoded(page, node):
 
 
 def test_another_color_map_and_its_inversion_change_the_surface(page):
-    page.choose("Colour map", "coolwarm")
+    page.choose("Color map", "coolwarm")
     page.wait_for_colors(*COOLWARM)
     left = page.picture()[:, : page.picture().shape[1] // 2]
     page.control("Inverted").check()
     warm_left = share(left, COOLWARM[1])
     page.wait_for(
         lambda: abs(share(page.picture()[:, : left.shape[1]], COOLWARM[1]) - warm_left) > 0.02,
-        "other colours on the left",
+        "other colors on the left",
     )
     page.control("Inverted").uncheck()
 
@@ -230,7 +230,7 @@ def test_bounds_that_make_no_sense_are_named_and_good_ones_are_used(page):
     page.tab.get_by_text("expected more than lower").wait_for()
     page.wait_for_colors(*COOLWARM)
     page.control("Upper bound").fill("1000")
-    page.wait_for(lambda: not page.shows(COOLWARM[1]), "colours of the lower end alone")
+    page.wait_for(lambda: not page.shows(COOLWARM[1]), "colors of the lower end alone")
     page.control("Automatic bounds").check()
     page.wait_for_colors(*COOLWARM)
 
@@ -260,11 +260,11 @@ def test_a_click_tells_the_values_of_the_cell(page, node):
     page.tab.get_by_text("There is no map at this place").wait_for()
 
 
-def test_one_colour_needs_no_layer(page):
-    page.choose("Colour by", "one colour")
-    page.wait_for(lambda: not page.shows(COOLWARM[1]), "one colour")
+def test_one_color_needs_no_layer(page):
+    page.choose("Color by", "one color")
+    page.wait_for(lambda: not page.shows(COOLWARM[1]), "one color")
     assert "Frame" in page.values()
-    page.choose("Colour by", "layer")
+    page.choose("Color by", "layer")
     page.wait_for_colors(*COOLWARM)
 
 
@@ -383,7 +383,7 @@ def test_a_page_goes_on_after_its_node_and_its_publisher_have_started_again(chro
     with running(start_viewer(color_map="coolwarm", **settings)):
         with testing.peer() as second:
             second.publish(topic, to_message(slope()))
-            is_new = lambda: browser.control("Colour map").input_value() == "coolwarm"  # noqa: E731
+            is_new = lambda: browser.control("Color map").input_value() == "coolwarm"  # noqa: E731
             browser.wait_for(is_new, "the page of the second node")
             browser.control("Shaded").set_checked(False)
             browser.wait_for_colors(*COOLWARM)

@@ -42,7 +42,7 @@ def pixels(axes: Axes) -> np.ndarray:
 
 
 def shown_at(axes: Axes, x: float, y: float) -> tuple[int, ...]:
-    """Return the colour (3,) that a picture has at a position of the map."""
+    """Return the color (3,) that a picture has at a position of the map."""
     figure = axes.figure
     figure.canvas.draw()
     column, row = axes.transData.transform((x, y))
@@ -52,7 +52,7 @@ def shown_at(axes: Axes, x: float, y: float) -> tuple[int, ...]:
 
 @pytest.mark.parametrize("start", [(0, 0), (3, 2)])
 @pytest.mark.parametrize("shade_by", ["", "ground"])
-def test_colours_are_where_they_belong_in_the_frame_of_the_map(corner_map, start, shade_by):
+def test_colors_are_where_they_belong_in_the_frame_of_the_map(corner_map, start, shade_by):
     grid_map = moved_in_buffer(corner_map, start)
     axes = plot(grid_map, "a", flat_axes(), shade_by=shade_by)
     assert shown_at(axes, 11.25, 20.75) == pytest.approx(YELLOW, abs=1)
@@ -63,7 +63,7 @@ def test_colours_are_where_they_belong_in_the_frame_of_the_map(corner_map, start
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
 
 
-def test_colour_bar_tells_layer_and_bounds(corner_map):
+def test_color_bar_tells_layer_and_bounds(corner_map):
     axes = plot(corner_map, "a", flat_axes(), lower=-1, label="height [m]", title="A map")
     (bar,) = [other for other in axes.figure.axes if other is not axes]
     assert bar.get_ylabel() == "height [m]"
@@ -79,12 +79,12 @@ def test_values_stay_under_the_pointer(corner_map):
     assert (image[0, -1], bool(image.mask[0, -2]), image.mask.sum()) == (1.0, True, 1)
 
 
-def test_inverted_colours(corner_map):
+def test_inverted_colors(corner_map):
     axes = plot(corner_map, "a", flat_axes(), invert=True)
     assert shown_at(axes, 11.25, 20.75) == pytest.approx(PURPLE, abs=1)
 
 
-def test_packed_colours_have_no_colour_bar():
+def test_packed_colors_have_no_color_bar():
     grid_map = GridMap(
         (1, 1), 1.0, layers={"color": color_vector_to_value((255, 128, 0))[None, None]}
     )
@@ -187,7 +187,7 @@ def test_relief_refuses_a_senseless_view(corner_map, options, message):
         plot_relief(corner_map, "a", flat_axes(), **options)
 
 
-def test_missing_layer_and_unknown_colour_map_are_errors(corner_map):
+def test_missing_layer_and_unknown_color_map_are_errors(corner_map):
     with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a, ground"):
         plot(corner_map, "b", flat_axes())
     with pytest.raises(LayerNotFoundError, match="no layer 'b'"):
@@ -196,7 +196,7 @@ def test_missing_layer_and_unknown_colour_map_are_errors(corner_map):
         plot(corner_map, "a", flat_axes(), color_map="virids")
 
 
-def test_other_colour_modes_and_axes_are_errors(corner_map):
+def test_other_color_modes_and_axes_are_errors(corner_map):
     with pytest.raises(ConfigError, match=r"'color_mode': expected one of .* found 'rainbow'"):
         plot(corner_map, "a", flat_axes(), color_mode="rainbow")
     with pytest.raises(ConfigError, match="'ax': expected axes of the projection '3d'"):

@@ -5,8 +5,8 @@
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloud
-from grid_map_visualization_py.builtin._point_cloud import PointCloud
+from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloudVisualization
+from grid_map_visualization_py.builtin._point_cloud import PointCloudVisualization
 
 
 def points(cloud) -> np.ndarray:
@@ -20,26 +20,26 @@ def holey_map() -> GridMap:
 
 
 def test_point_cloud_shows_elevation_unless_told_otherwise():
-    assert points(PointCloud()(holey_map())).tolist() == [[1, 0, 1], [-1, 0, 3]]
+    assert points(PointCloudVisualization()(holey_map())).tolist() == [[1, 0, 1], [-1, 0, 3]]
 
 
 def test_flat_point_cloud_shows_every_cell_at_one_height():
     expected = [[1, 0, 0.5], [0, 0, 0.5], [-1, 0, 0.5]]
-    assert points(FlatPointCloud(height=0.5)(holey_map())).tolist() == expected
+    assert points(FlatPointCloudVisualization(height=0.5)(holey_map())).tolist() == expected
 
 
 def test_point_cloud_that_is_flat_needs_no_layer():
-    cloud = PointCloud(layer="no such layer", flat=True)(holey_map())
+    cloud = PointCloudVisualization(layer="no such layer", flat=True)(holey_map())
     assert points(cloud).tolist() == [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]
 
 
 def test_flat_point_cloud_leaves_out_cells_without_basic_layers():
     grid_map = holey_map()
     grid_map.basic_layers = ["elevation"]
-    assert len(points(FlatPointCloud()(grid_map))) == 2
+    assert len(points(FlatPointCloudVisualization()(grid_map))) == 2
 
 
 def test_map_that_is_visualized_is_left_alone():
     grid_map = holey_map()
-    FlatPointCloud()(grid_map)
+    FlatPointCloudVisualization()(grid_map)
     assert grid_map.layers == ("elevation",)

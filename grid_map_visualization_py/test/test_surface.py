@@ -17,7 +17,7 @@ from grid_map_visualization_py import create
 from grid_map_visualization_py.colors import MISSING, Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
-GREY = Coloring("flat", color=0x102030)
+GRAY = Coloring("flat", color=0x102030)
 
 
 def drawn(grid_map: GridMap, **params: object) -> Marker:
@@ -43,7 +43,7 @@ def as_set(triangles: np.ndarray) -> set[frozenset[tuple[float, ...]]]:
 
 
 def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
-    """Return the finite corners (at most 4, 3) of every square of four neighbours, by a loop."""
+    """Return the finite corners (at most 4, 3) of every square of four neighbors, by a loop."""
     rows, columns = grid_map.size
     heights = grid_map.unwrapped(layer)
     x, y = grid_map.geometry.axes_in_map_order()
@@ -65,7 +65,7 @@ def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
 @settings(max_examples=60)
 @given(grid_maps(("z",), max_side=6))
 def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
-    triangles = Surface(grid_map, "z").mesh(GREY)
+    triangles = Surface(grid_map, "z").mesh(GRAY)
     corners = corners_of(triangles)
     expected = squares(grid_map, "z")
     counts = [{3: 1, 4: 2}.get(len(square), 0) for square in expected]
@@ -80,7 +80,7 @@ def test_every_square_with_three_heights_is_covered_and_nothing_else(grid_map):
 @given(grid_maps(("z",), max_side=6))
 def test_marker_and_mesh_are_the_same_triangles(grid_map):
     marker = points_of(drawn(grid_map, height_layer="z"))
-    mesh = corners_of(Surface(grid_map, "z").mesh(GREY)).reshape(-1, 3)
+    mesh = corners_of(Surface(grid_map, "z").mesh(GRAY)).reshape(-1, 3)
     np.testing.assert_allclose(marker, mesh, rtol=1e-5, atol=1e-5)
 
 
@@ -92,7 +92,7 @@ def test_corners_of_triangles_are_cells_of_one_square():
     possible = set()
     for square in squares(grid_map, "z"):
         possible |= as_set(np.array(list(combinations(square, 3))))
-    assert as_set(corners_of(Surface(grid_map, "z").mesh(GREY))) <= possible
+    assert as_set(corners_of(Surface(grid_map, "z").mesh(GRAY))) <= possible
 
 
 def test_map_of_two_by_two_cells_is_two_triangles_seen_from_above():
@@ -127,7 +127,7 @@ def test_square_without_one_height_is_the_triangle_of_the_others(hole):
 @pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1)])
 def test_map_of_one_row_has_no_triangles(size):
     grid_map = GridMap(size, 1.0, layers={"z": 1.0})
-    mesh = Surface(grid_map, "z").mesh(GREY)
+    mesh = Surface(grid_map, "z").mesh(GRAY)
     assert (mesh.faces.shape, mesh.vertices.shape) == ((0, 3), (size[0] * size[1], 3))
     assert drawn(grid_map, height_layer="z").points == []
 
@@ -156,25 +156,25 @@ def test_flat_surface_has_the_holes_of_its_heights():
 
 def test_vertices_of_a_map_far_away_keep_their_precision():
     grid_map = GridMap((0.4, 0.4), 0.1, (1e7, -3e7), {"z": 1.0})
-    mesh = Surface(grid_map, "z").mesh(GREY)
+    mesh = Surface(grid_map, "z").mesh(GRAY)
     assert mesh.origin.tolist() == [1e7, -3e7, 0.0]
     np.testing.assert_allclose(np.unique(mesh.vertices[:, 0]), [-0.15, -0.05, 0.05, 0.15], 1e-5)
     assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float32, np.uint32)
     assert mesh.colors.dtype == np.uint8
 
 
-# --- colours --------------------------------------------------------------------------------------
+# --- colors --------------------------------------------------------------------------------------
 
 
 def color_at(marker: Marker, x: float, y: float) -> np.ndarray:
-    """Return the colour (4,) of the corners at a position."""
+    """Return the color (4,) of the corners at a position."""
     found = colors_of(marker)[(points_of(marker)[:, :2] == (x, y)).all(axis=1)]
     assert len(found)
     assert (found == found[0]).all()
     return found[0]
 
 
-def test_colours_come_from_heights_or_another_layer_by_the_colour_map():
+def test_colors_come_from_heights_or_another_layer_by_the_color_map():
     grid_map = GridMap((2, 2), 1.0, layers={"z": [[0, 1], [2, 3]], "s": [[5, 5], [5, 6]]})
     black, white = [0, 0, 0, 1], [1, 1, 1, 1]
     by_height = drawn(grid_map, height_layer="z", color_map="gray")
@@ -188,7 +188,7 @@ def test_colours_come_from_heights_or_another_layer_by_the_colour_map():
     assert color_at(fixed, 0.5, -0.5)[0] == pytest.approx(2 / 3, abs=1 / 255)
 
 
-def test_packed_colours_are_shown_as_they_are_and_grey_where_there_are_none():
+def test_packed_colors_are_shown_as_they_are_and_gray_where_there_are_none():
     colors = color_vector_to_value([[(255, 0, 0), (0, 255, 0)], [(1, 2, 3), (0, 0, 0)]])
     colors[1, 1] = np.nan
     grid_map = GridMap((2, 2), 1.0, layers={"z": 0.0, "color": colors})
@@ -226,7 +226,7 @@ def test_thinned_out_map_keeps_its_extent_and_its_values(size, max_cells):
 
 def test_map_that_is_not_too_large_is_shown_whole():
     grid_map = GridMap((4, 3), 1.0, layers={"z": 0.0})
-    assert len(Surface(grid_map, "z", max_cells=12).mesh(GREY).vertices) == 12
+    assert len(Surface(grid_map, "z", max_cells=12).mesh(GRAY).vertices) == 12
 
 
 def test_thinned_out_map_that_moves_keeps_the_cells_inside():
@@ -235,7 +235,7 @@ def test_thinned_out_map_that_moves_keeps_the_cells_inside():
 
     def shown() -> set[tuple[float, ...]]:
         """Return where the cells are that stay, away from the borders."""
-        mesh = Surface(grid_map, "z", max_cells=200).mesh(GREY)
+        mesh = Surface(grid_map, "z", max_cells=200).mesh(GRAY)
         positions = mesh.vertices[:, :2] + mesh.origin[:2]
         return {(x, y) for x, y in positions.tolist() if abs(x) < 16 and abs(y) < 11}
 

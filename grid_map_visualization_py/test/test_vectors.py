@@ -11,14 +11,14 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, LayerNotFoundError, map_cells
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_visualization_py.builtin._vectors import Vectors
+from grid_map_visualization_py.builtin._vectors import VectorsVisualization
 
 LAYERS = ("height", "normal_x", "normal_y", "normal_z")
 PARAMETERS = {"layer_prefix": "normal_", "position_layer": "height"}
 
 
 def drawn(grid_map: GridMap, **parameters: object) -> Marker:
-    return deserialize_message(Vectors(**PARAMETERS | parameters)(grid_map), Marker)
+    return deserialize_message(VectorsVisualization(**PARAMETERS | parameters)(grid_map), Marker)
 
 
 def coordinates(marker: Marker) -> list[tuple[float, float, float]]:
@@ -66,7 +66,7 @@ def test_map_without_a_valid_cell_is_drawn_as_no_line():
     assert (list(marker.points), list(marker.colors)) == ([], [])
 
 
-def test_marker_tells_frame_time_width_and_one_opaque_colour_per_point():
+def test_marker_tells_frame_time_width_and_one_opaque_color_per_point():
     grid_map = GridMap(
         (1, 1), 1.0, layers=dict.fromkeys(LAYERS, 1.0), frame_id="odom", timestamp=3_000_000_007
     )

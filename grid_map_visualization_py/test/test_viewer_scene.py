@@ -180,7 +180,7 @@ def test_a_large_map_is_thinned_out_and_reaches_as_far():
 # --- overlays -------------------------------------------------------------------------------------
 
 
-def test_grid_lines_lie_between_neighbours_with_heights(hill):
+def test_grid_lines_lie_between_neighbors_with_heights(hill):
     scene = make_scene(hill, Settings(height_layer="elevation", grid_lines=True))
     # 4 x 3 along x and 5 x 2 along y, but two at the hole.
     assert len(scene.grid_lines) == 4 * 3 + 5 * 2 - 2

@@ -10,15 +10,15 @@ import pytest
 from grid_map_core_py.errors import ConfigError
 from grid_map_visualization_py import VISUALIZATIONS, create
 from grid_map_visualization_py import _registry as registry
-from grid_map_visualization_py.builtin._contours import Contours
-from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloud
-from grid_map_visualization_py.builtin._grid_cells import GridCells
-from grid_map_visualization_py.builtin._image import Image
-from grid_map_visualization_py.builtin._map_region import MapRegion
-from grid_map_visualization_py.builtin._occupancy_grid import OccupancyGrid
-from grid_map_visualization_py.builtin._point_cloud import PointCloud
-from grid_map_visualization_py.builtin._surface import Surface
-from grid_map_visualization_py.builtin._vectors import Vectors
+from grid_map_visualization_py.builtin._contours import ContoursVisualization
+from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloudVisualization
+from grid_map_visualization_py.builtin._grid_cells import GridCellsVisualization
+from grid_map_visualization_py.builtin._image import ImageVisualization
+from grid_map_visualization_py.builtin._map_region import MapRegionVisualization
+from grid_map_visualization_py.builtin._occupancy_grid import OccupancyGridVisualization
+from grid_map_visualization_py.builtin._point_cloud import PointCloudVisualization
+from grid_map_visualization_py.builtin._surface import SurfaceVisualization
+from grid_map_visualization_py.builtin._vectors import VectorsVisualization
 
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
 
@@ -44,19 +44,31 @@ def install_plugin(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("type_name", "params", "expected"),
     [
-        ("point_cloud", {}, PointCloud(layer="elevation", flat=False)),
-        ("flat_point_cloud", {"height": 2}, FlatPointCloud(height=2.0)),
-        ("occupancy_grid", {"layer": "a"}, OccupancyGrid(layer="a", data_min=0.0, data_max=1.0)),
+        ("point_cloud", {}, PointCloudVisualization(layer="elevation", flat=False)),
+        ("flat_point_cloud", {"height": 2}, FlatPointCloudVisualization(height=2.0)),
+        (
+            "occupancy_grid",
+            {"layer": "a"},
+            OccupancyGridVisualization(layer="a", data_min=0.0, data_max=1.0),
+        ),
         ("occupancy_grid", {"layer": "a", "data_min": 5, "data_max": -1}, None),
         ("grid_cells", {"layer": "a"}, None),
         ("vectors", VECTORS, None),
         ("vectors", {**VECTORS, "scale": 2, "line_width": 1, "color": 255.0}, None),
-        ("map_region", {}, MapRegion(color=16777215, line_width=0.003)),
-        ("surface", {}, Surface(height_layer="elevation", color_mode="intensity", opacity=1.0)),
+        ("map_region", {}, MapRegionVisualization(color=16777215, line_width=0.003)),
+        (
+            "surface",
+            {},
+            SurfaceVisualization(height_layer="elevation", color_mode="intensity", opacity=1.0),
+        ),
         ("surface", {"color_mode": "flat", "color": 255, "lower": -1, "max_cells": 9.0}, None),
-        ("image", {"layer": "a"}, Image(layer="a", color_map="viridis", encoding="rgb8")),
+        (
+            "image",
+            {"layer": "a"},
+            ImageVisualization(layer="a", color_map="viridis", encoding="rgb8"),
+        ),
         ("image", {"layer": "a", "lower": 1, "upper": 2, "invert": True}, None),
-        ("contours", {"layer": "a"}, Contours(layer="a", interval=0.1, levels=())),
+        ("contours", {"layer": "a"}, ContoursVisualization(layer="a", interval=0.1, levels=())),
         ("contours", {"layer": "a", "interval": 2, "levels": (1.0, 2.0)}, None),
     ],
 )
@@ -69,10 +81,10 @@ def test_parameters_become_fields_of_their_type(type_name, params, expected):
 
 
 def test_defaults_are_those_of_the_upstream_node():
-    assert create("a", {"type": "vectors", "params": VECTORS}) == Vectors(
+    assert create("a", {"type": "vectors", "params": VECTORS}) == VectorsVisualization(
         **VECTORS, scale=1.0, line_width=0.003, color=65280
     )
-    assert create("a", {"type": "grid_cells", "params": {"layer": "a"}}) == GridCells(
+    assert create("a", {"type": "grid_cells", "params": {"layer": "a"}}) == GridCellsVisualization(
         layer="a", lower_threshold=-math.inf, upper_threshold=math.inf
     )
 
@@ -84,7 +96,7 @@ def test_integers_are_floats_where_floats_are_wanted():
 
 @pytest.mark.parametrize("config", [{"type": "map_region"}, {"type": "map_region", "params": None}])
 def test_parameters_may_be_left_out(config):
-    assert create("a", config) == MapRegion()
+    assert create("a", config) == MapRegionVisualization()
 
 
 @pytest.mark.parametrize(

@@ -79,9 +79,9 @@ def _serve_page(node: Node) -> Page:
 def _read_settings(node: Node) -> Settings:
     about = "the layer that gives the heights at first"
     height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
-    about = "the layer that gives the colours at first; empty for that of the heights"
+    about = "the layer that gives the colors at first; empty for that of the heights"
     color_layer = read_parameter(node, "color_layer", str, "", description=about)
-    about = "the colour map at first, by its name in Matplotlib"
+    about = "the color map at first, by its name in Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
     coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
     return Settings(height_layer=height_layer, coloring=coloring)

@@ -23,8 +23,8 @@ REMEDY = "install python3-matplotlib (apt) or contourpy (pip)"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contours:
-    """Draw lines along which a layer has the same value, interpolated between centres of cells.
+class ContoursVisualization:
+    """Draw lines along which a layer has the same value, interpolated between centers of cells.
 
     A line ends where a cell without a finite value is near: of a square of four cells, three must
     have one.
@@ -39,7 +39,7 @@ class Contours:
         color: 0xRRGGBB.
 
     Raises:
-        ConfigError: the interval is not positive, a level not finite, the colour out of range, or
+        ConfigError: the interval is not positive, a level not finite, the color out of range, or
             the width not positive.
         MissingPackageError: contourpy is not installed.
     """

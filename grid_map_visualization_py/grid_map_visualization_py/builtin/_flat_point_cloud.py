@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_flat_point_cloud
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlatPointCloud:
+class FlatPointCloudVisualization:
     """Draw all cells as points at one height; those without finite basic layers are left out.
 
     Attributes:

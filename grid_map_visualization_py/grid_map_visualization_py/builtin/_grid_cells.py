@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import to_serialized_grid_cells
 
 
 @dataclass(frozen=True, kw_only=True)
-class GridCells:
+class GridCellsVisualization:
     """Show the cells of a layer whose finite value lies between two thresholds, both included.
 
     Attributes:

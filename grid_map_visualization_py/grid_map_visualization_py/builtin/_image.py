@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A layer as a coloured image."""
+"""A layer as a colored image."""
 
 import array
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ OPAQUE = 255
 
 
 @dataclass(frozen=True, kw_only=True)
-class Image:
+class ImageVisualization:
     """Show a layer as an image: a pixel per cell, up is +x and left is +y.
 
     Attributes:
         layer: the layer to show.
-        color_mode: "intensity" colours by its values, "color" takes the packed colours in it.
-        color_map: name of a colour map of Matplotlib.
-        lower: value at the lower end of the colour map; without it the smallest.
+        color_mode: "intensity" colors by its values, "color" takes the packed colors in it.
+        color_map: name of a color map of Matplotlib.
+        lower: value at the lower end of the color map; without it the smallest.
         upper: value at the upper end; without it the largest.
-        invert: swap the ends of the colour map.
-        encoding: order of the colours. With alpha, cells without a value are transparent; without,
-            they are grey.
+        invert: swap the ends of the color map.
+        encoding: order of the colors. With alpha, cells without a value are transparent; without,
+            they are gray.
 
     Raises:
-        ConfigError: the colour map is unknown, or the bounds make no sense.
+        ConfigError: the color map is unknown, or the bounds make no sense.
         MissingPackageError: Matplotlib is not installed.
     """
 

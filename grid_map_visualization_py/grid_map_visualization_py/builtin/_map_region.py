@@ -17,7 +17,7 @@ _CORNERS = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)])
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapRegion:
+class MapRegionVisualization:
     """Draw the border of the map as a closed line at height zero.
 
     Attributes:
@@ -25,7 +25,7 @@ class MapRegion:
         line_width: width of the line [m].
 
     Raises:
-        ConfigError: the colour is out of range, or the width not positive.
+        ConfigError: the color is out of range, or the width not positive.
     """
 
     message_type: ClassVar[type] = Marker

@@ -14,7 +14,7 @@ from grid_map_ros_py.messages import occupancies, to_occupancy_grid
 
 
 @dataclass(frozen=True, kw_only=True)
-class OccupancyGrid:
+class OccupancyGridVisualization:
     """Show a layer in the 101 steps between free and occupied; NaN is unknown.
 
     Attributes:

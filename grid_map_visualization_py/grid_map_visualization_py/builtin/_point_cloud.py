@@ -10,11 +10,11 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridMap
 from grid_map_ros_py.messages import to_point_cloud
 
-from ._flat_point_cloud import FlatPointCloud
+from ._flat_point_cloud import FlatPointCloudVisualization
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointCloud:
+class PointCloudVisualization:
     """Draw the cells as points at the height that a layer gives.
 
     Attributes:
@@ -30,5 +30,5 @@ class PointCloud:
     def __call__(self, grid_map: GridMap) -> PointCloud2:
         """Return the cloud."""
         if self.flat:
-            return FlatPointCloud()(grid_map)
+            return FlatPointCloudVisualization()(grid_map)
         return to_point_cloud(grid_map, self.layer)

@@ -18,25 +18,25 @@ from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale, check_color
 
 
 @dataclass(frozen=True, kw_only=True)
-class Surface:
-    """Draw the map as a coloured surface of triangles; cells without a height are holes.
+class SurfaceVisualization:
+    """Draw the map as a colored surface of triangles; cells without a height are holes.
 
     Attributes:
         height_layer: heights [m].
         flat: draw all at height zero.
-        color_mode: "intensity" colours by the values of `color_layer`, "color" takes the packed
-            colours in it, "flat" paints everything in `color`.
-        color_layer: the layer that gives the colours; empty for the heights.
-        color_map: name of a colour map of Matplotlib.
-        lower: value at the lower end of the colour map; without it the smallest.
+        color_mode: "intensity" colors by the values of `color_layer`, "color" takes the packed
+            colors in it, "flat" paints everything in `color`.
+        color_layer: the layer that gives the colors; empty for the heights.
+        color_map: name of a color map of Matplotlib.
+        lower: value at the lower end of the color map; without it the smallest.
         upper: value at the upper end; without it the largest.
-        invert: swap the ends of the colour map.
+        invert: swap the ends of the color map.
         color: 0xRRGGBB.
         opacity: from 0, invisible, to 1.
         max_cells: thin out larger maps to at most so many cells; 0 for never.
 
     Raises:
-        ConfigError: the colour map is unknown, or a number is out of range.
+        ConfigError: the color map is unknown, or a number is out of range.
         MissingPackageError: Matplotlib is not installed.
     """
 

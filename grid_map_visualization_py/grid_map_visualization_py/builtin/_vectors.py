@@ -17,7 +17,7 @@ from .._markers import check_line, line_marker
 
 
 @dataclass(frozen=True, kw_only=True)
-class Vectors:
+class VectorsVisualization:
     """Draw a line from the surface along a vector, for every cell where both are finite.
 
     Attributes:
@@ -28,7 +28,7 @@ class Vectors:
         color: 0xRRGGBB.
 
     Raises:
-        ConfigError: the colour is out of range, the scale not finite, or the width not positive.
+        ConfigError: the color is out of range, the scale not finite, or the width not positive.
     """
 
     message_type: ClassVar[type] = Marker

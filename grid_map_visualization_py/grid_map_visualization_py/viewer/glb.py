@@ -29,7 +29,7 @@ def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
         opacity: below 1, what is behind shines through.
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
-    # 16 bits keep dark colours apart, and rows of vertices must be whole multiples of four bytes.
+    # 16 bits keep dark colors apart, and rows of vertices must be whole multiples of four bytes.
     colors = np.take(_linear_light(), mesh.colors)
     colors = np.insert(colors, 3, 0xFFFF, axis=1)
     return _glb(
@@ -59,7 +59,7 @@ def _material(shaded: bool, opacity: float) -> dict[str, Any]:
 def _glb(
     arrays: list[tuple[npt.NDArray[Any], int, str, dict[str, Any]]], material: dict[str, Any]
 ) -> bytes:
-    """Return a file with one mesh of positions, colours and indices."""
+    """Return a file with one mesh of positions, colors and indices."""
     blobs = [np.ascontiguousarray(values).tobytes() for values, *_ in arrays]
     ends = np.cumsum([len(blob) for blob in blobs]).tolist()
     document = {
@@ -103,5 +103,5 @@ def _glb(
 
 @cache
 def _linear_light() -> npt.NDArray[np.uint16]:
-    """Return the light of the 256 values of a colour, in which glTF counts."""
+    """Return the light of the 256 values of a color, in which glTF counts."""
     return np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How colours become light, and light colours on a screen."""
+"""How colors become light, and light colors on a screen."""
 
 from functools import cache
 
@@ -23,12 +23,12 @@ FROM_FILM = np.array(
 
 
 def linear(colors: Colors) -> Light:
-    """Return the light of colours (sRGB, IEC 61966-2-1)."""
+    """Return the light of colors (sRGB, IEC 61966-2-1)."""
     return np.take(_table(), colors)
 
 
 def on_screen(colors: Colors) -> Colors:
-    """Return how a surface of these colours looks in full light.
+    """Return how a surface of these colors looks in full light.
 
     viser develops the scene like a film: strong light saturates. The curve is Stephen Hill's fit of
     the Academy Color Encoding System, which three.js calls `ACESFilmicToneMapping`.

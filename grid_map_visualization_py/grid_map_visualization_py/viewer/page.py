@@ -29,9 +29,9 @@ from .texts import as_note, legend
 REMEDY = "install viser (pip)"
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
-"""Colour maps that stand at the top of the list."""
+"""Color maps that stand at the top of the list."""
 
-MODES = {"layer": "intensity", "packed colour layer": "color", "one colour": "flat"}
+MODES = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
 """How the page calls the modes of `Coloring`."""
 
 NO_LAYER = "(no map yet)"
@@ -66,7 +66,7 @@ class Page:
     Args:
         host: name or number of the address to serve at.
         port: of that address; 0 takes a free one.
-        first: the layers and the colour map that are chosen at first.
+        first: the layers and the color map that are chosen at first.
 
     Attributes:
         url: where the page is.
@@ -105,7 +105,7 @@ class Page:
 
     @property
     def color_layer(self) -> str:
-        """The layer of the colours that is chosen."""
+        """The layer of the colors that is chosen."""
         return str(self._color_layer.value)
 
     @property
@@ -117,7 +117,7 @@ class Page:
         """Return what is chosen.
 
         Raises:
-            ConfigError: the bounds of the colours are not in order.
+            ConfigError: the bounds of the colors are not in order.
         """
         is_automatic = self._automatic.value
         scale = ColorScale(
@@ -250,7 +250,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # Together they give level ground its own colour: viser divides the light by pi.
+        # Together they give level ground its own color: viser divides the light by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
@@ -276,7 +276,7 @@ class Page:
             self._grid_lines = gui.add_checkbox("Grid lines", first.grid_lines)
             self._shaded = gui.add_checkbox("Shaded", first.shaded)
             self._history = gui.add_slider("History", 1, MOST_HISTORY, 1, first.history)
-        with gui.add_folder("Colour"):
+        with gui.add_folder("Color"):
             self._make_color_controls(first.coloring)
         with gui.add_folder("Overlays"):
             self._points = gui.add_checkbox("Points", first.points)
@@ -286,17 +286,15 @@ class Page:
     def _make_color_controls(self, coloring: Coloring) -> None:
         gui, scale = self._server.gui, coloring.scale
         modes = {mode: name for name, mode in MODES.items()}
-        self._mode = gui.add_dropdown("Colour by", tuple(MODES), initial_value=modes[coloring.mode])
+        self._mode = gui.add_dropdown("Color by", tuple(MODES), initial_value=modes[coloring.mode])
         self._color_layer = gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,))
         names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
-        self._color_map = gui.add_dropdown(
-            "Colour map", tuple(names), initial_value=scale.color_map
-        )
+        self._color_map = gui.add_dropdown("Color map", tuple(names), initial_value=scale.color_map)
         self._inverted = gui.add_checkbox("Inverted", scale.invert)
         self._automatic = gui.add_checkbox("Automatic bounds", scale.lower is None)
         self._lower = gui.add_number("Lower bound", 0.0, step=0.01)
         self._upper = gui.add_number("Upper bound", 1.0, step=0.01)
-        self._color = gui.add_rgb("One colour", (192, 192, 192))
+        self._color = gui.add_rgb("One color", (192, 192, 192))
         self._legend = gui.add_html("")
 
 

@@ -35,13 +35,13 @@ class Scene:
     Attributes:
         mesh: the surface; it may have no face.
         glb: the surface for the browser; None without a face.
-        grid_lines: (N, 2, 3) ends of the lines between neighbouring cells; none unless wanted.
-        points: (N, 3) centres of the cells; none unless wanted.
-        point_colors: (N, 3) their colours.
+        grid_lines: (N, 2, 3) ends of the lines between neighboring cells; none unless wanted.
+        points: (N, 3) centers of the cells; none unless wanted.
+        point_colors: (N, 3) their colors.
         vectors: (N, 2, 3) ends of the vectors; none unless wanted.
-        bounds: the values at the ends of the colour map; None without a colour map.
+        bounds: the values at the ends of the color map; None without a color map.
         size: rows and columns of cells that are shown.
-        spacing: mean distance between neighbours that are shown [m].
+        spacing: mean distance between neighbors that are shown [m].
     """
 
     mesh: Mesh
@@ -124,7 +124,7 @@ def view(mesh: Mesh, grid_map: GridMap) -> View:
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
-    """Return the lines between neighbours of which both have a height."""
+    """Return the lines between neighbors of which both have a height."""
     valid = surface.valid
     number = (np.cumsum(valid) - 1).reshape(valid.shape)
     pairs = [

@@ -20,10 +20,10 @@ class Settings:
     Attributes:
         height_layer: heights [m] of the surface.
         flat: draw everything at height zero.
-        coloring: where the colours come from.
-        shaded: let a light fall on the surface; without, colours are exactly those of the legend.
+        coloring: where the colors come from.
+        shaded: let a light fall on the surface; without, colors are exactly those of the legend.
         opacity: of the surface; 1 hides what is behind.
-        grid_lines: draw lines between neighbouring cells.
+        grid_lines: draw lines between neighboring cells.
         points: draw a point at every cell.
         vectors: followed by x, y or z it is the name of the layer of that component of the vectors
             to draw; empty for none.

@@ -11,16 +11,16 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colors import ColorScale, packed_colors
+from ..colors import Coloring, ColorScale
 from .light import on_screen
 
 TEXT = "font-size:0.8em;padding:0 1em"
 
 STOPS = 16
-"""Colours of the legend, between which the browser blends."""
+"""Colors of the legend, between which the browser blends."""
 
 PACKED = "color"
-"""Layers whose names end so hold packed colours."""
+"""Layers whose names end so hold packed colors."""
 
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
@@ -63,7 +63,7 @@ def status(
 
 
 def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
-    """Return a bar of colours, as the surface has them, with the values at its ends."""
+    """Return a bar of colors, as the surface has them, with the values at its ends."""
     colors = ColorScale(color_map=scale.color_map, lower=0.0, upper=1.0, invert=scale.invert)
     stops = ",".join(
         "rgb({},{},{})".format(*color.tolist())
@@ -98,5 +98,5 @@ def _text(layer: str, value: np.float32) -> str:
     if math.isnan(value):
         return "no data"
     if layer.endswith(PACKED):
-        return "#{:02x}{:02x}{:02x}".format(*packed_colors(np.array(value)).tolist())
+        return "#{:02x}{:02x}{:02x}".format(*Coloring("color")(np.array(value)).tolist())
     return f"{value:.6g}"

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values as colours."""
+"""Values as colors."""
 
 import sys
 
@@ -16,10 +16,9 @@ from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_visualization_py import colors as colormaps
 from grid_map_visualization_py.colors import (
     MISSING,
+    Coloring,
     ColorScale,
     color_map_names,
-    flat_color,
-    packed_colors,
 )
 
 FLOATS = st.floats(width=32)
@@ -30,7 +29,7 @@ def values(*numbers: float) -> np.ndarray:
 
 
 @given(arrays.arrays(np.float32, st.integers(1, 20), elements=FLOATS))
-def test_every_value_gets_a_colour_of_the_map_and_nan_is_grey(numbers):
+def test_every_value_gets_a_color_of_the_map_and_nan_is_gray(numbers):
     colors = ColorScale(color_map="turbo")(numbers)
     assert (colors.shape, colors.dtype) == ((*numbers.shape, 3), np.uint8)
     assert (colors[np.isnan(numbers)] == MISSING).all()
@@ -40,24 +39,24 @@ def test_every_value_gets_a_colour_of_the_map_and_nan_is_grey(numbers):
 
 
 @given(st.lists(st.floats(-100, 100, width=32), min_size=2))
-def test_larger_values_are_further_up_the_colour_map(numbers):
+def test_larger_values_are_further_up_the_color_map(numbers):
     order = sorted(numbers)
-    grey = ColorScale(color_map="gray")(values(*order))[:, 0].astype(int)
-    assert (np.diff(grey) >= 0).all()
+    gray = ColorScale(color_map="gray")(values(*order))[:, 0].astype(int)
+    assert (np.diff(gray) >= 0).all()
     if order[0] < order[-1]:
-        assert (grey[0], grey[-1]) == (0, 255)
+        assert (gray[0], gray[-1]) == (0, 255)
 
 
 def test_range_is_divided_into_equal_steps():
     ramp = np.arange(256, dtype=np.float32) + 0.5
-    grey = ColorScale(color_map="gray", lower=0, upper=256)(ramp)
-    assert (grey == np.arange(256)[:, None]).all()
-    assert (ColorScale(color_map="gray", lower=0, upper=256, invert=True)(ramp) == 255 - grey).all()
+    gray = ColorScale(color_map="gray", lower=0, upper=256)(ramp)
+    assert (gray == np.arange(256)[:, None]).all()
+    assert (ColorScale(color_map="gray", lower=0, upper=256, invert=True)(ramp) == 255 - gray).all()
 
 
-def test_values_beyond_the_bounds_have_the_colours_of_the_ends():
-    grey = ColorScale(color_map="gray", lower=-1, upper=1)
-    assert grey(values(-np.inf, -5, -1, 1, 5, np.inf))[:, 0].tolist() == [0, 0, 0, 255, 255, 255]
+def test_values_beyond_the_bounds_have_the_colors_of_the_ends():
+    gray = ColorScale(color_map="gray", lower=-1, upper=1)
+    assert gray(values(-np.inf, -5, -1, 1, 5, np.inf))[:, 0].tolist() == [0, 0, 0, 255, 255, 255]
 
 
 @pytest.mark.parametrize(
@@ -90,11 +89,14 @@ def test_layers_of_any_shape_and_order_of_memory():
     assert (fixed(layer[2, 1]) == scale(layer)[2, 1]).all()
 
 
-def test_packed_colours():
-    packed = color_vector_to_value([(1, 2, 3), (255, 254, 253)])
-    assert packed_colors(packed).tolist() == [[1, 2, 3], [255, 254, 253]]
-    assert packed_colors(values(np.nan)).tolist() == [[MISSING] * 3]
-    assert flat_color(0x010203).tolist() == [1, 2, 3]
+def test_packed_colors_are_unpacked_and_gray_where_missing():
+    packed = np.append(color_vector_to_value([(1, 2, 3), (255, 254, 253)]), np.float32(np.nan))
+    expected = [[1, 2, 3], [255, 254, 253], [MISSING] * 3]
+    assert Coloring("color")(packed).tolist() == expected
+
+
+def test_flat_coloring_gives_one_color_to_every_cell():
+    assert Coloring("flat", color=0x010203)(values(5, np.nan)).tolist() == [[1, 2, 3]] * 2
 
 
 def test_names_are_those_of_matplotlib_without_the_reversed_ones():
@@ -125,5 +127,5 @@ def test_mistake_is_one_error_that_names_the_parameter(parameters, words):
 def test_error_without_matplotlib_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     colormaps._table.cache_clear()
-    with pytest.raises(MissingPackageError, match=r"colour map needs .*'matplotlib'.*install pyth"):
+    with pytest.raises(MissingPackageError, match=r"color map needs .*'matplotlib'.*install pyth"):
         ColorScale()
