@@ -8,16 +8,18 @@ from oracles import PROBES, disc_points, normal_of, window
 from terrain import heights, moved_terrain, terrain
 
 from grid_map_core_py import color_value_to_vector
-from grid_map_filters_py.builtin._buffer_normalizer import BufferNormalizer
-from grid_map_filters_py.builtin._deletion import Deletion
-from grid_map_filters_py.builtin._duplication import Duplication
-from grid_map_filters_py.builtin._inpaint import Inpaint
-from grid_map_filters_py.builtin._math_expression import MathExpression
-from grid_map_filters_py.builtin._mean_in_radius import MeanInRadius
-from grid_map_filters_py.builtin._normal_color_map import NormalColorMap
-from grid_map_filters_py.builtin._normal_vectors import NormalVectors
-from grid_map_filters_py.builtin._sliding_window_math_expression import SlidingWindowMathExpression
-from grid_map_filters_py.builtin._threshold import Threshold
+from grid_map_filters_py.builtin import (
+    BufferNormalizer,
+    Deletion,
+    Duplication,
+    Inpaint,
+    MathExpression,
+    MeanInRadius,
+    NormalColorMap,
+    NormalVectors,
+    SlidingWindowMathExpression,
+    Threshold,
+)
 
 RADII = (0.1, 0.25, 0.5)
 STANDARD_DEVIATION = (

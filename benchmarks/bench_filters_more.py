@@ -8,14 +8,16 @@ from oracles import PROBES, disc_points, window
 from terrain import RESOLUTION, terrain
 
 from grid_map_core_py import color_value_to_vector
-from grid_map_filters_py.builtin._color_blending import ColorBlending
-from grid_map_filters_py.builtin._color_fill import ColorFill
-from grid_map_filters_py.builtin._color_map import ColorMap
-from grid_map_filters_py.builtin._curvature import Curvature
-from grid_map_filters_py.builtin._light_intensity import LightIntensity
-from grid_map_filters_py.builtin._median_fill import MedianFill
-from grid_map_filters_py.builtin._min_in_radius import MinInRadius
-from grid_map_filters_py.builtin._set_basic_layers import SetBasicLayers
+from grid_map_filters_py.builtin import (
+    ColorBlending,
+    ColorFill,
+    ColorMap,
+    Curvature,
+    LightIntensity,
+    MedianFill,
+    MinInRadius,
+    SetBasicLayers,
+)
 
 RADII = (0.1, 0.25, 0.5)
 STEP = 1 / 255

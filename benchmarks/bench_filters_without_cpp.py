@@ -7,14 +7,16 @@ import pytest
 from oracles import PROBES, disc_points, normal_of
 from terrain import terrain
 
-from grid_map_filters_py.builtin._bilateral import Bilateral
-from grid_map_filters_py.builtin._dilation import Dilation
-from grid_map_filters_py.builtin._gaussian_blur import GaussianBlur
-from grid_map_filters_py.builtin._inpaint import Inpaint
-from grid_map_filters_py.builtin._roughness import Roughness
-from grid_map_filters_py.builtin._slope import Slope
-from grid_map_filters_py.builtin._step_height import StepHeight
-from grid_map_filters_py.builtin._traversability import Traversability
+from grid_map_filters_py.builtin import (
+    Bilateral,
+    Dilation,
+    GaussianBlur,
+    Inpaint,
+    Roughness,
+    Slope,
+    StepHeight,
+    Traversability,
+)
 
 IN_OUT = {"input_layer": "elevation", "output_layer": "out"}
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py.builtin._normal_vectors import NormalVectors
+from grid_map_filters_py.builtin import NormalVectors
 
 RESOLUTION = 0.05
 SEED = 12345

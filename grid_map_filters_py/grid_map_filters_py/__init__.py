@@ -3,13 +3,14 @@
 """Chains of grid map filters, configured in YAML, and an expression language over layers; no ROS.
 
 A filter takes a `GridMap` and returns another. `FilterChain` builds a sequence of them from the
-YAML that the C++ filters read. The node `filter_chain_node` runs a chain on a topic; only that
-module needs ROS.
+YAML that the C++ filters read. The room `builtin` has the filters as Python classes, `expression`
+the expression language, `parts` helpers for fast filters of your own. The executable `filter_chain`
+runs a chain on a topic; it alone needs ROS.
 """
 
 from ._chain import FilterChain, Step
 from ._config import StepConfig
-from ._filter import Filter, FilterWarning, warn
+from ._filter import Filter, FilterWarning, in_map_order, warn
 from ._offline import Failure, Filtered, filter_maps
 from ._progress import ProgressBar
 from ._registry import FILTERS
@@ -35,5 +36,6 @@ __all__ = [
     "StepConfig",
     "StepTimes",
     "filter_maps",
+    "in_map_order",
     "warn",
 ]

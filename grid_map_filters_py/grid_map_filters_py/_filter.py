@@ -9,18 +9,14 @@ alone; a filter never writes into its input. What it cannot do it raises; what t
 it warns of.
 """
 
-import math
+import functools
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar, cast
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.plugins import check
-
-from ._shared.disc import Disc
 
 
 class Filter(Protocol):
@@ -61,28 +57,21 @@ def warn(message: str) -> None:
         collected.append(step + message)
 
 
-def check_radius(radius: float, name: str = "radius") -> None:
-    """Check the parameter `name` of a filter that looks at a disc around each cell."""
-    check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
+C = TypeVar("C", bound=Callable[..., GridMap])
 
 
-@dataclass(frozen=True, kw_only=True)
-class DiscFilter:
-    """What the filters have in common that make a layer from the disc around each cell.
+def in_map_order(call: C) -> C:
+    """Let the `__call__` of a filter see maps in map order only; for use as a decorator.
 
-    Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
-        radius: of the disc [m], 0 or more; the rim is inside.
+    A map that has moved is unwrapped, and the result is stored from its start index again. Filters
+    that look at neighboring cells need it to be right outside of a chain, which does the same.
     """
 
-    input_layer: str
-    output_layer: str
-    radius: float
+    @functools.wraps(call)
+    def wrapped(self: object, grid_map: GridMap) -> GridMap:
+        start = grid_map.start_index
+        if start == (0, 0):
+            return call(self, grid_map)
+        return call(self, grid_map.with_start_index((0, 0))).with_start_index(start)
 
-    def __post_init__(self) -> None:
-        check_radius(self.radius)
-
-    def disc(self, grid_map: GridMap) -> Disc:
-        """Return the disc on the cells of a map."""
-        return Disc(self.radius, grid_map.resolution, grid_map.size)
+    return cast(C, wrapped)

@@ -9,32 +9,34 @@ the entry point is the type, its object the filter class.
 from grid_map_core_py.plugins import Registry
 
 from ._filter import Filter
-from .builtin._bilateral import Bilateral
-from .builtin._buffer_normalizer import BufferNormalizer
-from .builtin._color_blending import ColorBlending
-from .builtin._color_fill import ColorFill
-from .builtin._color_map import ColorMap
-from .builtin._curvature import Curvature
-from .builtin._deletion import Deletion
-from .builtin._dilation import Dilation
-from .builtin._duplication import Duplication
-from .builtin._erosion import Erosion
-from .builtin._gaussian_blur import GaussianBlur
-from .builtin._inpaint import Inpaint
-from .builtin._light_intensity import LightIntensity
-from .builtin._math_expression import MathExpression
-from .builtin._mean_in_radius import MeanInRadius
-from .builtin._median_fill import MedianFill
-from .builtin._min_in_radius import MinInRadius
-from .builtin._normal_color_map import NormalColorMap
-from .builtin._normal_vectors import NormalVectors
-from .builtin._roughness import Roughness
-from .builtin._set_basic_layers import SetBasicLayers
-from .builtin._sliding_window_math_expression import SlidingWindowMathExpression
-from .builtin._slope import Slope
-from .builtin._step_height import StepHeight
-from .builtin._threshold import Threshold
-from .builtin._traversability import Traversability
+from .builtin import (
+    Bilateral,
+    BufferNormalizer,
+    ColorBlending,
+    ColorFill,
+    ColorMap,
+    Curvature,
+    Deletion,
+    Dilation,
+    Duplication,
+    Erosion,
+    GaussianBlur,
+    Inpaint,
+    LightIntensity,
+    MathExpression,
+    MeanInRadius,
+    MedianFill,
+    MinInRadius,
+    NormalColorMap,
+    NormalVectors,
+    Roughness,
+    SetBasicLayers,
+    SlidingWindowMathExpression,
+    Slope,
+    StepHeight,
+    Threshold,
+    Traversability,
+)
 
 BUILT_IN: dict[str, type[Filter]] = {
     "gridMapCv/InpaintFilter": Inpaint,

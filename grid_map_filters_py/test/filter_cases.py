@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, circle_cells
-from grid_map_filters_py import FilterChain
+from grid_map_filters_py import FilterChain, Step
 
 CELLS = st.sampled_from([0.0, 0.9, 1.0, 1.5, 2.0, 2.3, 5.0, 8.0])
 """Radii in cells: below one, on the rim of a disc, beyond the map."""
@@ -29,9 +29,14 @@ def ground(heights, resolution=0.1) -> GridMap:
     return terrain(np.shape(heights), resolution, elevation=heights)
 
 
+def step_of(type_name, **params) -> Step:
+    config = [{"name": "under_test", "type": type_name, "params": params}]
+    (step,) = FilterChain.from_config(config).steps
+    return step
+
+
 def run(type_name, grid_map, **params) -> GridMap:
-    step = {"name": "under_test", "type": type_name, "params": params}
-    return FilterChain.from_config([step])(grid_map)
+    return FilterChain([step_of(type_name, **params)])(grid_map)
 
 
 def filtered(type_name, grid_map, **params) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 from filter_cases import run, terrain
 
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_filters_py.builtin._buffer_normalizer import BufferNormalizer
+from grid_map_filters_py.builtin import BufferNormalizer
 
 
 def test_the_cell_at_the_start_index_comes_first_and_the_others_follow_around_the_seam():

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from grid_map_filters_py._shared.cell_function import CellFunction, cell_function, clamp
+from grid_map_filters_py.parts._cell_function import CellFunction, cell_function, clamp
 
 BUILTIN = "grid_map_filters_py.builtin"
 FUNCTIONS = {

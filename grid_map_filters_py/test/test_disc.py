@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap
-from grid_map_filters_py._shared.disc import Disc, tiles, typical_value
-from grid_map_filters_py.builtin._mean_in_radius import MeanInRadius
+from grid_map_filters_py.builtin import MeanInRadius
+from grid_map_filters_py.parts._disc import Disc, tiles, typical_value
 
 RESOLUTION = 0.1
 

@@ -17,6 +17,7 @@ from filter_cases import (
     filtered,
     ground,
     run,
+    step_of,
     terrain,
 )
 from hypothesis import given, settings
@@ -48,6 +49,10 @@ def run_here_and_elsewhere(type_name, grid_map, **params):
     assert_maps_equal(grid_map, before)
     assert grid_map.start_index == before.start_index
     assert_maps_equal(again, result)
+    moved = moved_in_buffer(grid_map, elsewhere)
+    called = step_of(type_name, **params).filter(moved)
+    assert_maps_equal(called, result)
+    assert_maps_equal(moved, before)
     return result
 
 

@@ -18,7 +18,7 @@ from scipy.ndimage import binary_dilation, correlate
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._config import parse_steps, read_chain
-from grid_map_filters_py._shared.disc import Disc
+from grid_map_filters_py.parts._disc import Disc
 
 DATA = Path(__file__).parent / "data"
 CHAIN = DATA / "traversability.yaml"

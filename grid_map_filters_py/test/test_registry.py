@@ -12,7 +12,7 @@ import pytest
 from grid_map_core_py.errors import ConfigError
 from grid_map_filters_py import FILTERS
 from grid_map_filters_py._registry import BUILT_IN
-from grid_map_filters_py.builtin._threshold import Threshold
+from grid_map_filters_py.builtin import Threshold
 
 MODULE = """
 from dataclasses import dataclass

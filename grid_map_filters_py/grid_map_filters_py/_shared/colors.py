@@ -9,7 +9,7 @@ import numpy as np
 
 from grid_map_core_py.plugins import check
 
-from .cell_function import Cells, choose, clamp, helper
+from ..parts._cell_function import Value, choose, clamp, helper
 
 FULL = np.float32(255)
 """Brightness of a channel whose share is 1."""
@@ -27,7 +27,7 @@ def check_color(name: str, color: tuple[float, ...]) -> None:
 
 
 @helper
-def pack(r: Cells, g: Cells, b: Cells) -> Cells:
+def pack(r: Value, g: Value, b: Value) -> Value:
     """Return the bits 0x00RRGGBB of a colour.
 
     Args:
@@ -38,43 +38,43 @@ def pack(r: Cells, g: Cells, b: Cells) -> Cells:
 
 
 @helper
-def _byte(channel: Cells) -> Cells:
+def _byte(channel: Value) -> Value:
     """Return a channel as an integer."""
     return np.uint32(np.int32(clamp(channel, _NONE, FULL)))
 
 
 @helper
-def or_none(color: Cells, exists: Cells) -> Cells:
+def or_none(color: Value, exists: Value) -> Value:
     """Return the bits of a colour where there is one, else those of NaN."""
     return choose(exists, color, _NAN)
 
 
 @helper
-def is_none(color: Cells) -> Cells:
+def is_none(color: Value) -> Value:
     """Tell whether the bits of a colour are those of a NaN."""
     return color & _MAGNITUDE > _INFINITY
 
 
 @helper
-def red(color: Cells) -> Cells:
+def red(color: Value) -> Value:
     """Return the share of red in a colour's bits, from 0 to 1."""
     return _lowest(color >> _RED)
 
 
 @helper
-def green(color: Cells) -> Cells:
+def green(color: Value) -> Value:
     """Return the share of green in a colour's bits, from 0 to 1."""
     return _lowest(color >> _GREEN)
 
 
 @helper
-def blue(color: Cells) -> Cells:
+def blue(color: Value) -> Value:
     """Return the share of blue in a colour's bits, from 0 to 1."""
     return _lowest(color)
 
 
 @helper
-def _lowest(color: Cells) -> Cells:
+def _lowest(color: Value) -> Value:
     """Return what the lowest byte of a colour's bits stands for."""
     # Signed integers have faster conversions.
     return np.float32(np.int32(color & _CHANNEL)) / FULL

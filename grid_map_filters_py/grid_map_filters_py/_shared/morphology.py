@@ -7,7 +7,7 @@ import numpy as np
 
 from grid_map_core_py.arrays import Layer
 
-from .disc import Disc
+from ..parts._disc import Disc
 
 
 def highest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask
 
-from .disc import Disc, Flat, Tile, tiles, typical_value
+from ..parts._disc import Disc, Flat, Tile, tiles, typical_value
 
 Normals = tuple[Layer, Layer, Layer]
 Field = npt.NDArray[np.float64]

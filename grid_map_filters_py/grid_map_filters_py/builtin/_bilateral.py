@@ -10,8 +10,9 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, slices
 from grid_map_core_py.plugins import check
 
-from .._filter import check_radius
-from .._shared.disc import Disc
+from .._filter import in_map_order
+from .._shared.disc_filter import check_radius
+from ..parts._disc import Disc
 
 # OpenCV has such a filter, but it spreads NaN, and its table of weights is as coarse as the layer's
 # range is wide: one outlier, and the edges are lost.
@@ -23,7 +24,7 @@ _NOTHING = np.float32(1e-26)
 """Standard deviations that are no more than what the missing values have added up to."""
 
 _PIECE = 2**15
-"""Cells that are computed together: what there is of them stays in the cache."""
+"""Cells that are computed together, so that their temporaries stay in the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,7 @@ class Bilateral:
             check(in_range, name, "a number > 0", sigma)
         check_radius(self.radius or 0.0)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         reach = 3 * self.sigma_space if self.radius is None else self.radius

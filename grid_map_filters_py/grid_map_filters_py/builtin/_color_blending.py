@@ -10,8 +10,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._shared.cell_function import Cells, cell_function, choose, helper
 from .._shared.colors import FULL, blue, green, is_none, pack, red
+from ..parts._cell_function import Value, cell_function, choose, helper
 
 _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
@@ -48,12 +48,12 @@ class ColorBlending:
 
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
-def _normal(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+def _normal(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
     return _blended(below, above, red(above), green(above), blue(above), weights)
 
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
-def _hard_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+def _hard_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
     is_dark = red(above) + green(above) + blue(above) < _DARK
     r = _hard(red(below), red(above), is_dark)
     g = _hard(green(below), green(above), is_dark)
@@ -62,7 +62,7 @@ def _hard_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells
 
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
-def _soft_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells:
+def _soft_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
     r = _soft(red(below), red(above))
     g = _soft(green(below), green(above))
     b = _soft(blue(below), blue(above))
@@ -70,20 +70,20 @@ def _soft_light(below: Cells, above: Cells, weights: tuple[Cells, ...]) -> Cells
 
 
 @helper
-def _hard(below: Cells, above: Cells, is_dark: Cells) -> Cells:
+def _hard(below: Value, above: Value, is_dark: Value) -> Value:
     screened = _ONE - _TWO * (_ONE - below) * (_ONE - above)
     return choose(is_dark, _TWO * below * above, screened)
 
 
 @helper
-def _soft(below: Cells, above: Cells) -> Cells:
+def _soft(below: Value, above: Value) -> Value:
     return (_ONE - _TWO * above) * (below * below) + _TWO * below * above
 
 
 @helper
 def _blended(
-    below: Cells, above: Cells, r: Cells, g: Cells, b: Cells, weights: tuple[Cells, ...]
-) -> Cells:
+    below: Value, above: Value, r: Value, g: Value, b: Value, weights: tuple[Value, ...]
+) -> Value:
     """Return the colour of a cell, of which the mode has made the shares r, g, b."""
     r = FULL * (red(below) * weights[1] + r * weights[0])
     g = FULL * (green(below) * weights[1] + g * weights[0])

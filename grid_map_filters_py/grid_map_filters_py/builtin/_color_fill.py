@@ -8,8 +8,8 @@ import numpy as np
 
 from grid_map_core_py import GridMap, color_vector_to_value
 
-from .._shared.cell_function import Cells, cell_function, choose, is_finite
 from .._shared.colors import check_color
+from ..parts._cell_function import Value, cell_function, choose, is_finite
 
 _NAN = np.float32(np.nan)
 
@@ -48,5 +48,5 @@ class ColorFill:
 
 
 @cell_function(takes=np.float32, gives=np.float32, numbers=1)
-def _where_finite(mask: Cells, color: tuple[Cells, ...]) -> Cells:
+def _where_finite(mask: Value, color: tuple[Value, ...]) -> Value:
     return choose(is_finite(mask), color[0], _NAN)

@@ -10,8 +10,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._shared.cell_function import Cells, cell_function, clamp, is_finite
 from .._shared.colors import check_color, or_none, pack
+from ..parts._cell_function import Value, cell_function, clamp, is_finite
 
 _FIRST, _LAST = np.float32(0), np.float32(1)
 
@@ -58,7 +58,7 @@ class ColorMap:
 
 
 @cell_function(takes=np.float32, gives=np.uint32, numbers=8)
-def _color(value: Cells, ramp: tuple[Cells, ...]) -> Cells:
+def _color(value: Value, ramp: tuple[Value, ...]) -> Value:
     share = clamp((value - ramp[0]) / ramp[1], _FIRST, _LAST)
     red = share * ramp[2] + ramp[5]
     green = share * ramp[3] + ramp[6]

@@ -10,12 +10,13 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, slices
 
-from .._shared.cell_function import Cells, cell_function, choose, helper, is_finite
+from .._filter import in_map_order
+from ..parts._cell_function import Value, cell_function, choose, helper, is_finite
 
 _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 
 _PIECE = 2**15
-"""Cells whose temporaries stay in the cache."""
+"""Cells that are computed together, so that their temporaries stay in the cache."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class Curvature:
     def __post_init__(self) -> None:
         _curvature.prepare()
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer].T
         curvature = np.empty_like(layer)
@@ -60,8 +62,8 @@ def _of_lines(layer: Layer, lines: slice, resolution: float) -> Layer:
 
 @cell_function(takes=np.float32, gives=np.float32, numbers=1)
 def _curvature(
-    height: Cells, up: Cells, down: Cells, left: Cells, right: Cells, scale: tuple[Cells, ...]
-) -> Cells:
+    height: Value, up: Value, down: Value, left: Value, right: Value, scale: tuple[Value, ...]
+) -> Value:
     along = up - _TWO * height + down
     across = left - _TWO * height + right
     curvature = scale[0] * (_finite_or_zero(along) + _finite_or_zero(across))
@@ -69,5 +71,5 @@ def _curvature(
 
 
 @helper
-def _finite_or_zero(value: Cells) -> Cells:
+def _finite_or_zero(value: Value) -> Value:
     return choose(is_finite(value), value, _ZERO)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
-from .._filter import DiscFilter
+from .._filter import in_map_order
+from .._shared.disc_filter import DiscFilter
 from .._shared.morphology import highest_in_disc
 
 
@@ -21,6 +22,7 @@ class Dilation(DiscFilter):
 
     compute_empty_cells: bool = False
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer, fill = grid_map[self.input_layer], self.compute_empty_cells
         highest = highest_in_disc(layer, self.disc(grid_map), fill=fill)

@@ -13,8 +13,9 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._filter import check_radius
-from .._shared.disc import Disc, typical_value
+from .._filter import in_map_order
+from .._shared.disc_filter import check_radius
+from ..parts._disc import Disc, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +45,7 @@ class GaussianBlur:
         check(math.isfinite(self.sigma) and self.sigma > 0, "sigma", "a length > 0 [m]", self.sigma)
         check_radius(self.radius or 0.0)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         mask, offset = np.isfinite(layer), typical_value(layer)

@@ -13,7 +13,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
 from grid_map_core_py.plugins import check
 
-from .._filter import check_radius, warn
+from .._filter import in_map_order, warn
+from .._shared.disc_filter import check_radius
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,7 @@ class Inpaint:
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         holes = ~np.isfinite(layer)

@@ -10,8 +10,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._shared.cell_function import Cells, cell_function, is_finite
 from .._shared.colors import FULL, or_none, pack
+from ..parts._cell_function import Value, cell_function, is_finite
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class LightIntensity:
 
 
 @cell_function(takes=np.float32, gives=np.uint32, numbers=3)
-def _shade(x: Cells, y: Cells, z: Cells, towards: tuple[Cells, ...]) -> Cells:
+def _shade(x: Value, y: Value, z: Value, towards: tuple[Value, ...]) -> Value:
     intensity = x * towards[0] + y * towards[1] + z * towards[2]
     grey = FULL * intensity
     return or_none(pack(grey, grey, grey), is_finite(intensity))

@@ -8,6 +8,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 
+from .._filter import in_map_order
 from ..errors import ExpressionError
 from ..expression import Expression
 
@@ -30,6 +31,7 @@ class MathExpression:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_parsed", Expression(self.expression))
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         with np.errstate(over="ignore"):
             result = np.asarray(self._parsed(grid_map), dtype=np.float32)

@@ -10,11 +10,12 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 
-from .._filter import DiscFilter
-from .._shared.disc import Tile, tiles, typical_value
+from .._filter import in_map_order
+from .._shared.disc_filter import DiscFilter
+from ..parts._disc import Tile, tiles, typical_value
 
 _FEW = 4
-"""Cells that a small disc reaches."""
+"""Largest reach of a small disc, in cells."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,7 @@ class MeanInRadius(DiscFilter):
     Cells without a finite value in their disc become NaN.
     """
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         offset = typical_value(layer)

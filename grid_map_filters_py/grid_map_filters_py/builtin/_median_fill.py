@@ -15,12 +15,13 @@ from grid_map_core_py.arrays import Layer, Mask
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
-from .._filter import check_radius
+from .._filter import in_map_order
+from .._shared.disc_filter import check_radius
 from .._shared.medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
-"""Cells by which a radius may fall short of a whole number of them."""
+"""Cells by which a radius may fall short of a whole number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +74,7 @@ class MedianFill:
         iterations = self.num_erode_dilation_iterations
         check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.input_layer]
         known = np.isfinite(layer)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
-from .._filter import DiscFilter
+from .._filter import in_map_order
+from .._shared.disc_filter import DiscFilter
 from .._shared.morphology import lowest_in_disc
 
 
@@ -17,6 +18,7 @@ class MinInRadius(DiscFilter):
     The other cells become NaN.
     """
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         lowest = lowest_in_disc(grid_map[self.input_layer], self.disc(grid_map), fill=False)
         return grid_map.with_layers({self.output_layer: lowest})

@@ -8,8 +8,8 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 
-from .._shared.cell_function import Cells, cell_function, helper
 from .._shared.colors import or_none, pack
+from ..parts._cell_function import Value, cell_function, helper
 
 _ONE, _HALF = np.float32(1), np.float32(127.5)
 
@@ -37,12 +37,12 @@ class NormalColorMap:
 
 
 @cell_function(takes=np.float32, gives=np.uint32)
-def _color(x: Cells, y: Cells, z: Cells, _: tuple[Cells, ...]) -> Cells:
+def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
     exists = (x == x) & (y == y) & (z == z)
     return or_none(pack(_channel(x), _channel(y), _channel(z)), exists)
 
 
 @helper
-def _channel(normal: Cells) -> Cells:
+def _channel(normal: Value) -> Value:
     # The same bits as 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

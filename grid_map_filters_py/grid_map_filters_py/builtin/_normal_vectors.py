@@ -9,6 +9,7 @@ from typing import Literal
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
+from .._filter import in_map_order
 from .._shared.normals import area_normals, flip_towards, raster_normals
 
 
@@ -39,6 +40,7 @@ class NormalVectors:
     def __post_init__(self) -> None:
         check(math.isfinite(self.radius), "radius", "a finite length [m]", self.radius)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights = grid_map[self.input_layer]
         if self.algorithm == "raster" or self.radius <= 0:

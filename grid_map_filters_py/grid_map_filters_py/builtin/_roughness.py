@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
-from .._filter import DiscFilter
+from .._filter import in_map_order
+from .._shared.disc_filter import DiscFilter
 from .._shared.normals import plane_deviations
 
 
@@ -24,6 +25,7 @@ class Roughness(DiscFilter):
         input_layer: heights [m].
     """
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights = grid_map[self.input_layer]
         deviations = plane_deviations(heights, self.radius, grid_map.resolution)

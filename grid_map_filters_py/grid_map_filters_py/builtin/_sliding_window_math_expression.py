@@ -9,6 +9,7 @@ from typing import Literal
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
+from .._filter import in_map_order
 from ..expression import Expression
 
 
@@ -49,6 +50,7 @@ class SlidingWindowMathExpression:
         check(known, "expression", expected, self.expression)
         object.__setattr__(self, "_parsed", parsed)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         result = self._parsed.over_windows(
             self.input_layer,

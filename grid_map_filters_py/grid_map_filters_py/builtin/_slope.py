@@ -10,7 +10,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, elementwise
 from grid_map_core_py.errors import ConfigError
 
-from .._filter import check_radius
+from .._filter import in_map_order
+from .._shared.disc_filter import check_radius
 from .._shared.normals import Normals, area_normals, raster_normals
 
 
@@ -42,6 +43,7 @@ class Slope:
             raise ConfigError("expected no 'radius' beside 'input_layers_prefix'")
         check_radius(self.radius)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         x, y, z = self._normals(grid_map)
         slope = elementwise(_slope, np.float32, x, y, z)

@@ -12,9 +12,10 @@ from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
-from .._filter import check_radius
-from .._shared.disc import Disc, tiles
+from .._filter import in_map_order
+from .._shared.disc_filter import check_radius
 from .._shared.morphology import highest_in_disc, lowest_in_disc
+from ..parts._disc import Disc, tiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,7 @@ class StepHeight:
         number = self.critical_cell_number
         check(number > 0, "critical_cell_number", "a number > 0", number)
 
+    @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights = grid_map[self.input_layer]
         disc = Disc(self.radius, grid_map.resolution, grid_map.size)

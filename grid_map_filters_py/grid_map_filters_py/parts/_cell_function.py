@@ -21,7 +21,7 @@ from grid_map_core_py.arrays import Layer, elementwise
 
 from .._filter import warn
 
-Cells: TypeAlias = Any
+Value: TypeAlias = Any
 """A number of one cell, or an array with the numbers of many cells."""
 
 _ZERO = np.float32(0)
@@ -32,26 +32,26 @@ _LIKE_NUMPY = {"error_model": "numpy"}
 """Divisions by 0 are no errors."""
 
 
-def choose(condition: Cells, yes: Cells, no: Cells) -> Cells:
+def choose(condition: Value, yes: Value, no: Value) -> Value:
     """Return `yes` where the condition holds, else `no`."""
     return np.where(condition, yes, no)
 
 
-def clamp(value: Cells, lowest: np.float32, highest: np.float32) -> Cells:
+def clamp(value: Value, lowest: np.float32, highest: np.float32) -> Value:
     """Return a value that is brought into bounds; the lowest for NaN."""
     return choose(value > lowest, choose(value < highest, value, highest), lowest)
 
 
-def is_finite(value: Cells) -> Cells:
+def is_finite(value: Value) -> Value:
     """Tell whether a float is neither NaN nor infinite."""
     return value - value == _ZERO
 
 
-_helpers: list[Callable[..., Cells]] = [clamp, is_finite]
+_helpers: list[Callable[..., Value]] = [clamp, is_finite]
 """Functions that numba has still to be told of."""
 
 
-def helper(function: Callable[..., Cells]) -> Callable[..., Cells]:
+def helper(function: Callable[..., Value]) -> Callable[..., Value]:
     """Allow functions of cells to call this one; for use as a decorator."""
     _helpers.append(function)
     return function
@@ -74,7 +74,7 @@ class CellFunction:
 
     def __init__(
         self,
-        function: Callable[..., Cells],
+        function: Callable[..., Value],
         takes: npt.DTypeLike,
         gives: npt.DTypeLike,
         numbers: int,
@@ -137,7 +137,7 @@ class CellFunction:
 
 def cell_function(
     *, takes: npt.DTypeLike, gives: npt.DTypeLike, numbers: int = 0
-) -> Callable[[Callable[..., Cells]], CellFunction]:
+) -> Callable[[Callable[..., Value]], CellFunction]:
     """Return the decorator that makes a `CellFunction`; see there for the arguments."""
     return lambda function: CellFunction(function, takes, gives, numbers)
 
@@ -174,7 +174,7 @@ def _replace_choose(overload: Callable[..., Any]) -> None:
 # Numba can neither make the number of arguments a variable nor take them from a list.
 
 
-def _over_1(function: Callable[..., Cells]) -> Callable[..., None]:
+def _over_1(function: Callable[..., Value]) -> Callable[..., None]:
     def loop(layers: Any, numbers: Any, results: Any) -> None:
         (a,) = layers
         for i in range(results.size):
@@ -183,7 +183,7 @@ def _over_1(function: Callable[..., Cells]) -> Callable[..., None]:
     return loop
 
 
-def _over_2(function: Callable[..., Cells]) -> Callable[..., None]:
+def _over_2(function: Callable[..., Value]) -> Callable[..., None]:
     def loop(layers: Any, numbers: Any, results: Any) -> None:
         a, b = layers
         for i in range(results.size):
@@ -192,7 +192,7 @@ def _over_2(function: Callable[..., Cells]) -> Callable[..., None]:
     return loop
 
 
-def _over_3(function: Callable[..., Cells]) -> Callable[..., None]:
+def _over_3(function: Callable[..., Value]) -> Callable[..., None]:
     def loop(layers: Any, numbers: Any, results: Any) -> None:
         a, b, c = layers
         for i in range(results.size):
@@ -201,7 +201,7 @@ def _over_3(function: Callable[..., Cells]) -> Callable[..., None]:
     return loop
 
 
-def _over_5(function: Callable[..., Cells]) -> Callable[..., None]:
+def _over_5(function: Callable[..., Value]) -> Callable[..., None]:
     def loop(layers: Any, numbers: Any, results: Any) -> None:
         a, b, c, d, e = layers
         for i in range(results.size):

@@ -1,0 +1,30 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parts for writing fast filters: sums over discs, and functions of single cells.
+
+`Disc` and `tiles` sum up the values in the disc around every cell. `cell_function` turns a function
+of the values of one cell into one of whole layers, which numba compiles where it is installed.
+"""
+
+from ._cell_function import (
+    CellFunction,
+    cell_function,
+    choose,
+    clamp,
+    helper,
+    is_finite,
+)
+from ._disc import Disc, Tile, tiles, typical_value
+
+__all__ = [
+    "CellFunction",
+    "Disc",
+    "Tile",
+    "cell_function",
+    "choose",
+    "clamp",
+    "helper",
+    "is_finite",
+    "tiles",
+    "typical_value",
+]
