@@ -125,7 +125,7 @@ def test_rviz_needs_no_plugins(demo):
 
 
 @each_demo
-def test_rviz_shows_every_output_of_the_demo_by_the_display_of_its_type(demo):
+def test_rviz_displays_match_the_types_of_all_outputs(demo):
     manager = rviz(demo)["Visualization Manager"]
     displays = {d["Topic"]["Value"]: d for d in manager["Displays"] if "Topic" in d}
     shown = {topic: display["Class"] for topic, display in displays.items()}

@@ -112,7 +112,7 @@ def test_formats_that_would_lose_something_do_not_fit(bits, transparent, ending,
     assert picture.fits(Path("folder") / f"image.{ending}".strip(".")) == fits
 
 
-def test_bounds_that_make_no_sense_are_found_before_there_is_a_map():
+def test_senseless_bounds_are_found_before_the_first_map():
     with pytest.raises(GridMapError, match="lower, upper"):
         Picture(layer="a", lower=1.0, upper=1.0).fits(Path("image.png"))
 
@@ -159,7 +159,7 @@ def test_the_star_covers_its_polygon_and_nothing_else():
     np.testing.assert_array_equal(np.isfinite(without_ground["elevation"]), is_star)
 
 
-def test_the_kernel_is_odd_and_goes_from_1_to_201_and_back():
+def test_kernel_size_is_odd_between_1_and_201():
     sizes = [kernel_size(seconds) for seconds in np.linspace(0.0, math.pi, 101)]
     assert all(size % 2 == 1 for size in sizes)
     assert (sizes[0], sizes[50]) == (201, 1)

@@ -27,7 +27,7 @@ def test_every_way_finds_the_larger_value_of_every_cell(way):
 
 
 @pytest.mark.parametrize("way", MEANS.values(), ids=MEANS)
-def test_every_way_finds_the_means_of_the_cells_around_all_but_those_at_the_border(way):
+def test_every_way_finds_the_means_of_inner_windows(way):
     grid_map = make_map(7)
     way(grid_map)
     random = grid_map["random"].tolist()
@@ -42,7 +42,7 @@ def test_every_way_finds_the_means_of_the_cells_around_all_but_those_at_the_bord
             assert np.isnan(found)
 
 
-def test_the_table_has_a_row_for_every_way_and_a_column_for_every_size():
+def test_table_has_ways_as_rows_and_sizes_as_columns():
     head, *rows = table([4, 12])
     assert "4 x 4 [ms]" in head
     assert "12 x 12 [ms]" in head

@@ -49,7 +49,7 @@ def start_marked(*arguments: str) -> tuple[Process, str]:
     return Process(command, {"GRID_MAP_DEMO_MARK": mark}), mark
 
 
-def test_the_simple_demo_publishes_a_wave_that_moves():
+def test_simple_demo_publishes_a_moving_wave():
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node("grid_map_demos_py.simple_demo_node") as demo:
@@ -69,7 +69,7 @@ def test_the_simple_demo_publishes_a_wave_that_moves():
     np.testing.assert_allclose(middle.mean(axis=0), -0.04, atol=1e-6)
 
 
-def test_the_terrain_is_published_alone_with_its_parameters(terrain):
+def test_terrain_publisher_follows_its_parameters(terrain):
     parameters = ["resolution:=1", "topic:=/ground", "frame_id:=odom"]
     arguments = ["--ros-args", *(word for pair in parameters for word in ("-p", pair))]
     with peer() as other:
@@ -82,7 +82,7 @@ def test_the_terrain_is_published_alone_with_its_parameters(terrain):
     assert grid_map.timestamp > 0
 
 
-def test_a_parameter_that_makes_no_sense_ends_the_node_with_one_message():
+def test_senseless_parameter_ends_the_node_with_one_message():
     assert_refused(
         (
             "terrain_publisher_node",
@@ -114,7 +114,7 @@ def test_a_parameter_that_makes_no_sense_ends_the_node_with_one_message():
     )
 
 
-def test_the_filters_demo_delivers_every_topic_two_pictures_and_a_table(tmp_path):
+def test_filters_demo_delivers_topics_pictures_and_a_table(tmp_path):
     demo, mark = start_marked("--report", str(tmp_path))
     assert demo.wait(90) == 0, demo.text
     assert living(mark) == []
@@ -133,7 +133,7 @@ def test_the_filters_demo_delivers_every_topic_two_pictures_and_a_table(tmp_path
         assert any(re.fullmatch(rf"{topic} [1-9]\d*", line) for line in lines), topic
 
 
-def test_the_filters_demo_runs_until_it_is_interrupted():
+def test_filters_demo_runs_until_it_is_interrupted():
     with peer() as other:
         other.listen("/filtered_map", GridMapMessage)
         demo, mark = start_marked()
@@ -149,7 +149,7 @@ def test_the_filters_demo_runs_until_it_is_interrupted():
     assert "Traceback" not in demo.text
 
 
-def test_the_filters_demo_is_shown_in_the_browser():
+def test_filters_demo_is_shown_in_the_browser():
     pytest.importorskip("viser")
     demo, mark = start_marked("--view", "0")
     pattern = re.compile(r"shows /filtered_map at (http://127\.0\.0\.1:\d+)")
@@ -171,33 +171,33 @@ def interrupt(demo: Process, mark: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
-def test_an_interrupt_while_the_demo_starts_leaves_no_process_and_no_traceback(tmp_path, count):
+def test_interrupt_at_start_leaves_no_process_and_no_traceback(tmp_path, count):
     demo, mark = start_marked("--report", str(tmp_path))
     wait_until(lambda: len(pythons(mark)) >= count, f"{count} processes")
     interrupt(demo, mark, tmp_path)
 
 
-def test_an_interrupt_while_the_demo_works_leaves_no_process_and_no_traceback(tmp_path):
+def test_interrupt_at_work_leaves_no_process_and_no_traceback(tmp_path):
     demo, mark = start_marked("--report", str(tmp_path))
     wait_until(lambda: "FilterChain(" in demo.text, "the filter chain")
     interrupt(demo, mark, tmp_path)
 
 
 @pytest.mark.parametrize("words", [["--reprot", "out"], ["out"], ["--report"]])
-def test_arguments_that_the_filters_demo_does_not_know_end_it(words):
+def test_unknown_arguments_end_the_filters_demo(words):
     demo = start_node(FILTERS_DEMO, *words)
     assert demo.wait() == 2
     assert "usage: filters_demo" in demo.text
 
 
-def test_arguments_for_ros_do_not_matter_to_the_filters_demo():
+def test_filters_demo_ignores_ros_arguments():
     demo, mark = start_marked("--ros-args", "-r", "__node:=demo")
     wait_until(lambda: len(living(mark)) == 4, "the processes of the demo")
     demo.send(signal.SIGINT)
     assert demo.wait() == 0
 
 
-def test_nothing_survives_a_demo_that_is_killed():
+def test_killed_demo_leaves_no_process():
     demo, mark = start_marked()
     wait_until(lambda: len(living(mark)) == 4, "the processes of the demo")
     os.kill(demo.pid, signal.SIGKILL)
@@ -205,7 +205,7 @@ def test_nothing_survives_a_demo_that_is_killed():
     demo.wait()
 
 
-def test_a_demo_that_does_not_deliver_fails_and_names_the_topics(tmp_path):
+def test_report_names_topics_without_messages_after_the_timeout(tmp_path):
     arguments = f"--ros-args -p timeout:=1.0 -p output_directory:={tmp_path}".split()
     report = start_node("grid_map_demos_py.demo_report_node", *arguments)
     assert report.wait() == 1
@@ -214,7 +214,7 @@ def test_a_demo_that_does_not_deliver_fails_and_names_the_topics(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_report_counts_the_diagnostics_of_the_filter_chain_and_whole_maps_alone():
+def test_report_counts_only_valid_maps_and_chain_diagnostics():
     arguments = ["--ros-args", "-p", "timeout:=3.0"]
     ours = DiagnosticStatus(name="grid_map_filters: filter chain")
     battery = DiagnosticStatus(name="battery", values=[KeyValue(key="ms left", value="plenty")])
@@ -233,7 +233,7 @@ def test_the_report_counts_the_diagnostics_of_the_filter_chain_and_whole_maps_al
     assert "does not count a map: info.resolution: expected a positive" in report.text
 
 
-def test_a_node_of_the_demo_that_fails_ends_the_demo(tmp_path):
+def test_failing_node_ends_the_demo(tmp_path):
     with_bad_parameter = (
         "import sys; from grid_map_demos_py import filters_demo as demo; "
         "chain = 'grid_map_filters_py._executables.filter_chain'; "

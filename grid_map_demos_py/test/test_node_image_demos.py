@@ -33,7 +33,7 @@ def module(demo: str) -> str:
 # --- image_publisher ------------------------------------------------------------------------------
 
 
-def test_the_terrain_is_published_as_an_image_and_as_a_map_of_its_heights_and_colors():
+def test_terrain_image_becomes_a_map_of_heights_and_colors():
     terrain = cv2.imread(str(DATA / "terrain.png"), cv2.IMREAD_UNCHANGED)
     with peer() as other:
         other.listen("/image", Image)
@@ -65,7 +65,7 @@ def test_the_terrain_is_published_as_an_image_and_as_a_map_of_its_heights_and_co
     assert np.isnan(grid_map["color"][~is_opaque]).all()
 
 
-def test_an_image_is_published_as_it_is_in_the_file_at_the_moment(tmp_path):
+def test_image_file_is_read_anew_for_every_message(tmp_path):
     file = tmp_path / "image.png"
     write_png(file, np.array([[[1], [65535]]], np.uint16))
     given = parameters(f"image_path:={file}", "topic:=/scan", "frame_id:=odom", "publish_rate:=20")
@@ -98,7 +98,7 @@ def image_message(encoding: str, pixels: np.ndarray, **fields: object) -> Image:
     return message
 
 
-def test_the_first_image_sets_the_size_and_others_of_that_size_follow():
+def test_first_image_sets_the_size_of_later_ones():
     gray = np.array([[0, 65535, 13107], [52428, 26214, 39321]], "<u2")
     green_and_glass = np.array([[[0, 255, 0, 255]] * 3, [[10, 20, 30, 100]] * 3], np.uint8)
     given = parameters("min_height:=1", "max_height:=-1.0", "resolution:=0.5", "map_frame_id:=odom")
@@ -127,7 +127,7 @@ def test_the_first_image_sets_the_size_and_others_of_that_size_follow():
 
 
 @pytest.mark.parametrize("qos", [10, qos_profile_sensor_data], ids=["volatile", "camera"])
-def test_images_of_publishers_that_are_not_latched_become_maps_in_the_frame_of_the_image(qos):
+def test_volatile_images_become_maps_in_the_image_frame(qos):
     given = parameters("image_topic:=/camera/image", "map_frame_id:=''")
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
@@ -222,7 +222,7 @@ def test_colors_are_saved_as_colors(saved):
     assert np.count_nonzero(alpha) == 1
 
 
-def test_the_demo_waits_for_a_map_that_makes_sense_and_ends_at_one_without_the_layer(tmp_path):
+def test_demo_waits_for_a_valid_map_and_requires_the_layer(tmp_path):
     file = tmp_path / "map.png"
     broken = to_message(GridMap((1.0, 1.0), 0.5, layers={"elevation": 1.0}))
     broken.info.resolution = 0.0
@@ -315,7 +315,7 @@ def test_nearest_cells_know_only_star_and_nothing():
 # --- parameters -----------------------------------------------------------------------------------
 
 
-def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message():
+def test_senseless_parameter_ends_the_demo_with_one_message():
     assert_refused(
         ("image_publisher_node", "image_path:=/nope.png", "image '/nope.png': No such file"),
         (

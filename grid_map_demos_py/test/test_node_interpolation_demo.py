@@ -51,7 +51,7 @@ def test_samples_are_those_of_the_cell_centres():
     np.testing.assert_allclose(grid_map["demo"].ravel("F"), 10 * x + y, rtol=1e-6)
 
 
-def test_the_error_of_a_slope_is_that_of_the_nearest_sample_and_none_between_two():
+def test_nearest_errs_on_a_slope_and_linear_does_not():
     def slope(x, y):
         return x + 0.0 * y
 
@@ -67,7 +67,7 @@ def test_the_error_of_a_slope_is_that_of_the_nearest_sample_and_none_between_two
     assert linear.max_error < 1e-6
 
 
-def test_the_table_shows_that_finer_methods_are_better_on_smooth_surfaces():
+def test_table_ranks_finer_methods_better_on_smooth_surfaces():
     length = np.array([4.0, 4.0])
     title, _, *rows = table(GridGeometry(length, 0.1), GridGeometry(length, 0.05))
     assert title == "4 m x 4 m, interpolated from 0.1 m to 0.05 m"
@@ -92,7 +92,7 @@ def published(*arguments: str) -> tuple[list[GridMap], str]:
     return maps, demo.text
 
 
-def test_the_demo_publishes_the_truth_the_samples_and_what_the_nearest_sample_makes_of_them():
+def test_demo_publishes_truth_samples_and_interpolation():
     (truth, data, found), text = published()
     assert (truth.size, data.size, found.size) == ((200, 200), (40, 40), (200, 200))
     assert (truth.layers, data.layers, found.layers) == (("demo",), ("demo",), ("demo", "error"))

@@ -57,7 +57,7 @@ def test_the_regions_come_in_the_order_of_cpp():
 
 
 @each_region
-def test_a_region_grows_from_an_empty_map_by_one_cell_after_the_other(title):
+def test_region_grows_cell_by_cell_from_an_empty_map(title):
     layers = [layer for _, layer in scenes()[title]]
     assert np.isnan(layers[0]).all()
     counts = [np.count_nonzero(layer == 1.0) for layer in layers]
@@ -80,7 +80,7 @@ def test_the_regions_are_those_of_cpp():
     np.testing.assert_allclose(line[:, 1], 2 + 11 * (18 - line[:, 0]) / 16, atol=0.51)
 
 
-def test_the_ellipse_is_narrow_along_its_first_axis_that_is_turned():
+def test_ellipse_is_narrow_along_its_rotated_first_axis():
     x, y = make_map().axes()
     x, y = x[:, None] - CENTRE[0], y - CENTRE[1]
     first, second = (x + y) / 2**0.5, (y - x) / 2**0.5
@@ -146,7 +146,7 @@ def test_the_iterators_demo_takes_its_time():
     assert 1e-9 * (last.timestamp - first.timestamp) > 0.99 * 0.02 * (new_cells - 1)
 
 
-def test_a_fast_iterators_demo_shows_all_regions_and_leaves_the_last_map():
+def test_fast_demo_shows_all_regions_and_keeps_the_last_map():
     last_layer = scenes()["a sliding window"][-1][1]
     last_window = scenes()["a sliding window"][-2][0].polygon
     with peer() as other:
@@ -179,7 +179,7 @@ def test_an_iterators_demo_that_is_repeated_begins_again():
         other.wait_until(lambda: demo.text.count(TITLES[0]) == 2, "a second round")
 
 
-def test_a_parameter_of_the_iterators_demo_that_makes_no_sense_ends_it():
+def test_senseless_parameter_ends_the_iterators_demo():
     assert_refused(
         (MODULE, "speed:=0.0", "parameter 'speed': expected a positive number"),
         (MODULE, "repeat:=often", "parameter 'repeat': expected true or false"),

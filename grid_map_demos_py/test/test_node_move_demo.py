@@ -80,7 +80,7 @@ def test_the_two_ways_take_turns():
     assert ways[:4] == ["move", "position", "move", "position"]
 
 
-def test_a_parameter_of_the_move_demo_that_makes_no_sense_ends_it():
+def test_senseless_parameter_ends_the_move_demo():
     assert_refused(
         *(
             (MODULE, f"{name}:=0.0", f"parameter '{name}': expected a positive number")

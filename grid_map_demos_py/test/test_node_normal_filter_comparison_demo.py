@@ -91,7 +91,7 @@ def test_nothing_is_smoothed_where_nothing_is_disturbed():
     np.testing.assert_array_equal(grid_map["elevation_filtered"], grid_map["elevation"])
 
 
-def test_an_error_is_one_less_the_cosine_of_the_angle_whatever_the_side():
+def test_error_is_one_minus_the_absolute_cosine():
     grid_map = GridMap((0.3, 0.3), 0.1)
     vectors = {"analytic": (0, 0, 1), "area": (0.6, 0, 0.8), "raster": (0, 0, -1)}
     for name, vector in vectors.items():
@@ -110,7 +110,7 @@ def angles(noise: float) -> dict[tuple[str, ...], float]:
     return {tuple(row.split()[:2]): float(row.split()[2]) for row in rows}
 
 
-def test_the_table_shows_that_both_are_right_without_noise_and_area_is_better_with_it():
+def test_area_beats_raster_with_noise_and_both_fit_without():
     without, with_noise = angles(0.0), angles(0.015)
     assert [*without] == [(shape, name) for shape in SHAPES for name in ("area", "raster")]
     assert max(without.values()) < 0.5
@@ -135,7 +135,7 @@ def published(*arguments: str) -> tuple[GridMap, str]:
     return second, demo.text
 
 
-def test_the_demo_publishes_a_wave_with_its_normals_and_how_far_they_are_off():
+def test_demo_publishes_a_wave_with_normals_and_their_errors():
     grid_map, text = published()
     assert {*grid_map.layers} == {
         *(f"elevation{what}" for what in ("", "_noisy", "_filtered")),

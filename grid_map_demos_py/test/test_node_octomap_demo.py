@@ -98,7 +98,7 @@ def test_a_file_that_is_no_octomap_is_named(content, found, tmp_path):
         read_octomap(file, "map")
 
 
-def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message():
+def test_senseless_parameter_ends_the_demo_with_one_message():
     assert_refused(
         (MODULE, "octomap_path:=/nope.bt", "octomap '/nope.bt': No such file"),
         (MODULE, "octomap_path:=~nobody_known/a.bt", "octomap '~nobody_known/a.bt': No such file"),
@@ -116,7 +116,7 @@ def test_a_parameter_that_makes_no_sense_ends_the_demo_with_one_message():
     )
 
 
-def test_without_the_messages_of_the_service_the_demo_says_what_to_install(tmp_path):
+def test_missing_service_messages_are_named_with_their_package(tmp_path):
     (tmp_path / "octomap_msgs.py").write_text("raise ImportError")
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     demo = Process([sys.executable, "-m", DEMO], {"PYTHONPATH": path})

@@ -52,14 +52,14 @@ def test_a_map_without_heights_has_no_field():
 
 
 @pytest.mark.parametrize(("size", "height"), [((0.2, 0.1), 1e4), ((20.0, 10.0), 200.0)])
-def test_a_height_far_from_all_others_makes_no_field_that_takes_minutes(size, height):
+def test_height_far_from_the_others_is_refused(size, height):
     grid_map = GridMap(size, 0.1, layers={"elevation": 0.0})
     grid_map["elevation"][0, 0] = height
     with pytest.raises(GridMapError, match="layer 'elevation': expected a field of at most 10000"):
         distance_field(grid_map, "elevation")
 
 
-def test_the_demo_publishes_the_field_and_its_parts_above_and_below_the_ground():
+def test_demo_publishes_the_field_and_its_two_parts():
     prefix = "/grid_map_sdf_demo/signed_distance_field"
     with peer() as other:
         for cloud in CLOUDS:
@@ -82,7 +82,7 @@ def test_the_demo_publishes_the_field_and_its_parts_above_and_below_the_ground()
     assert np.ptp(full[:, 1]) == pytest.approx(0.9)
 
 
-def test_topics_and_layer_are_parameters_and_a_map_without_the_layer_is_dropped():
+def test_topics_and_layer_are_parameters():
     given = ["grid_map_topic:=/map", "pointcloud_topic:=/field", "elevation_layer:=height"]
     with peer() as other:
         other.listen("/field/full_sdf", PointCloud2)

@@ -42,7 +42,7 @@ def test_the_wave_is_that_of_cpp(recorded):
         np.testing.assert_allclose(grid_map[layer], recorded[layer], atol=1e-6, err_msg=layer)
 
 
-def test_the_filter_makes_of_the_noise_of_cpp_what_cpp_makes_of_it(recorded):
+def test_filter_of_recorded_noise_equals_cpp(recorded):
     cells = cells_to_filter(recorded)
     filtered = recorded["elevation_noisy"].copy()
     assert np.isinf(filtered[cells]).sum() > 50
@@ -51,7 +51,7 @@ def test_the_filter_makes_of_the_noise_of_cpp_what_cpp_makes_of_it(recorded):
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.05, 0.1, 0.25])
-def test_the_filter_is_a_mean_weighted_by_the_distance_to_the_rim(radius):
+def test_filter_weighs_by_the_distance_to_the_rim(radius):
     random = np.random.default_rng(3)
     grid_map = GridMap((0.5, 0.4), 0.03, layers=["layer"])
     grid_map["layer"] = random.normal(5.0, 1.0, grid_map.size)
@@ -148,7 +148,7 @@ def test_the_parameters_of_the_tutorial_demo_take_effect():
     assert np.diff([grid_map.timestamp for grid_map in maps]).mean() > 0.15e9
 
 
-def test_a_parameter_of_the_tutorial_demo_that_makes_no_sense_ends_it():
+def test_senseless_parameter_ends_the_tutorial_demo():
     assert_refused(
         (MODULE, "noise:=-0.1", "parameter 'noise': expected 0 or a positive number"),
         (MODULE, "outliers:=-1", "parameter 'outliers': expected 0 or more"),

@@ -29,7 +29,7 @@ def values(*numbers: float) -> np.ndarray:
 
 
 @given(arrays.arrays(np.float32, st.integers(1, 20), elements=FLOATS))
-def test_every_value_gets_a_color_of_the_map_and_nan_is_gray(numbers):
+def test_values_get_colors_of_the_map_and_nan_gray(numbers):
     colors = ColorScale(color_map="turbo")(numbers)
     assert (colors.shape, colors.dtype) == ((*numbers.shape, 3), np.uint8)
     assert (colors[np.isnan(numbers)] == MISSING).all()

@@ -34,7 +34,7 @@ def slope() -> GridMap:
     return grid_map
 
 
-def test_line_on_a_slope_is_straight_and_exactly_where_the_slope_has_its_height():
+def test_contour_of_a_slope_is_straight_and_exact():
     marker = drawn(slope(), levels=[0.25])
     found = pieces(marker)
     np.testing.assert_allclose(found[..., 0], 0.25, atol=1e-6)
@@ -59,7 +59,7 @@ def test_line_on_a_slope_is_straight_and_exactly_where_the_slope_has_its_height(
         ({"interval": 100.0, "levels": []}, {0}),
     ],
 )
-def test_lines_are_drawn_at_multiples_of_the_interval_or_at_the_levels(params, expected):
+def test_contours_lie_at_multiples_or_at_given_levels(params, expected):
     found = pieces(drawn(slope(), **params))
     assert set(found[..., 2].ravel()) == expected
     np.testing.assert_allclose(found[..., 0], found[..., 2], atol=1e-6)
@@ -83,7 +83,7 @@ def test_lines_end_at_holes():
 
 @settings(max_examples=60)
 @given(grid_maps(max_side=6))
-def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
+def test_contours_of_a_moved_map_are_the_same(grid_map):
     marker = drawn(grid_map, levels=[0.0, 10.0])
     found = pieces(marker)
     assert np.isfinite(found).all()
@@ -99,7 +99,7 @@ def test_lines_lie_on_the_map_and_moved_maps_have_the_same(grid_map):
 
 @settings(max_examples=60)
 @given(grid_maps(max_side=5, allow_infinity=False))
-def test_values_on_the_lines_are_those_of_the_level_on_the_edges_of_the_grid(grid_map):
+def test_interpolated_values_on_a_contour_equal_its_level(grid_map):
     level = 0.5
     x, y = grid_map.geometry.axes_in_map_order()
     values = grid_map.unwrapped("elevation").astype(np.float64)

@@ -37,7 +37,7 @@ def test_every_pixel_is_the_cell_at_its_place(grid_map):
     assert (image[..., 0] == image[..., 2]).all()
 
 
-def test_upper_left_pixel_has_the_largest_x_and_y_however_the_map_has_moved():
+def test_upper_left_pixel_has_the_largest_x_and_y():
     grid_map = GridMap((2, 3), 1.0, layers={"a": [[0, 1, 2], [3, np.nan, 5]]}, frame_id="odom")
     params = {"layer": "a", "color_map": "gray", "lower": 0, "upper": 5}
     expected = [[0, 51, 102], [153, MISSING, 255]]

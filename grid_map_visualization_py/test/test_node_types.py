@@ -158,7 +158,7 @@ def assert_as_computed_by_hand(last: dict[str, Any]) -> None:
     assert rgba(last["contours"]).tolist() == [[1, 0, 0, 1]] * 4
 
 
-def test_every_type_shows_what_cpp_and_a_calculation_by_hand_say(peer, tmp_path):
+def test_every_type_equals_cpp_and_a_manual_calculation(peer, tmp_path):
     assert PARAMETERS.keys() == MESSAGES.keys() == BUILT_IN.keys()
     grid_map, case = golden()
     without_normals = sorted(MESSAGES.keys() - {"vectors"})
@@ -200,7 +200,7 @@ WRONG = {"wrong": {"type": "surface", "params": {"color_map": "virids"}}}
 GOOD = {"region": {"type": "map_region"}}
 
 
-def test_misconfigured_visualizations_are_named_and_skipped_where_that_is_asked_for(peer, tmp_path):
+def test_misconfigured_visualizations_are_named_and_skipped_on_request(peer, tmp_path):
     outputs = {**WRONG, **GOOD, "no topic": {"type": "map_region"}}
     with running_node(MODULE, *arguments(tmp_path, outputs, skip_invalid=True)) as node:
         peer.listen("region", Marker)

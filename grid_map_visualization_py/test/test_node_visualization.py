@@ -144,7 +144,7 @@ def test_node_subscribes_while_somebody_listens(peer, parameters):
 
 
 @pytest.mark.parametrize("transient_local", [True, False])
-def test_listener_who_comes_late_gets_the_map_that_was_published_once(
+def test_late_listener_gets_the_map_published_before(
     peer, parameters, transient_local
 ):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
@@ -179,7 +179,7 @@ def test_listeners_are_noticed_where_the_middleware_does_not_tell(peer, paramete
         peer.wait_until(lambda: not is_watched(peer), "the node to unsubscribe")
 
 
-def test_maps_are_shown_once_however_often_the_node_looks_for_listeners(peer, parameters):
+def test_map_is_published_once_per_listener(peer, parameters):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
     often = parameters(**two_outputs(transient_local=True, activity_check_rate=20))
@@ -207,7 +207,7 @@ def test_outputs_without_listeners_are_not_made(peer, parameters):
     assert len(node.lines) == 1, node.text
 
 
-def test_maps_that_cannot_be_shown_are_reported_once_each_and_the_others_go_on(peer, parameters):
+def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     unshowable = elevation_map(0.5, layer="height")
     malformed = [malformed_map(resolution) for resolution in (-1.0, -2.0, -1.0)]

@@ -202,7 +202,7 @@ def page(tab: Browser) -> Iterator[Browser]:
     assert tab.errors == []
 
 
-def test_the_map_is_on_the_page_and_only_what_is_shown_is_decoded(page, node):
+def test_page_shows_the_map_and_decodes_only_shown_layers(page, node):
     page.wait_for_colors(*VIRIDIS)
     values = page.values()
     assert (values["Frame"], values["Cells"]) == ("odom", "21 x 21")
@@ -224,7 +224,7 @@ def test_another_color_map_and_its_inversion_change_the_surface(page):
     page.control("Inverted").uncheck()
 
 
-def test_bounds_that_make_no_sense_are_named_and_good_ones_are_used(page):
+def test_page_names_senseless_bounds_and_uses_valid_ones(page):
     page.control("Automatic bounds").uncheck()
     page.control("Upper bound").fill("-1")
     page.tab.get_by_text("expected more than lower").wait_for()
@@ -322,7 +322,7 @@ def test_the_choice_of_layers_follows_the_maps(page, publish):
     page.wait_for_colors(*COOLWARM)
 
 
-def test_a_map_that_makes_no_sense_is_named_and_the_last_one_stays(page, publish, peer):
+def test_page_names_an_invalid_map_and_keeps_the_last(page, publish, peer):
     message = to_message(slope())
     message.info.resolution = -1.0
     peer.publish("/grid_map", message)
@@ -357,7 +357,7 @@ def test_a_screenshot_is_downloaded(page):
     assert all(share(picture, color) > 0.02 for color in (*COOLWARM, (255, 255, 255)))
 
 
-def test_a_large_map_is_thinned_out_and_the_page_says_so(page, publish):
+def test_page_says_that_a_large_map_is_thinned(page, publish):
     publish(GridMap((40.0, 20.0), 0.1, layers={"elevation": 1.0}))
     thinned = re.compile(r"(\d+) x (\d+) of 400 x 200")
     page.wait_for(lambda: thinned.match(page.values()["Cells"]), "the large map")
@@ -365,7 +365,7 @@ def test_a_large_map_is_thinned_out_and_the_page_says_so(page, publish):
     assert 1000 < int(rows) * int(columns) <= MAX_CELLS
 
 
-def test_a_page_goes_on_after_its_node_and_its_publisher_have_started_again(chromium):
+def test_page_continues_after_node_and_publisher_restart(chromium):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     # On the usual topic the maps of the other tests are still to be had.

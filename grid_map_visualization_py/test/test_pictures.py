@@ -52,7 +52,7 @@ def shown_at(axes: Axes, x: float, y: float) -> tuple[int, ...]:
 
 @pytest.mark.parametrize("start", [(0, 0), (3, 2)])
 @pytest.mark.parametrize("shade_by", ["", "ground"])
-def test_colors_are_where_they_belong_in_the_frame_of_the_map(corner_map, start, shade_by):
+def test_colors_lie_at_their_positions_in_the_map_frame(corner_map, start, shade_by):
     grid_map = moved_in_buffer(corner_map, start)
     axes = plot(grid_map, "a", flat_axes(), shade_by=shade_by)
     assert shown_at(axes, 11.25, 20.75) == pytest.approx(YELLOW, abs=1)
@@ -93,7 +93,7 @@ def test_packed_colors_have_no_color_bar():
     assert len(axes.figure.axes) == 1
 
 
-def test_slopes_towards_the_light_are_lighter_and_holes_are_no_slopes():
+def test_slopes_away_from_the_light_are_darker():
     grid_map = GridMap((30, 30), 1.0, layers={"a": 0.5, "z": 0.0, "b": 0.5})
     grid_map["z"][10:20, :] = np.arange(10)[:, None]  # rises towards -x: away from the light
     grid_map["z"][25, 10] = np.nan

@@ -95,7 +95,7 @@ def test_corners_of_triangles_are_cells_of_one_square():
     assert as_set(corners_of(Surface(grid_map, "z").mesh(GRAY))) <= possible
 
 
-def test_map_of_two_by_two_cells_is_two_triangles_seen_from_above():
+def test_four_cells_are_two_triangles():
     grid_map = GridMap((2, 2), 1.0, (10.0, 0.0), {"z": [[1, 2], [3, 4]]}, frame_id="odom")
     paint = {"color_mode": "flat", "color_layer": "not needed", "color": 0xFF8000, "opacity": 0.5}
     marker = drawn(grid_map, height_layer="z", **paint)
@@ -174,7 +174,7 @@ def color_at(marker: Marker, x: float, y: float) -> np.ndarray:
     return found[0]
 
 
-def test_colors_come_from_heights_or_another_layer_by_the_color_map():
+def test_colors_come_from_heights_or_the_color_layer():
     grid_map = GridMap((2, 2), 1.0, layers={"z": [[0, 1], [2, 3]], "s": [[5, 5], [5, 6]]})
     black, white = [0, 0, 0, 1], [1, 1, 1, 1]
     by_height = drawn(grid_map, height_layer="z", color_map="gray")
@@ -188,7 +188,7 @@ def test_colors_come_from_heights_or_another_layer_by_the_color_map():
     assert color_at(fixed, 0.5, -0.5)[0] == pytest.approx(2 / 3, abs=1 / 255)
 
 
-def test_packed_colors_are_shown_as_they_are_and_gray_where_there_are_none():
+def test_packed_colors_are_shown_unchanged_and_gray_where_missing():
     colors = color_vector_to_value([[(255, 0, 0), (0, 255, 0)], [(1, 2, 3), (0, 0, 0)]])
     colors[1, 1] = np.nan
     grid_map = GridMap((2, 2), 1.0, layers={"z": 0.0, "color": colors})

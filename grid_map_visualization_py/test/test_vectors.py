@@ -37,7 +37,7 @@ def lines_by_loop(grid_map: GridMap, scale: float) -> list[tuple[float, float, f
 
 @settings(max_examples=60)
 @given(grid_maps(LAYERS, max_side=6), st.sampled_from([0.06, 1.0, -2.5]))
-def test_every_valid_cell_gets_a_line_in_the_order_of_the_buffer(grid_map, scale):
+def test_valid_cells_get_lines_in_buffer_order(grid_map, scale):
     marker = drawn(grid_map, scale=scale)
     assert coordinates(marker) == lines_by_loop(grid_map, scale)
     assert len(marker.colors) == len(marker.points)
@@ -66,7 +66,7 @@ def test_map_without_a_valid_cell_is_drawn_as_no_line():
     assert (list(marker.points), list(marker.colors)) == ([], [])
 
 
-def test_marker_tells_frame_time_width_and_one_opaque_color_per_point():
+def test_marker_has_frame_time_width_and_opaque_colors():
     grid_map = GridMap(
         (1, 1), 1.0, layers=dict.fromkeys(LAYERS, 1.0), frame_id="odom", timestamp=3_000_000_007
     )

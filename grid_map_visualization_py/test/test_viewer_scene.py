@@ -71,12 +71,12 @@ def test_the_chosen_layer_stays_while_it_exists():
     assert follow("b", ["a", "b"], ["a"]) == "b"
 
 
-def test_a_layer_that_is_gone_gives_way_to_a_preferred_one_or_the_first():
+def test_missing_layer_gives_way_to_a_preferred_or_the_first():
     assert follow("gone", ["a", "elevation"], ["elevation"]) == "elevation"
     assert follow("gone", ["a", "b"], ["elevation"]) == "a"
 
 
-def test_three_layers_that_end_in_x_y_and_z_are_vectors():
+def test_layers_ending_in_x_y_and_z_are_vectors():
     layers = ["normal_x", "normal_y", "normal_z", "x", "y", "flow_x", "flow_y", "ax", "ay", "az"]
     assert vector_prefixes(layers) == ["normal_", "a"]
     assert vector_prefixes(["x", "y", "z"]) == []
@@ -112,7 +112,7 @@ def test_the_surface_reaches_the_browser_as_it_is(hill):
     np.testing.assert_array_equal(bounds["max"], mesh.vertices.max(axis=0))
 
 
-def test_a_shaded_surface_that_hides_what_is_behind_needs_no_extension(hill):
+def test_opaque_shaded_surface_needs_no_gltf_extension(hill):
     document, _ = read_glb(make_scene(hill, Settings(height_layer="elevation")).glb)
     (material,) = document["materials"]
     assert {"alphaMode", "extensions"}.isdisjoint(material)
@@ -245,7 +245,7 @@ def test_colors_on_the_screen_are_those_that_chromium_has_shown():
     np.testing.assert_allclose(on_screen(viridis).astype(int), seen, atol=2)
 
 
-def test_the_view_is_at_the_middle_of_the_map_from_above(hill):
+def test_view_aims_at_the_center_of_the_map(hill):
     seen = view(Surface(hill, "elevation").mesh(Coloring()), hill)
     np.testing.assert_allclose(seen.target, [10.0, -4.0, 0.75])
     reach = math.hypot(0.5, 0.3)
@@ -264,7 +264,7 @@ def test_the_view_is_at_the_middle_of_the_map_from_above(hill):
         ((0.0, 0.0, 0.0), 0.3, True),
     ],
 )
-def test_a_view_loses_maps_that_lie_beside_it_or_have_another_scale(shift, scale, is_lost):
+def test_view_loses_maps_beside_it_or_of_another_scale(shift, scale, is_lost):
     place, offset = np.array([5e5, -100.0, 2.0]), np.array([0.0, -0.6, 0.8])
     before = View(place + offset, place)
     after = View(place + shift + scale * offset, place + shift)

@@ -161,7 +161,7 @@ def test_parameters_may_be_left_out(config):
         ),
     ],
 )
-def test_every_mistake_is_one_error_that_names_the_visualization_and_the_cause(config, words):
+def test_every_mistake_is_one_error_naming_visualization_and_cause(config, words):
     with pytest.raises(ConfigError) as caught:
         create("my_output", config)
     for word in ["visualization 'my_output'", *words]:
