@@ -144,9 +144,7 @@ def test_node_subscribes_while_somebody_listens(peer, parameters):
 
 
 @pytest.mark.parametrize("transient_local", [True, False])
-def test_late_listener_gets_the_map_published_before(
-    peer, parameters, transient_local
-):
+def test_late_listener_gets_the_map_published_before(peer, parameters, transient_local):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
     # The regular check comes too late here.
