@@ -1,7 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pages on migration: names of polygons exist, and bags of ROS 1 are converted as they say."""
+"""The pages on migration: their new names exist, their old names do not, and bags convert."""
 
+import pkgutil
 import re
 import shlex
 import sys
@@ -84,3 +85,24 @@ def test_polygon_methods_are_listed_beside_cpp():
     rows = [*table(page("docs/migration_cpp.md").section("Polygons"))]
     named = {name for row in rows for name in re.findall(r"[Pp]olygon\.(\w+)", row[1])}
     assert named == {name for name in dir(Polygon) if not name.startswith("_")}
+
+
+def exists(name: str) -> bool:
+    """Return whether a dotted name can be imported."""
+    try:
+        pkgutil.resolve_name(name)
+    except (AttributeError, ImportError):
+        return False
+    return True
+
+
+@pytest.mark.parametrize("section", ["Names", "Modules"])
+def test_new_names_of_0_2_exist_and_old_ones_do_not(section):
+    rows = [*table(page("docs/from_0.1_to_0.2.md").section(section))][1:]
+    assert len(rows) > 10
+    for old, new in rows:
+        gone, there = (re.findall(r"`(grid_map_[\w.]+)`", cell) for cell in (old, new))
+        assert gone
+        assert there
+        assert [name for name in gone if exists(name)] == []
+        assert [name for name in there if not exists(name)] == []
