@@ -3,10 +3,13 @@
 """Layers from and to images, colors, costmaps, point clouds and triangle meshes."""
 
 from ._color import (
+    NO_COLOR,
     color_channels_to_value,
     color_value_to_bytes,
     color_value_to_vector,
     color_vector_to_value,
+    join_channels,
+    split_channels,
 )
 from ._costmap import (
     CENTURY,
@@ -51,6 +54,7 @@ __all__ = [
     "DIRECT",
     "FREE",
     "LETHAL",
+    "NO_COLOR",
     "CloudTransform",
     "ClusterExtraction",
     "CostCodec",
@@ -76,9 +80,11 @@ __all__ = [
     "from_image",
     "from_mesh",
     "from_points",
+    "join_channels",
     "rasterize",
     "rasterize_triangles",
     "remove_outliers",
+    "split_channels",
     "to_color_image",
     "to_costmap",
     "to_image",

@@ -16,7 +16,10 @@ from ..errors import GeometryError
 
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 
-_NAN = np.float32(np.nan).view(np.uint32)
+NO_COLOR = np.float32(np.nan).view(np.uint32)
+"""Bits of a cell without a color."""
+
+_RED, _GREEN = np.uint32(16), np.uint32(8)
 
 
 def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
@@ -56,6 +59,24 @@ def color_channels_to_value(
     return values
 
 
+def join_channels(red: Any, green: Any, blue: Any) -> Any:
+    """Return the bits 0x00RRGGBB of a color.
+
+    Args:
+        red, green, blue: uint32 in [0, 255]: numbers or arrays. Filters let numba compile this.
+    """
+    return red << _RED | green << _GREEN | blue
+
+
+def split_channels(bits: Any) -> tuple[Any, Any, Any]:
+    """Return red, green, blue of a color, each in the lowest byte of uint32.
+
+    Args:
+        bits: uint32 0x00RRGGBB: a number or an array. Filters let numba compile this.
+    """
+    return bits >> _RED, bits >> _GREEN, bits
+
+
 def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
     """Unpack layer values into colours.
 
@@ -85,7 +106,7 @@ def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
         bits = value.astype(np.float32, copy=False).view(np.uint32)
     else:
         bits = value.astype(np.uint32, copy=False)
-    red, green, blue = ((bits >> np.uint32(shift)).astype(np.uint8) for shift in (16, 8, 0))
+    red, green, blue = (channel.astype(np.uint8) for channel in split_channels(bits))
     return red, green, blue
 
 
@@ -94,16 +115,14 @@ def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     with np.errstate(invalid="ignore"):
         bits = _pack(*(255 * channel for channel in channels))
     for channel in channels:
-        bits[np.isnan(channel)] = _NAN
+        bits[np.isnan(channel)] = NO_COLOR
     return bits
 
 
 def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     """Return the bits of colours in [0, 255]; fractions are cut off."""
-    bits = np.zeros(channels[0].shape, np.uint32)
-    for channel in channels:
-        bits <<= np.uint32(8)
-        bits |= _clamped(channel).astype(np.uint32)
+    red, green, blue = (_clamped(channel).astype(np.uint32) for channel in channels)
+    bits: npt.NDArray[np.uint32] = join_channels(red, green, blue)
     return bits
 
 

@@ -4,7 +4,7 @@
 
 from ..map._geometry import BORDER_TOLERANCE
 from ._blocks import cells_to_mask, map_cells, submap_cells
-from ._circle import circle_cells
+from ._circle import circle_cells, half_chords
 from ._ellipse import ellipse_cells
 from ._line import line_cells, line_cells_between
 from ._polygon import Polygon
@@ -18,6 +18,7 @@ __all__ = [
     "cells_to_mask",
     "circle_cells",
     "ellipse_cells",
+    "half_chords",
     "line_cells",
     "line_cells_between",
     "map_cells",

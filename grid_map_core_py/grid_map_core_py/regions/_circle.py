@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Cells, as_pair
 from ._assembly import cells_of_runs, checked_radius
@@ -32,11 +32,23 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     limit, centre = checked_radius(radius), as_pair(center, "center")
     rows, _ = grid_map.geometry.box(centre - limit, centre + limit)
     x, y = grid_map.geometry.axes_in_map_order()
-    # In units of the radius, no square is too large for a number.
-    across = (x[rows] - centre[0]) / limit
-    rest = (1.0 - across) * (1.0 + across)
-    # Half the chord of each row; negative where the row misses the disc, whose run is empty then.
-    half = limit * np.copysign(np.sqrt(np.abs(rest)), rest)
+    # The run of a row that misses the disc is empty: its half chord is negative.
+    half = half_chords(limit, x[rows] - centre[0])
     start = (-y).searchsorted(-(centre[1] + half), side="left")
     stop = (-y).searchsorted(-(centre[1] - half), side="right")
     return cells_of_runs(grid_map, rows.start, start, stop)
+
+
+def half_chords(radius: float, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return half the lengths of chords of a disc; negative for lines that miss the disc.
+
+    Args:
+        radius: of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to let cell centers on the rim
+            belong to the disc, as `circle_cells` does.
+        distances: (...) from the center of the disc to the chords, in the unit of the radius.
+    """
+    # In units of the radius, no square is too large for a number.
+    across = distances / radius
+    rest = (1.0 - across) * (1.0 + across)
+    halves: NDArray[np.float64] = radius * np.copysign(np.sqrt(np.abs(rest)), rest)
+    return halves

@@ -10,7 +10,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._shared.colors import FULL, blue, green, is_none, pack, red
+from .._shared.colors import FULL, is_none, pack, shares
 from ..parts._cell_function import Value, cell_function, choose, helper
 
 _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
@@ -49,24 +49,24 @@ class ColorBlending:
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
 def _normal(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
-    return _blended(below, above, red(above), green(above), blue(above), weights)
+    return _blended(below, above, shares(below), shares(above), weights)
 
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
 def _hard_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
-    is_dark = red(above) + green(above) + blue(above) < _DARK
-    r = _hard(red(below), red(above), is_dark)
-    g = _hard(green(below), green(above), is_dark)
-    b = _hard(blue(below), blue(above), is_dark)
-    return _blended(below, above, r, g, b, weights)
+    back, fore = shares(below), shares(above)
+    is_dark = fore[0] + fore[1] + fore[2] < _DARK
+    r = _hard(back[0], fore[0], is_dark)
+    g = _hard(back[1], fore[1], is_dark)
+    b = _hard(back[2], fore[2], is_dark)
+    return _blended(below, above, back, (r, g, b), weights)
 
 
 @cell_function(takes=np.uint32, gives=np.uint32, numbers=2)
 def _soft_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value:
-    r = _soft(red(below), red(above))
-    g = _soft(green(below), green(above))
-    b = _soft(blue(below), blue(above))
-    return _blended(below, above, r, g, b, weights)
+    back, fore = shares(below), shares(above)
+    r, g, b = _soft(back[0], fore[0]), _soft(back[1], fore[1]), _soft(back[2], fore[2])
+    return _blended(below, above, back, (r, g, b), weights)
 
 
 @helper
@@ -82,12 +82,16 @@ def _soft(below: Value, above: Value) -> Value:
 
 @helper
 def _blended(
-    below: Value, above: Value, r: Value, g: Value, b: Value, weights: tuple[Value, ...]
+    below: Value,
+    above: Value,
+    back: tuple[Value, ...],
+    front: tuple[Value, ...],
+    weights: tuple[Value, ...],
 ) -> Value:
-    """Return the colour of a cell, of which the mode has made the shares r, g, b."""
-    r = FULL * (red(below) * weights[1] + r * weights[0])
-    g = FULL * (green(below) * weights[1] + g * weights[0])
-    b = FULL * (blue(below) * weights[1] + b * weights[0])
+    """Return the color of a cell; `front` are the shares that the mode has made."""
+    r = FULL * (back[0] * weights[1] + front[0] * weights[0])
+    g = FULL * (back[1] * weights[1] + front[1] * weights[0])
+    b = FULL * (back[2] * weights[1] + front[2] * weights[0])
     blended = choose(is_none(above), below, pack(r, g, b))
     return choose(is_none(below), above, blended)
 

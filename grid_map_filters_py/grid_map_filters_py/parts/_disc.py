@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Size, slices
-from grid_map_core_py.regions import BORDER_TOLERANCE
+from grid_map_core_py.regions import BORDER_TOLERANCE, half_chords
 
 Kernel = npt.NDArray[np.float64]
 Flat = npt.NDArray[Any]
@@ -41,40 +41,40 @@ class Disc:
     resolution: float
     size: Size
 
+    @cached_property
+    def reach(self) -> Size:
+        """Rows and columns from the center to the rim."""
+        rows, columns = (int(min(self._limit, count - 1)) for count in self.size)
+        return rows, columns
+
     @property
     def offsets(self) -> tuple[Kernel, Kernel]:
-        """(n, 1) and (1, m) distances of rows and columns from the centre, in cells."""
-        rows, columns = (_steps(reach) for reach in self.reach)
+        """(n, 1) and (1, m) distances of rows and columns from the center, in cells."""
+        rows, columns = (np.arange(-reach, reach + 1.0) for reach in self.reach)
         return rows[:, None], columns[None, :]
+
+    @cached_property
+    def half_widths(self) -> tuple[Flat, Flat]:
+        """Cells from the middle to the end of lines along rows, and of lines along columns.
+
+        The index is the distance of the line from the center, in cells.
+        """
+        rows, columns = (
+            np.minimum(half_chords(self._limit, np.arange(other + 1.0)), reach).astype(int)
+            for reach, other in (self.reach, self.reach[::-1])
+        )
+        return rows, columns
 
     @cached_property
     def kernel(self) -> Kernel:
         """(n, m) with 1 in the cells of the disc and 0 elsewhere; n and m are odd."""
-        return (np.hypot(*self.offsets) <= self._limit).astype(np.float64)
-
-    @cached_property
-    def reach(self) -> Size:
-        """Rows and columns from the centre to the rim."""
-        rows, columns = (int(min(self._limit, count - 1)) for count in self.size)
-        return rows, columns
-
-    @cached_property
-    def half_widths(self) -> tuple[list[int], list[int]]:
-        """The reach along rows, and along columns, for each distance along the other axis."""
-        return self._half_widths(0), self._half_widths(1)
-
-    def _half_widths(self, axis: int) -> list[int]:
-        distances = np.arange(self.reach[1 - axis] + 1.0)
-        widths = np.sqrt(self._limit * self._limit - distances * distances)
-        return [int(min(width, self.reach[axis])) for width in widths]
+        rows, columns = (np.abs(offsets) for offsets in self.offsets)
+        kernel: Kernel = (rows <= self.half_widths[0][columns.astype(int)]).astype(np.float64)
+        return kernel
 
     @property
     def _limit(self) -> float:
         return (self.radius + BORDER_TOLERANCE) / self.resolution
-
-
-def _steps(reach: int) -> Kernel:
-    return np.arange(-reach, reach + 1, dtype=np.float64)
 
 
 @dataclass(frozen=True)
