@@ -84,7 +84,11 @@ def add_modules(_app: Sphinx, page: str, source: list[str]) -> None:
 
 def public_names(module: ModuleType) -> list[str]:
     """Return the names that a package, a room or a module exports."""
-    return list(getattr(module, "__all__", ()))
+    names = list(getattr(module, "__all__", ()))
+    for name in names:
+        # Autodoc overlooks names that are loaded on first use.
+        setattr(module, name, getattr(module, name))
+    return names
 
 
 def is_borrowed(member: object, package: ModuleType) -> bool:
