@@ -27,6 +27,24 @@ for name in {MODULES!r}:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_front_door_imports_conversions_and_files_on_use():
+    code = """
+import sys
+import grid_map_core_py as gm
+assert not any(name.startswith("scipy") for name in sys.modules)
+assert set(gm.__all__) <= set(dir(gm))
+for name in gm.__all__:
+    assert getattr(gm, name) is not None
+assert gm.load is gm.files.load
+assert gm.elevation.RollingMap
+try:
+    gm.lod
+except AttributeError as error:
+    assert "has no attribute 'lod'" in str(error)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_the_examples_in_the_docstrings_are_true():
     attempted = 0
     public = {name: getattr(grid_map_core_py, name) for name in grid_map_core_py.__all__}

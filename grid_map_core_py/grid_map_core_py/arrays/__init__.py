@@ -1,6 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, checks of array arguments, work in pieces, and statistics of finite values."""
+"""Array types, checks of array arguments, work in pieces, and statistics of finite values.
+
+- Types: `Layer`, `Mask`, `Positions`, `Cells`, `Size`.
+- Checks that return an array, a number or a size, or raise `GeometryError`: `as_array`, `as_number`,
+  `as_cells`.
+- Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
+- Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
+  `min_of_finites`, `max_of_finites`.
+"""
 
 from ._checks import Cells, Layer, Mask, Positions, Size, as_array, as_number
 from ._pieces import elementwise, slices

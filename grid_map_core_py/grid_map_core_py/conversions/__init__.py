@@ -1,6 +1,16 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers from and to images, colors, costmaps, point clouds and triangle meshes."""
+"""Layers from and to images, colors, costmaps, point clouds and triangle meshes.
+
+- Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
+  `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
+- Colors as layer values: `color_vector_to_value`, `color_value_to_vector`, and from and to bytes.
+- Costmaps: `to_costmap`, `from_costmap`, `Costmap`, and the meanings of costs, `CostRange` and
+  `CostTable`.
+- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`, and
+  `PointCloudPipeline` with its groups of parameters.
+- Triangle meshes: `from_mesh`, `rasterize_triangles`.
+"""
 
 from ._color import (
     NO_COLOR,

@@ -1,6 +1,13 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The grid map, its geometry, its circular buffer, and interpolation between its cells."""
+"""The grid map and what belongs to it.
+
+- `GridMap`: layers over a grid, with moves, submaps, merging, transforms and interpolation.
+- `GridGeometry`: size, resolution and place of a grid; positions to cells and back.
+- `Interpolation`: the methods of `GridMap.at_position`.
+- `BufferRegion` and `unwrapped`: the circular buffer in which layers are stored.
+- `SignedDistanceField`: distances from points in space to the surface of a layer.
+"""
 
 from ._geometry import GridGeometry
 from ._grid_map import GridMap

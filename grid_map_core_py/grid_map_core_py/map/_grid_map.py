@@ -26,7 +26,6 @@ from ..arrays._checks import (
 )
 from ..errors import GridMapError, LayerNotFoundError, OutOfMapError
 from . import _merge as merge
-from . import _notebook as notebook
 from . import _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
@@ -679,11 +678,16 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _repr_html_(self) -> str:
         """Return a table of the layers for notebooks."""
-        return notebook.to_html(self)
+        # Importing it with the map would be a cycle, and would double the time of the import.
+        from ._notebook import to_html
+
+        return to_html(self)
 
     def _repr_png_(self) -> bytes | None:
         """Return a picture for notebooks that show no tables."""
-        return notebook.to_png(self)
+        from ._notebook import to_png
+
+        return to_png(self)
 
     def _add_all(self, layers: Iterable[str] | Mapping[str, ArrayLike]) -> None:
         self.update(

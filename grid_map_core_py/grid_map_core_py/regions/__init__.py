@@ -1,6 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of a map that lie in a shape, along a line or in a window."""
+"""Cells of a map in a shape, along a line or in a window.
+
+- Shapes: `circle_cells`, `ellipse_cells`, `polygon_cells`, `spiral_cells`, `submap_cells`,
+  `map_cells`; lines: `line_cells`, `line_cells_between`. Each returns (rows, cols), which index a
+  layer; `cells_to_mask` makes a mask of them.
+- Windows around every cell: `sliding_windows`, `window_array`.
+- `Polygon`: vertices in the plane of the map.
+- `disc_half_widths` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
+"""
 
 from ..map._geometry import BORDER_TOLERANCE
 from ._blocks import cells_to_mask, map_cells, submap_cells
