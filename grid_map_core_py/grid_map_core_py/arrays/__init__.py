@@ -3,8 +3,8 @@
 """Array types, checks of array arguments, work in pieces, and statistics of finite values.
 
 - Types: `Layer`, `Mask`, `Positions`, `Cells`, `Size`.
-- Checks that return an array, a number or a size, or raise `GeometryError`: `as_array`, `as_number`,
-  `as_cells`.
+- Checks that return what was given as an array or a number, or raise `GeometryError`: `as_array`,
+  `as_number`, `as_cells`.
 - Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
 - Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
   `min_of_finites`, `max_of_finites`.

@@ -21,9 +21,10 @@ import numpy.typing as npt
 from ..errors import GridMapError, MissingPackageError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._facts import map_facts
-from ._npz import storage_errors, wanted_layers
+from ._npz import storage_errors
 
 _TAG = "GRID_MAP"
 _FRAME = "map"
@@ -105,7 +106,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
     with _opened(path) as raster:
         _warn_of_unit(raster, path)
         names = _names(raster.descriptions)
-        wanted = wanted_layers(names, layers)
+        wanted = select_layers(names, layers)
         found = {name: _read_band(raster, names.index(name) + 1) for name in wanted}
         grid_map = _empty_map(raster).with_layers(found)
         grid_map.basic_layers = [name for name in _basic_layers(raster) if name in found]

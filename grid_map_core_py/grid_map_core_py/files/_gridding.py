@@ -13,8 +13,8 @@ from ..conversions._mesh import from_mesh
 from ..conversions._points import from_points
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 from ._clouds import load_mesh, load_points
-from ._npz import wanted_layers
 
 
 def load_cloud(
@@ -56,7 +56,7 @@ def load_cloud(
             f"{path}: resolution: expected the side of a cell [m], got nothing; "
             f"the extent is {size} m"
         )
-    wanted = wanted_layers(
+    wanted = select_layers(
         [height_layer, *(name for name in fields if name != height_layer)], layers
     )
     if mesh is not None:

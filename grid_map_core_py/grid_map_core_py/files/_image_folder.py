@@ -33,9 +33,10 @@ from ..conversions._image import (
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 from ._atomic import find_folder, new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
-from ._npz import storage_errors, wanted_layers
+from ._npz import storage_errors
 from ._yaml_files import load_yaml
 
 YAML_NAME = "map.yaml"
@@ -77,7 +78,7 @@ def save_images(
     """
     if bits not in _DTYPES:
         raise GridMapError(f"bits: expected 8 or 16, got {bits!r}")
-    names = list(dict.fromkeys(grid_map.layers if layers is None else layers))
+    names = select_layers(grid_map, layers)
     if not names:
         raise GridMapError(f"{folder}: cannot be written: there are no layers")
     colors, given = {*color_layers}, ranges or {}
@@ -125,7 +126,7 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
             raise ValueError(f"version {found.get('version')!r}, only {VERSION} is known")
         grid_map = _empty_map(found, document["resolution"])
         entries = {entry["name"]: entry for entry in found["layers"]}
-        wanted = wanted_layers([*entries], layers)
+        wanted = select_layers([*entries], layers)
     for entry in (entries[name] for name in wanted):
         with storage_errors(file, "read"):
             image = file.parent / Path(entry["image"]).name

@@ -9,7 +9,7 @@ in map order, and `metadata` is a text in JSON with everything else.
 import json
 import math
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -22,6 +22,7 @@ from ..arrays._checks import Layer, Size
 from ..errors import GridMapError, LayerNotFoundError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._facts import map_facts
 
@@ -84,7 +85,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
         metadata = _read_metadata(archive)
         grid_map = _empty_map(metadata)
         names = [_text(name) for name in metadata["layers"]]
-        wanted = wanted_layers(names, layers)
+        wanted = select_layers(names, layers)
         found = {name: _read_layer(archive, name, grid_map.size) for name in wanted}
         grid_map = grid_map.with_layers(found)
         grid_map.basic_layers = [name for name in metadata["basic_layers"] if name in found]
@@ -177,21 +178,6 @@ def _text(name: object) -> str:
     if not isinstance(name, str):
         raise ValueError(f"expected the name of a layer, found {name!r}")
     return name
-
-
-def wanted_layers(names: Sequence[str], layers: Iterable[str] | None) -> list[str]:
-    """Return the layers to read of those that a file has; None asks for all.
-
-    Raises:
-        LayerNotFoundError: the file lacks one.
-    """
-    if layers is None:
-        return [*names]
-    wanted = [layers] if isinstance(layers, str) else list(layers)
-    for name in wanted:
-        if name not in names:
-            raise LayerNotFoundError(name, names)
-    return wanted
 
 
 def _read_layer(archive: zipfile.ZipFile, name: str, size: Size) -> Layer:

@@ -6,12 +6,14 @@
 - `GridGeometry`: size, resolution and place of a grid; positions to cells and back.
 - `Interpolation`: the methods of `GridMap.at_position`.
 - `BufferRegion` and `unwrapped`: the circular buffer in which layers are stored.
+- `select_layers`: names of layers that users give, checked.
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
 from ._geometry import GridGeometry
 from ._grid_map import GridMap
 from ._interpolation import Interpolation
+from ._layer_names import select_layers
 from ._ring_buffer import BufferRegion, unwrapped
 from ._signed_distance_field import SignedDistanceField
 
@@ -21,5 +23,6 @@ __all__ = [
     "GridMap",
     "Interpolation",
     "SignedDistanceField",
+    "select_layers",
     "unwrapped",
 ]

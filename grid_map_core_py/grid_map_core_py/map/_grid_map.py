@@ -29,6 +29,7 @@ from . import _merge as merge
 from . import _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
+from ._layer_names import as_names, select_layers
 from ._ring_buffer import BufferRegion
 from ._submap import submap_block
 from ._transform import transformed_map
@@ -127,7 +128,7 @@ class GridMap(MutableMapping[str, Layer]):
         self.frame_id = frame_id
         self.timestamp = timestamp
         self._add_all(layers)
-        self.basic_layers = _names(basic_layers)
+        self.basic_layers = basic_layers
 
     # Properties
 
@@ -194,9 +195,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @basic_layers.setter
     def basic_layers(self, names: Iterable[str]) -> None:
-        names = tuple(dict.fromkeys(_names(names)))
-        self._check_layers(names)
-        self._basic_layers = names
+        self._basic_layers = select_layers(self, as_names(names))
 
     @property
     def frame_id(self) -> str:
@@ -250,7 +249,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._layers[layer] = as_layer(value, self.size, layer)
 
     def __delitem__(self, layer: str) -> None:
-        self._check_layers((layer,))
+        select_layers(self, (layer,))
         del self._layers[layer]
         self._basic_layers = tuple(name for name in self._basic_layers if name != layer)
 
@@ -322,8 +321,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
         """Return a map without the named layers; the others are shared as in `with_layers`."""
-        dropped = _names(names)
-        self._check_layers(dropped)
+        dropped = select_layers(self, as_names(names))
         return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
     def clear(self, layer: str) -> None:  # type: ignore[override]
@@ -464,7 +462,7 @@ class GridMap(MutableMapping[str, Layer]):
             OutOfMapError: there is no such cell.
         """
         cells = self._geometry.check_cells(index)
-        names = self._validity_layers(layers)
+        names = self._basic_layers if layers is None else select_layers(self, layers)
         valid = np.full(cells[0].shape, bool(names))
         for name in names:
             valid &= np.isfinite(self._layers[name][cells])
@@ -472,7 +470,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
         """Return for every cell of the buffer (rows, cols) what `is_valid` tells of it."""
-        names = self._validity_layers(layers)
+        names = self._basic_layers if layers is None else select_layers(self, layers)
         valid: Mask = np.full(self.size, bool(names), order="F")
         for name in names:
             valid &= np.isfinite(self._layers[name])
@@ -632,9 +630,8 @@ class GridMap(MutableMapping[str, Layer]):
             GridMapError: both maps name a frame and the frames differ.
             GeometryError: the maps are so far apart that there would be too many cells.
         """
-        names = None if layers is None else _names(layers)
         merge.add_data_from(
-            self, other, extend_map=extend_map, overwrite_data=overwrite_data, layers=names
+            self, other, extend_map=extend_map, overwrite_data=overwrite_data, layers=layers
         )
 
     def get_transformed_map(
@@ -691,7 +688,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _add_all(self, layers: Iterable[str] | Mapping[str, ArrayLike]) -> None:
         self.update(
-            layers if isinstance(layers, Mapping) else dict.fromkeys(_names(layers), np.nan)
+            layers if isinstance(layers, Mapping) else dict.fromkeys(as_names(layers), np.nan)
         )
 
     def _in_my_order(self, layers: Any) -> Any:
@@ -733,30 +730,10 @@ class GridMap(MutableMapping[str, Layer]):
         )
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)
 
-    def _check_layers(self, names: Iterable[str]) -> None:
-        for name in names:
-            if name not in self:
-                raise LayerNotFoundError(name, self._layers)
-
-    def _validity_layers(self, layers: str | Iterable[str] | None) -> tuple[str, ...]:
-        if layers is None:
-            return self._basic_layers
-        names = _names(layers)
-        self._check_layers(names)
-        return names
-
 
 def _check_name(layer: object) -> None:
     if not isinstance(layer, str) or not layer:
         raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
-
-
-def _names(names: Iterable[str]) -> tuple[str, ...]:
-    """Guard against a single name taken for a sequence of one-letter names."""
-    try:
-        return (names,) if isinstance(names, str) else tuple(names)
-    except TypeError:
-        raise GridMapError(f"expected names of layers, got {names!r}") from None
 
 
 def _finite_or_nan(vector: Positions) -> Positions:

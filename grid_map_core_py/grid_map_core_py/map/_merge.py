@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ..arrays._checks import Layer, Mask, Positions
 from ..errors import GridMapError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
+from ._layer_names import select_layers
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap
@@ -27,11 +28,11 @@ def add_data_from(
     *,
     extend_map: bool,
     overwrite_data: bool,
-    layers: tuple[str, ...] | None,
+    layers: Iterable[str] | None,
 ) -> None:
     """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
     _check_frames(grid_map, other)
-    sources = {name: other[name] for name in (other.layers if layers is None else layers)}
+    sources = {name: other[name] for name in select_layers(other, layers)}
     if extend_map:
         grid_map.extend_to_include(other)
     rows, rows_inside = _lines_under(grid_map, other, axis=0)

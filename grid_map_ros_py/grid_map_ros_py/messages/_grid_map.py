@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grid_map_core_py import GridGeometry, GridMap, LayerNotFoundError
+from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Layer, Size
-from grid_map_core_py.map import unwrapped
+from grid_map_core_py.map import select_layers, unwrapped
 
 from ..errors import MessageError
 from ._checks import check_position, check_positive, check_unrotated
@@ -149,22 +149,6 @@ def from_info(info: "GridMapInfo", field: str = "info") -> GridGeometry:
     position = check_position(f"{field}.pose.position", info.pose.position)
     check_unrotated(f"{field}.pose.orientation", info.pose.orientation)
     return GridGeometry(np.array([info.length_x, info.length_y]), resolution, np.array(position))
-
-
-def select_layers(available: Iterable[str], layers: Iterable[str] | None) -> tuple[str, ...]:
-    """Return the names in `layers`, each once, or all that are available for None.
-
-    Raises:
-        LayerNotFoundError: a name is not available.
-    """
-    known = tuple(available)
-    if layers is None:
-        return known
-    names = (layers,) if isinstance(layers, str) else tuple(dict.fromkeys(layers))
-    for name in names:
-        if name not in known:
-            raise LayerNotFoundError(name, known)
-    return names
 
 
 def _check_length(field: str, length: float, resolution: float) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Mask, slices
+from grid_map_core_py.map import select_layers
 
 from ..errors import MessageError
-from ._grid_map import select_layers
 from ._multi_array import set_array
 from ._packages import messages_of
 from ._time import to_header
