@@ -114,6 +114,8 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
             self._check_parent()
+            if self._storage == "mcap":
+                bag_mcap.package("mcap.writer", self._path)
             self._folder = stack.enter_context(new_folder(self._path, self._check_old))
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
