@@ -107,8 +107,6 @@ def main(arguments: list[str]) -> int:
         say(str(__doc__))
         return 2
     try:
-        # tools/workspace has blocked it while Python was starting.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         carry_out(arguments[0])
     except Refusal as refusal:
         say(str(refusal))

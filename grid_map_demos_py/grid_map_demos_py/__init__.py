@@ -1,4 +1,7 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+from grid_map_ros_py.nodes import quiet_start
 
 __version__ = "0.2.0"
+
+quiet_start()

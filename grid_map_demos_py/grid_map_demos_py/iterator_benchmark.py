@@ -147,8 +147,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     # `ros2 run` may append arguments that are meant for ROS.
     options = parser.parse_args(list(takewhile(lambda word: word != "--ros-args", words)))
-    # `tools/run` holds interrupts back until somebody handles them.
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     try:
         for line in table(options.sides):
             print(line, flush=True)

@@ -38,8 +38,6 @@ class ProcessGroup:
     def __enter__(self) -> "ProcessGroup":
         for number in SIGNALS:
             signal.signal(number, self._stop)
-        # `tools/run` holds interrupts back until somebody handles them.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,50 +1,63 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grid maps on ROS 2: conversions between `GridMap` and messages.
+"""Grid maps on ROS 2: messages, bags and parts of nodes.
 
-Importing this package needs the message packages alone: the conversions work without a node and
-without rclpy. What nodes need beside them is imported by name: `qos` (profiles of map topics),
-`parameters` (typed parameters of the ordinary parameter file), `throttle` (what to log again),
-`spin` (the life of an executable), `testing` (processes and peers for tests of nodes).
+The names of the package are those of its rooms `messages` and `bags`, loaded on first use. Reading
+messages and reading and writing bags needs neither rclpy nor message packages; making a message
+needs the package of its type. `nodes` has the parts of which nodes are made (subscriptions,
+parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
 """
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .bags._bag import (
-    BagReader,
-    BagRecord,
-    BagTopic,
-    BagWriter,
-    bag_maps,
-    bag_topics,
-    load_from_bag,
-    save_to_bag,
-)
 from .errors import BagError, MessageError
-from .messages._costmap import from_costmap, to_costmap
-from .messages._grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
-from .messages._grid_map import from_message, to_message
-from .messages._image import (
-    add_color_layer_from_image,
-    add_layer_from_image,
-    from_image,
-    to_color_image,
-    to_image,
-)
-from .messages._occupancy_grid import from_occupancy_grid, to_occupancy_grid
-from .messages._octomap import from_octomap, octomap_to_points
-from .messages._point_cloud import to_flat_point_cloud, to_point_cloud
-from .messages._point_cloud_reading import from_point_cloud, read_points
-from .messages._polygon import (
-    from_polygon,
-    to_line_marker,
-    to_polygon,
-    to_serialized_line_marker,
-    to_serialized_polygon,
-    to_serialized_triangle_list_marker,
-    to_triangle_list_marker,
-)
-from .messages._serialized import ReceivedMap, from_serialized_message, to_serialized_message
+
+if TYPE_CHECKING:
+    from .bags import (
+        BagReader,
+        BagRecord,
+        BagTopic,
+        BagWriter,
+        bag_maps,
+        bag_topics,
+        load_from_bag,
+        save_to_bag,
+    )
+    from .messages import (
+        ReceivedMap,
+        add_color_layer_from_image,
+        add_layer_from_image,
+        from_costmap,
+        from_grid_cells,
+        from_image,
+        from_message,
+        from_occupancy_grid,
+        from_octomap,
+        from_point_cloud,
+        from_polygon,
+        from_serialized_message,
+        octomap_to_points,
+        read_points,
+        to_color_image,
+        to_costmap,
+        to_flat_point_cloud,
+        to_grid_cells,
+        to_image,
+        to_line_marker,
+        to_message,
+        to_occupancy_grid,
+        to_point_cloud,
+        to_polygon,
+        to_serialized_grid_cells,
+        to_serialized_line_marker,
+        to_serialized_message,
+        to_serialized_polygon,
+        to_serialized_triangle_list_marker,
+        to_triangle_list_marker,
+    )
 
 __version__ = "0.2.0"
 
@@ -91,3 +104,16 @@ __all__ = [
     "to_serialized_triangle_list_marker",
     "to_triangle_list_marker",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    room = "bags" if "bag" in name.lower() else "messages"
+    value = getattr(importlib.import_module(f".{room}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

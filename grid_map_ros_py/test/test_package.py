@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import grid_map_ros_py
+from grid_map_ros_py import bags, messages, nodes
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -44,6 +45,7 @@ from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages
 from grid_map_ros_py._mapping import map_server, poses
+from grid_map_ros_py.nodes import LogThrottle
 
 grid_map = GridMap((1, 1), 0.25, layers={"elevation": 1.0}, frame_id="map", timestamp=3)
 grid_map.move((0.5, 0.25))
@@ -85,6 +87,10 @@ def test_the_examples_of_the_readme_work(example: str) -> None:
     assert "GridMap" in names
 
 
-def test_every_public_name_exists_and_is_documented() -> None:
-    for name in grid_map_ros_py.__all__:
-        assert getattr(grid_map_ros_py, name).__doc__, name
+@pytest.mark.parametrize("module", [grid_map_ros_py, bags, messages, nodes])
+def test_public_names_exist_and_are_documented(module) -> None:
+    assert set(module.__all__) <= set(dir(module))
+    for name in module.__all__:
+        assert getattr(module, name).__doc__, name
+    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
+        module.nonsense  # noqa: B018

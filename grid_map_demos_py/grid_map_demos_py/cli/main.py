@@ -66,8 +66,6 @@ def make_parser() -> Parser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code."""
-    # `tools/run` holds interrupts back until somebody handles them.
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     before = signal.signal(signal.SIGTERM, _terminate)
     try:
         return _run(arguments)

@@ -6,7 +6,6 @@ This module alone of the library needs `grid_map_ros_py` and the message package
 """
 
 import argparse
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -96,8 +95,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the executable and return its exit code: 0, 1 after an error, 130 after an interrupt."""
     options = _parser().parse_args(arguments)
     failures: list[Failure] | None = [] if options.keep_going else None
-    # `tools/run` holds interrupts back until somebody handles them.
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", FilterWarning)

@@ -4,14 +4,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grid_map_core_py import GridMap
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_msgs.msg import GridMapInfo
 
 from ..bags._bag import load_from_bag, save_to_bag
 from ..errors import RequestError
 from ..messages._grid_map import to_info, to_message
+
+if TYPE_CHECKING:
+    from grid_map_msgs.msg import GridMap as GridMapMessage
+    from grid_map_msgs.msg import GridMapInfo
 
 
 class MapServer:
@@ -48,7 +51,7 @@ class MapServer:
         position: tuple[float, float],
         length: tuple[float, float],
         layers: Sequence[str] = (),
-    ) -> GridMapMessage:
+    ) -> "GridMapMessage":
         """Return the cells that a rectangle overlaps, as far as it lies on the map.
 
         Args:
@@ -72,7 +75,7 @@ class MapServer:
             grid_map = grid_map.get_submap(position, length)
         return to_message(grid_map, layers or None)
 
-    def info(self) -> GridMapInfo:
+    def info(self) -> "GridMapInfo":
         """Return size, resolution and place of the map.
 
         Raises:

@@ -1,13 +1,59 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of ROS nodes: parameters, quality of service, map subscriptions, process life, logs."""
+"""Parts of ROS nodes: map subscriptions, quality of service, parameters, process life, logs.
 
-from ._parameters import check_topic, read_parameter, read_parameter_tree, read_positive
-from ._qos import map_qos
-from ._spin import run
-from ._subscription import LatchedSubscription, MapSubscription
-from ._tf_poses import TfPoses, has_tf
-from ._throttle import LogThrottle
+A complete node, which hears every publisher of maps and publishes what it makes of them:
+
+    from rclpy.node import Node
+    from grid_map_msgs.msg import GridMap as GridMapMessage
+    from grid_map_ros_py import to_message
+    from grid_map_ros_py.nodes import MapSubscription, map_qos, read_parameter, run
+
+    class Scaler(Node):
+        def __init__(self):
+            super().__init__("scaler")
+            self.factor = read_parameter(self, "factor", float, 1.0, description="of the heights")
+            self.publisher = self.create_publisher(GridMapMessage, "scaled_map", map_qos())
+            self.subscription = MapSubscription(self, "grid_map", self.on_map)
+
+        def on_map(self, received):
+            grid_map = received.decode()
+            grid_map["elevation"] *= self.factor
+            self.publisher.publish(to_message(grid_map))
+
+    if __name__ == "__main__":
+        raise SystemExit(run(Scaler))
+
+`run` ends the node on Ctrl-C and returns the exit code. All names are loaded on first use, since
+rclpy takes long to import.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ._parameters import check_topic, read_parameter, read_parameter_tree, read_positive
+    from ._qos import map_qos
+    from ._spin import run
+    from ._start import quiet_start
+    from ._subscription import LatchedSubscription, MapSubscription
+    from ._tf_poses import TfPoses, has_tf
+    from ._throttle import LogThrottle
+
+_MODULES = {
+    "LatchedSubscription": "_subscription",
+    "LogThrottle": "_throttle",
+    "MapSubscription": "_subscription",
+    "TfPoses": "_tf_poses",
+    "check_topic": "_parameters",
+    "has_tf": "_tf_poses",
+    "map_qos": "_qos",
+    "quiet_start": "_start",
+    "read_parameter": "_parameters",
+    "read_parameter_tree": "_parameters",
+    "read_positive": "_parameters",
+    "run": "_spin",
+}
 
 __all__ = [
     "LatchedSubscription",
@@ -17,8 +63,21 @@ __all__ = [
     "check_topic",
     "has_tf",
     "map_qos",
+    "quiet_start",
     "read_parameter",
     "read_parameter_tree",
     "read_positive",
     "run",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -63,8 +63,6 @@ class _Signals:
         self._may_break_off = True
         for number in _SIGNALS:
             signal.signal(number, self._take_note)
-        # `tools/run` holds interrupts back until somebody handles them.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
     def ignore(self) -> None:
         """Let the process end undisturbed; Python gives up handlers of its own when it ends."""
