@@ -132,7 +132,7 @@ def test_many_cells_are_worked_on_in_portions(monkeypatch):
     points = np.random.default_rng(2).uniform(0, 1, (600, 3))
     pipeline = PointCloudPipeline(cluster_extraction=ClusterExtraction(cluster_tolerance=0.05))
     whole = pipeline(points)
-    monkeypatch.setattr("grid_map_core_py.conversions._pipeline._POINTS", 17)
+    monkeypatch.setattr("grid_map_core_py.conversions._point_cloud_pipeline._POINTS", 17)
     np.testing.assert_array_equal(pipeline(points)["elevation"], whole["elevation"])
     np.testing.assert_allclose(
         whole["elevation"], heights_by_hand(pipeline, points, whole), rtol=1e-6

@@ -12,15 +12,6 @@
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """
 
-from ._color import (
-    NO_COLOR,
-    color_channels_to_value,
-    color_value_to_bytes,
-    color_value_to_vector,
-    color_vector_to_value,
-    join_channels,
-    split_channels,
-)
 from ._costmap import (
     CENTURY,
     DIRECT,
@@ -33,7 +24,7 @@ from ._costmap import (
     from_costmap,
     to_costmap,
 )
-from ._image import (
+from ._image_arrays import (
     COLOR_LAYER,
     Image,
     Order,
@@ -45,7 +36,16 @@ from ._image import (
     to_image,
 )
 from ._mesh import from_mesh, rasterize_triangles
-from ._pipeline import (
+from ._packed_colors import (
+    NO_COLOR,
+    color_channels_to_value,
+    color_value_to_bytes,
+    color_value_to_vector,
+    color_vector_to_value,
+    join_channels,
+    split_channels,
+)
+from ._point_cloud_pipeline import (
     CloudTransform,
     ClusterExtraction,
     Downsampling,
@@ -54,7 +54,7 @@ from ._pipeline import (
     PointCloudPipeline,
     remove_outliers,
 )
-from ._points import COLOR_FIELDS, fitting_geometry, from_points, rasterize
+from ._point_layers import COLOR_FIELDS, fitting_geometry, from_points, rasterize
 from ._voxels import downsample
 
 __all__ = [

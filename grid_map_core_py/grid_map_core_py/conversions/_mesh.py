@@ -17,7 +17,7 @@ from ..arrays._ragged import Integers, expanded
 from ..errors import GeometryError, GridMapError
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
-from ._points import as_points, fitting_geometry
+from ._point_layers import as_points, fitting_geometry
 
 _TRIANGLES = 1 << 13
 """That are worked on at once, so that the temporaries stay in the cache."""

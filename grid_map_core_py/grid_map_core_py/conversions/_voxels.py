@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Positions, as_array
 from ..errors import GeometryError
-from ._points import as_points
+from ._point_layers import as_points
 
 
 def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from .. import GridGeometry, GridMap
 from ..arrays._checks import Layer
-from ..conversions._points import rasterize
+from ..conversions._point_layers import rasterize
 from ..plugins._parameters import check
 
 VARIANCE_LAYER = "variance"

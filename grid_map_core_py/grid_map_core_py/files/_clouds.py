@@ -15,8 +15,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ..conversions._color import color_vector_to_value
-from ..conversions._points import COLOR_FIELDS, as_colors
+from ..conversions._packed_colors import color_vector_to_value
+from ..conversions._point_layers import COLOR_FIELDS, as_colors
 from ..errors import GridMapError, MissingPackageError
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]

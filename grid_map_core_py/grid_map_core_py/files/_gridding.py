@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..conversions._mesh import from_mesh
-from ..conversions._points import from_points
+from ..conversions._point_layers import from_points
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers

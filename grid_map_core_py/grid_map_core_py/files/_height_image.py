@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..conversions._image import from_image, to_image
+from ..conversions._image_arrays import from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..map._grid_map import GridMap
 from ._atomic import new_file

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..conversions._image import Image
+from ..conversions._image_arrays import Image
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _PGM_HEAD = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(\d+)\s")

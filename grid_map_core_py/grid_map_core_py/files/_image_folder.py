@@ -4,7 +4,7 @@
 
 The YAML file is one of nav2's `map_server`, too: it shows the first layer as occupancies, the
 smallest value free, the largest occupied, NaN unknown. As there, up in the images is +y and right
-is +x, which differs from the images of `grid_map_core_py.conversions._image`.
+is +x, which differs from the images of `grid_map_core_py.to_image`.
 
 What is lost: a value comes back less than one step below, at most one step of (`upper` - `lower`) /
 65535 with 16 bits, / 255 with 8, and infinities become the bounds. NaN comes back as NaN: an image
@@ -22,7 +22,7 @@ import numpy as np
 import yaml
 
 from ..arrays._statistics import max_of_finites, min_of_finites
-from ..conversions._image import (
+from ..conversions._image_arrays import (
     COLOR_LAYER,
     Image,
     add_color_layer_from_image,

@@ -26,7 +26,7 @@ import numpy.typing as npt
 import yaml
 
 from ..arrays._checks import Layer
-from ..conversions._image import Image
+from ..conversions._image_arrays import Image
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap

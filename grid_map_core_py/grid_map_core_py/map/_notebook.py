@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ..arrays._checks import Layer, as_text
 from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
-from ..conversions._color import color_value_to_bytes
+from ..conversions._packed_colors import color_value_to_bytes
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap

@@ -7,7 +7,7 @@
   layer; `cells_to_mask` makes a mask of them.
 - Windows around every cell: `sliding_windows`, `window_array`.
 - `Polygon`: vertices in the plane of the map.
-- `disc_half_widths` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
+- `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
 """
 
 from ..map._geometry import BORDER_TOLERANCE

@@ -4,7 +4,7 @@
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
 is +x, left is +y. How values become grey values and back, and what becomes of NaN, is written at
-`grid_map_core_py.conversions._image`; here is how pixels lie in messages.
+`grid_map_core_py.conversions`; here is how pixels lie in messages.
 
 Encodings are mono8 and mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, and OpenCV's
 names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colours

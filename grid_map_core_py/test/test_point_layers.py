@@ -20,7 +20,7 @@ from grid_map_core_py import (
     color_vector_to_value,
 )
 from grid_map_core_py.conversions import from_points, rasterize
-from grid_map_core_py.conversions._points import as_points
+from grid_map_core_py.conversions._point_layers import as_points
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 
 ORACLES = {

@@ -36,7 +36,7 @@ from ..map import _ring_buffer as ring_buffer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._resampling import Axis, resample
-from ._color import color_channels_to_value, color_value_to_bytes
+from ._packed_colors import color_channels_to_value, color_value_to_bytes
 
 Image: TypeAlias = npt.NDArray[Any]
 """(rows, cols) or (rows, cols, channels) uint8, uint16, float32 or float64; 1, 3 or 4 channels."""

@@ -21,7 +21,7 @@ from ..errors import ConfigError, GridMapError
 from ..map._grid_map import GridMap
 from ..plugins._parameters import build, check
 from ._clusters import euclidean_clusters
-from ._points import fitting_geometry
+from ._point_layers import fitting_geometry
 from ._voxels import downsample, finite_points
 
 _POINTS = 1 << 16
