@@ -21,7 +21,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
 from grid_map_ros_py.testing import peer, running_node
 
-MODULE = "normal_filter_comparison_node"
+MODULE = "normal_filter_comparison_demo_node"
 ERRORS = ("directionalErrorArea", "directionalErrorRaster")
 
 # --- surfaces, noise and errors -------------------------------------------------------------------
