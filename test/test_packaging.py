@@ -8,8 +8,10 @@ from email import message_from_string
 from email.message import Message
 from importlib.metadata import distribution
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
+from pages import page, table
 
 from scratch import BASE_PYTHON, PYTHON_PACKAGES, ROOT, fresh_environment, run
 
@@ -33,6 +35,48 @@ chain = FilterChain.from_config([step])
 print(chain(gm.GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))["doubled"].max())
 """
 
+WITHOUT_ROS = {
+    "grid_map_core_py": """
+        from grid_map_core_py import GridMap, circle_cells, conversions
+        from grid_map_core_py.elevation import RollingMap
+        from grid_map_core_py.files import load, save
+        from numpy import uint8
+        grid_map = GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0})
+        grid_map["elevation"][circle_cells(grid_map, (0.0, 0.0), 0.2)] = 2.0
+        save(grid_map, "map.npz")
+        assert load("map.npz") == grid_map
+        assert conversions.to_image(grid_map, "elevation", uint8).max() == 255
+    """,
+    "grid_map_filters_py": """
+        from grid_map_core_py import GridMap
+        from grid_map_filters_py import Expression, FilterChain, builtin
+        assert Expression("2 + 3")({}) == 5
+    """,
+    "grid_map_ros_py": """
+        from grid_map_core_py import GridMap
+        import grid_map_ros_py as ros
+        grid_map = GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0})
+        for storage in ("mcap", "sqlite3"):
+            ros.save_to_bag(grid_map, storage, "/map", storage=storage)
+            assert ros.load_from_bag(storage) == grid_map
+        assert ros.from_serialized_message(ros.to_serialized_message(grid_map)) == grid_map
+        try:
+            ros.to_message(grid_map)
+        except ros.MissingPackageError as error:
+            assert "std_msgs" in str(error)
+    """,
+    "grid_map_visualization_py": """
+        from grid_map_core_py import GridMap
+        from grid_map_visualization_py import colors, surface
+        from grid_map_visualization_py.pictures import save_picture
+        save_picture(GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0}), "elevation", "map.png")
+    """,
+    "grid_map_demos_py": """
+        from grid_map_demos_py.iterator_benchmark import main
+    """,
+}
+"""Programs for the second column of the table in docs/installation.md."""
+
 
 def files_of_packages() -> set[Path]:
     """Return all files except those that tests running at the same time may write."""
@@ -55,6 +99,13 @@ def venv(tmp_path_factory) -> Path:
     pip(folder, "./grid_map_core_py", "./grid_map_filters_py")
     assert files_of_packages() == before
     return folder
+
+
+@pytest.fixture(scope="module")
+def everything(venv) -> Path:
+    """The same environment with all packages and without ROS."""
+    pip(venv, *(f"./{name}" for name in NAMES))
+    return venv
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +137,19 @@ def libraries(requirements: list[str]) -> set[str]:
 def test_core_and_filters_work_after_pip_install(venv):
     done = run(venv / "bin/python", "-c", USE, environ=fresh_environment(), cwd=venv)
     assert (done.stdout, done.stderr) == ("4.0\n", "")
+
+
+def test_table_of_installation_lists_all_packages():
+    section = page("docs/installation.md").section("As Python libraries, with pip")
+    packages = [row[0].strip("`") for row in table(section)]
+    assert {name for name in packages if "[" not in name} - {"package", "extra"} == {*NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_package_works_without_ros_after_pip_install(everything, tmp_path, name):
+    code = dedent(WITHOUT_ROS[name])
+    done = run(everything / "bin/python", "-c", code, environ=fresh_environment(), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", NAMES)
