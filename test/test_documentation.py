@@ -467,7 +467,7 @@ def test_every_conversion_has_a_page_that_the_overview_links():
     pages = {f"conversions/{name}.md": name for name in names_of_pages("conversions")}
     assert {link for link in overview.links if link.startswith("conversions/")} == pages.keys()
     described = {name for link in pages for name in words(page(f"docs/{link}"))}
-    listed = words(overview) | {"to_serialized_line_marker", "to_serialized_triangle_list_marker"}
+    listed = words(overview)
     conversions = [
         name
         for name in grid_map_ros_py.__all__

@@ -52,10 +52,7 @@ if TYPE_CHECKING:
         to_point_cloud,
         to_polygon,
         to_serialized_grid_cells,
-        to_serialized_line_marker,
         to_serialized_message,
-        to_serialized_polygon,
-        to_serialized_triangle_list_marker,
         to_triangle_list_marker,
     )
 
@@ -98,10 +95,7 @@ __all__ = [
     "to_point_cloud",
     "to_polygon",
     "to_serialized_grid_cells",
-    "to_serialized_line_marker",
     "to_serialized_message",
-    "to_serialized_polygon",
-    "to_serialized_triangle_list_marker",
     "to_triangle_list_marker",
 ]
 

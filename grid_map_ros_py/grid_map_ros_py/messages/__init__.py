@@ -24,9 +24,6 @@ from ._polygon import (
     from_polygon,
     to_line_marker,
     to_polygon,
-    to_serialized_line_marker,
-    to_serialized_polygon,
-    to_serialized_triangle_list_marker,
     to_triangle_list_marker,
 )
 from ._serialized import ReceivedMap, from_serialized_message, to_serialized_message
@@ -71,10 +68,7 @@ __all__ = [
     "to_point_cloud",
     "to_polygon",
     "to_serialized_grid_cells",
-    "to_serialized_line_marker",
     "to_serialized_message",
-    "to_serialized_polygon",
-    "to_serialized_triangle_list_marker",
     "to_stamp",
     "to_triangle_list_marker",
     "view",
