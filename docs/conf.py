@@ -130,7 +130,8 @@ def list_returns(text: str) -> str:
 
 
 def escape(text: str) -> str:
-    """Escape stars and bars that are mathematical signs."""
+    """Mark indented examples as code, and escape stars and bars that are mathematical signs."""
+    text = re.sub(r"(?<!:):\n\n(?= {4}\S)", "::\n\n", text)
     sign = re.compile(r"(?<=[\w)\]])[*|]|[*|](?=[\w(])")
     is_code = re.compile(r" *(>>>|\.\.\.)")
     lines = text.split("\n")
