@@ -40,18 +40,18 @@ def point(grid_map: GridMap, fraction: tuple[float, float]) -> np.ndarray:
 
 
 def cells_by_hand(grid_map, contains):
-    """Oracle: walk over the map row by row from its corner and look at each centre."""
+    """Oracle: walk over the map row by row from its corner and look at each center."""
     world = np.moveaxis(np.indices(grid_map.size), 0, -1).reshape(-1, 2)
     indices = (world + grid_map.start_index) % grid_map.size
-    centres = grid_map.get_positions(indices).tolist()
-    return [i for i, p in zip(indices.tolist(), centres, strict=True) if contains(p)]
+    centers = grid_map.get_positions(indices).tolist()
+    return [i for i, p in zip(indices.tolist(), centers, strict=True) if contains(p)]
 
 
 def disc_by_hand(grid_map, center, radius):
     return cells_by_hand(grid_map, lambda p: math.dist(p, center) <= radius + 1e-9)
 
 
-def touches_a_centre(grid_map, center, radius):
+def touches_a_center(grid_map, center, radius):
     distances = np.linalg.norm(grid_map.get_positions() - center, axis=1)
     return (np.abs(distances - radius) <= 1e-9).any()
 
@@ -114,7 +114,7 @@ def test_circle_cells_equal_cpp(name, case):
     for circle in case["circle"]:
         cells = pairs(circle_cells(grid_map, circle["center"], circle["radius"]))
         assert cells == disc_by_hand(grid_map, circle["center"], circle["radius"])
-        if not touches_a_centre(grid_map, circle["center"], circle["radius"]):
+        if not touches_a_center(grid_map, circle["center"], circle["radius"]):
             assert cells == circle["index"]
             compared += 1
     assert compared >= 20
@@ -163,14 +163,14 @@ def test_spiral_cells_equal_cpp(name, case):
         cells = pairs(spiral_cells(grid_map, center, radius))
         assert cells == spiral_by_hand(grid_map, center, radius)
         undefined = spiral["stopped_at_undefined_behaviour"]
-        if not (moved or undefined or touches_a_centre(grid_map, center, radius)):
+        if not (moved or undefined or touches_a_center(grid_map, center, radius)):
             assert cells == spiral["index"]
             compared += 1
     assert compared >= (0 if moved else 50)
 
 
 def spiral_by_hand(grid_map, center, radius):
-    """Oracle: the disc and the centre cell, sorted by ring, then clockwise up to the -x axis."""
+    """Oracle: the disc and the center cell, sorted by ring, then clockwise up to the -x axis."""
     geometry, start, size = grid_map.geometry, grid_map.start_index, grid_map.size
     middle = np.floor((geometry.corner - center) / geometry.resolution + 1e-9).astype(int)
     cells = disc_by_hand(grid_map, center, radius)
@@ -206,7 +206,7 @@ def test_a_spiral_of_many_rings_goes_on_like_one_of_few():
     assert many == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
 
 
-def test_a_spiral_holds_its_centre_cell_however_small_it_is():
+def test_a_spiral_holds_its_center_cell_however_small_it_is():
     grid_map = GridMap((4, 4), 1.0)
     assert pairs(spiral_cells(grid_map, (0.1, 0.1), 0.0)) == [[1, 1]]
     assert pairs(spiral_cells(grid_map, (2.1, 0.1), 0.0)) == []
@@ -269,8 +269,8 @@ lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 
 
 @given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
-def test_polygon_cells_are_those_whose_centre_is_inside(grid_map, corners):
-    """Vertices and edges often lie exactly on centres of cells."""
+def test_polygon_cells_are_those_whose_center_is_inside(grid_map, corners):
+    """Vertices and edges often lie exactly on centers of cells."""
     x, y = (axis[len(axis) // 2] for axis in grid_map.axes())
     polygon = Polygon(
         [
@@ -363,7 +363,7 @@ def test_a_region_beside_the_map_has_no_cells(shape):
 
 @each_shape
 @pytest.mark.parametrize("center", [(np.nan, 0), (0, np.inf), (1, 2, 3), "ab", None])
-def test_a_centre_is_two_finite_numbers(shape, center):
+def test_a_center_is_two_finite_numbers(shape, center):
     with pytest.raises(GeometryError):
         shape(GridMap((1, 1), 0.1), center)
 

@@ -101,7 +101,7 @@ def test_submaps_equal_those_of_cpp(name, case):
 
 
 @by_map
-def test_a_submap_whose_centre_leaves_the_map_covers_the_overlap(name, case):
+def test_a_submap_whose_center_leaves_the_map_covers_the_overlap(name, case):
     """C++ refuses these requests (contract 1: every cell that the clamped rectangle overlaps)."""
     grid_map = golden_map(name)
     refused = [request for request in case["submap"] if not request["ok"]]
@@ -133,12 +133,12 @@ def overlapped_cells(grid_map, position, length):
     """Oracle: look at every cell whether it shares more than 1e-9 m with the rectangle."""
     half = 0.5 * grid_map.resolution
     cells = []
-    for centre in grid_map.get_positions():
-        reach = np.minimum(centre + half, np.add(position, np.multiply(0.5, length))) - np.maximum(
-            centre - half, np.subtract(position, np.multiply(0.5, length))
+    for center in grid_map.get_positions():
+        reach = np.minimum(center + half, np.add(position, np.multiply(0.5, length))) - np.maximum(
+            center - half, np.subtract(position, np.multiply(0.5, length))
         )
         if (reach > 1e-9).all():
-            cells.append(tuple(np.round(centre, 9)))
+            cells.append(tuple(np.round(center, 9)))
     return sorted(cells)
 
 
@@ -163,7 +163,7 @@ def test_an_index_is_in_range_where_cpp_leaves_the_buffer():
 
 
 @given(geometries, st.data())
-def test_the_centre_of_a_cell_lies_in_that_cell(geometry, data):
+def test_the_center_of_a_cell_lies_in_that_cell(geometry, data):
     cell = [data.draw(st.integers(0, count - 1)) for count in geometry.size]
     found, inside = geometry.cells_at(geometry.centers(cell))
     assert inside
@@ -181,10 +181,10 @@ def test_the_closest_position_is_inside_and_no_inside_position_is_closer(geometr
     assert all(distance <= math.dist(corner, position) + 1e-9 for corner in corners)
 
 
-@pytest.mark.parametrize("centre", [0.5, -0.5, 1.0, 1 / 3, 1e-300, 1e9, -7.3e15])
+@pytest.mark.parametrize("center", [0.5, -0.5, 1.0, 1 / 3, 1e-300, 1e9, -7.3e15])
 @pytest.mark.parametrize("resolution", [0.1, 1.0, 1 / 3])
-def test_a_map_with_a_border_at_zero_or_far_away_has_closest_positions(centre, resolution):
-    geometry = GridGeometry.from_size((1, 3), resolution, (centre, centre))
+def test_a_map_with_a_border_at_zero_or_far_away_has_closest_positions(center, resolution):
+    geometry = GridGeometry.from_size((1, 3), resolution, (center, center))
     for direction in ((-1e300, -1e300), (1e300, 1e300), (-1e300, 1e300)):
         assert geometry.is_inside(geometry.closest_position(direction))
 

@@ -466,10 +466,10 @@ def test_a_map_with_start_index_elsewhere_is_a_copy_of_the_same_world(grid_map, 
 def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     unmoved = grid_map.copy()
     unmoved.convert_to_default_start_index()
-    centre = grid_map.get_positions()[data.draw(st.integers(0, np.prod(grid_map.size) - 1))]
+    center = grid_map.get_positions()[data.draw(st.integers(0, np.prod(grid_map.size) - 1))]
     length = data.draw(st.tuples(st.floats(0, 3), st.floats(0, 3)))
-    submap = grid_map.get_submap(centre, length)
-    assert_maps_equal(submap, unmoved.get_submap(centre, length))
+    submap = grid_map.get_submap(center, length)
+    assert_maps_equal(submap, unmoved.get_submap(center, length))
     assert submap.start_index == (0, 0)
     cells, _ = grid_map.get_indices(submap.get_positions())
     np.testing.assert_array_equal(submap["elevation"].ravel("F"), grid_map["elevation"][cells])

@@ -130,31 +130,31 @@ def test_images_are_placed_correctly_on_moved_maps():
         np.testing.assert_allclose(grid_map["img"][known], elevation[known], atol=1.01 * quantum)
 
 
-def test_the_grey_of_colours_is_that_of_cpp_where_it_takes_them_for_what_they_are():
+def test_the_gray_of_colors_is_that_of_cpp_where_it_takes_them_for_what_they_are():
     compared = [c for c in COLOR_IMAGES if c[1]["color_image"]["encoding"].startswith("bgr")]
     assert len(compared) == 8
     for _, case in compared:
-        result = from_image(pixels_of(case["color_image"]), "grey", 1.0, 0, 1)
+        result = from_image(pixels_of(case["color_image"]), "gray", 1.0, 0, 1)
         # On moved maps C++ puts the pixels where they would be if the map had not moved.
         expected = golden.matrix(case["gray_layer_from_color_image"]["layers"]["gray"])
-        np.testing.assert_allclose(result["grey"], expected, rtol=1e-6)
+        np.testing.assert_allclose(result["gray"], expected, rtol=1e-6)
 
 
-def test_the_grey_of_rgb_images_honours_their_order():
+def test_the_gray_of_rgb_images_honors_their_order():
     compared = [c for c in COLOR_IMAGES if c[1]["color_image"]["encoding"].startswith("rgb")]
     assert len(compared) == 8
     for _, case in compared:
         image = pixels_of(case["color_image"])
         largest = np.iinfo(image.dtype).max
-        grey = from_image(image, "grey", 1.0, 0, largest, order="rgb")["grey"]
+        gray = from_image(image, "gray", 1.0, 0, largest, order="rgb")["gray"]
         luma = image[..., :3] @ [0.299, 0.587, 0.114]
-        known = np.isfinite(grey)
-        np.testing.assert_allclose(grey[known], luma[known], atol=0.51)
+        known = np.isfinite(gray)
+        np.testing.assert_allclose(gray[known], luma[known], atol=0.51)
         if image.shape[2] == 4:
             np.testing.assert_array_equal(known, image[..., 3] >= largest // 2)
 
 
-def test_colour_images_become_the_layers_that_their_order_tells():
+def test_color_images_become_the_layers_that_their_order_tells():
     assert len(COLOR_IMAGES) == 16
     for description, case in COLOR_IMAGES:
         grid_map = golden.to_map(description)
@@ -262,7 +262,7 @@ def test_a_layer_without_a_range_is_black(value, dtype):
 @pytest.mark.parametrize("order", ["bgr", "rgb"])
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_colours_become_colour_images_and_come_back(dtype, channels, order):
+def test_colors_become_color_images_and_come_back(dtype, channels, order):
     rgb = np.random.default_rng(5).integers(0, 256, (7, 5, 3))
     grid_map = GridMap((7, 5), 1.0, layers={"color": color_vector_to_value(rgb)})
     grid_map["color"][3, 4] = np.nan
@@ -308,8 +308,8 @@ def test_float_images_are_exact(grid_map):
     for dtype in (np.float32, np.float64):
         for channels in (1, 3, 4):
             image = to_image(grid_map, "elevation", dtype, channels)
-            grey = image if channels == 1 else image[..., 0]
-            add_layer_from_image(grid_map, grey, "again")
+            gray = image if channels == 1 else image[..., 0]
+            add_layer_from_image(grid_map, gray, "again")
             np.testing.assert_array_equal(grid_map["again"], grid_map["elevation"])
 
 
@@ -326,16 +326,16 @@ def test_the_first_pixel_is_the_corner_with_the_largest_x_and_y():
     assert value_at(grid_map, "height", (1.9, 0.6)) == 2
 
 
-def test_colour_images_are_bgr_unless_told_otherwise(tmp_path):
+def test_color_images_are_bgr_unless_told_otherwise(tmp_path):
     image = np.zeros((2, 3, 3), np.uint8)
     image[0, 0] = [255, 0, 0]  # blue
     image[1, 2] = [0, 0, 255]  # red
-    cv2.imwrite(str(tmp_path / "colours.png"), image)
-    read = cv2.imread(str(tmp_path / "colours.png"), cv2.IMREAD_UNCHANGED)
-    grid_map = from_image(read, "grey", 1.0, 0, 255)
+    cv2.imwrite(str(tmp_path / "colors.png"), image)
+    read = cv2.imread(str(tmp_path / "colors.png"), cv2.IMREAD_UNCHANGED)
+    grid_map = from_image(read, "gray", 1.0, 0, 255)
     add_color_layer_from_image(grid_map, read)
-    assert grid_map["grey"][0, 0] == 29
-    assert grid_map["grey"][1, 2] == 76
+    assert grid_map["gray"][0, 0] == 29
+    assert grid_map["gray"][1, 2] == 76
     assert color_value_to_vector(grid_map["color"])[0, 0].tolist() == [0, 0, 1]
     assert color_value_to_vector(grid_map["color"])[1, 2].tolist() == [1, 0, 0]
     np.testing.assert_array_equal(to_color_image(grid_map, "color"), image)
@@ -376,21 +376,21 @@ def test_transparent_pixels_have_no_value(dtype):
 
 def test_images_may_be_views_of_any_layout_and_byte_order():
     image = np.random.default_rng(6).integers(0, 65536, (8, 10, 3)).astype(np.uint16)
-    expected = from_image(image, "grey", 1.0, 0, 1)["grey"]
+    expected = from_image(image, "gray", 1.0, 0, 1)["gray"]
     big_endian = image.astype(">u2")
     reversed_twice = image[..., ::-1].copy()[..., ::-1]
     for other in (big_endian, reversed_twice, np.asfortranarray(image)):
-        np.testing.assert_array_equal(from_image(other, "grey", 1.0, 0, 1)["grey"], expected)
-    turned = from_image(image[::-1, ::2], "grey", 1.0, 0, 1)["grey"]
+        np.testing.assert_array_equal(from_image(other, "gray", 1.0, 0, 1)["gray"], expected)
+    turned = from_image(image[::-1, ::2], "gray", 1.0, 0, 1)["gray"]
     np.testing.assert_array_equal(turned, expected[::-1, ::2])
-    as_rgb = from_image(image[..., ::-1], "grey", 1.0, 0, 1, order="rgb")["grey"]
+    as_rgb = from_image(image[..., ::-1], "gray", 1.0, 0, 1, order="rgb")["gray"]
     np.testing.assert_allclose(as_rgb, expected, atol=1 / 65535)
 
 
-def test_a_grey_image_may_have_a_channel_axis_and_colour_a_layer():
+def test_a_gray_image_may_have_a_channel_axis_and_color_a_layer():
     image = np.arange(6, dtype=np.uint8).reshape(2, 3)
-    grid_map = from_image(image[..., None], "grey", 1.0, 0, 255)
-    np.testing.assert_array_equal(grid_map["grey"], image)
+    grid_map = from_image(image[..., None], "gray", 1.0, 0, 255)
+    np.testing.assert_array_equal(grid_map["gray"], image)
     for order in ("bgr", "rgb"):
         add_color_layer_from_image(grid_map, image, order=order)
         np.testing.assert_array_equal(
@@ -400,10 +400,10 @@ def test_a_grey_image_may_have_a_channel_axis_and_colour_a_layer():
 
 def test_an_image_replaces_a_layer_and_nothing_else(terrain):
     before = terrain["elevation"].copy()
-    terrain["grey"] = 5.0
-    add_layer_from_image(terrain, np.zeros((9, 6), np.uint8), "grey", 2, 4)
-    assert terrain.layers == ("elevation", "grey")
-    assert (terrain["grey"] == 2).all()
+    terrain["gray"] = 5.0
+    add_layer_from_image(terrain, np.zeros((9, 6), np.uint8), "gray", 2, 4)
+    assert terrain.layers == ("elevation", "gray")
+    assert (terrain["gray"] == 2).all()
     np.testing.assert_array_equal(terrain["elevation"], before)
 
 
@@ -440,7 +440,7 @@ def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, cha
     ("arguments", "message"),
     [
         ({"dtype": np.int32}, "dtype: expected one of uint8, uint16, float32, float64, got"),
-        ({"dtype": "colour"}, "dtype: expected one of"),
+        ({"dtype": "color"}, "dtype: expected one of"),
         ({"channels": 2}, "channels: expected 1, 3 or 4, got 2"),
         ({"lower": 1, "upper": 1}, "lower, upper: expected two different finite float32 numbers"),
         ({"lower": -3e38, "upper": 3e38}, "lower, upper: expected two different finite"),
@@ -461,7 +461,7 @@ def test_a_range_of_values_is_one_that_float32_holds():
         to_image(grid_map, "extreme")
 
 
-def test_colour_images_have_colours(terrain):
+def test_color_images_have_colors(terrain):
     with pytest.raises(GeometryError, match="channels: expected 3 or 4, got 1"):
         to_color_image(terrain, "elevation", channels=1)
     with pytest.raises(GeometryError, match="order: expected 'bgr' or 'rgb', got 'gbr'"):
@@ -492,7 +492,7 @@ def test_a_missing_layer_is_named(terrain):
 def test_what_is_no_image_changes_nothing(terrain, image, arguments, message):
     before = terrain.copy()
     with pytest.raises(GeometryError, match=message):
-        from_image(image, "grey", 1.0, **arguments)
+        from_image(image, "gray", 1.0, **arguments)
     with pytest.raises(GeometryError, match=message):
         add_layer_from_image(terrain, image, "elevation", **arguments)
     assert_maps_equal(terrain, before)
@@ -501,5 +501,5 @@ def test_what_is_no_image_changes_nothing(terrain, image, arguments, message):
 def test_an_image_has_as_many_pixels_as_the_map_has_cells(terrain):
     for add in (add_layer_from_image, add_color_layer_from_image):
         with pytest.raises(GeometryError, match=r"expected \(9, 6\) pixels.* got \(6, 9\)"):
-            add(terrain, np.zeros((6, 9), np.float32), "grey")
+            add(terrain, np.zeros((6, 9), np.float32), "gray")
     assert terrain.layers == ("elevation",)

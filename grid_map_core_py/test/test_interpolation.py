@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values between cell centres."""
+"""Values between cell centers."""
 
 import math
 import tracemalloc
@@ -45,7 +45,7 @@ class Oracle:
         return tuple((i - s) % n for i, s, n in zip(index, start, self.grid_map.size, strict=True))
 
     def between(self, position, method):
-        """Per axis, the number of the centre below and the way t from there to the one above."""
+        """Per axis, the number of the center below and the way t from there to the one above."""
         result = []
         for x, cell, axis in zip(position, self.cell_at(position), self.axes, strict=True):
             t = (x - axis[cell]) / self.grid_map.resolution
@@ -145,12 +145,12 @@ class Cpp:
 
     It is wrong where one of these rules holds:
 
-    - A neighbour in the buffer is not the neighbour in the map: at the seam of a moved map. LINEAR
+    - A neighbor in the buffer is not the neighbor in the map: at the seam of a moved map. LINEAR
       moreover does not repeat border cells but runs over the ends of columns, and refuses cells
       stored before the start index.
-    - CUBIC_CONVOLUTION on the -x or -y side of the cell's centre: evaluated next to its interval.
+    - CUBIC_CONVOLUTION on the -x or -y side of the cell's center: evaluated next to its interval.
     - CUBIC in the half cell at the -x or -y border: t leaves [0, 1].
-    - LINEAR with a neighbour that is not finite gives NaN and does not fall back.
+    - LINEAR with a neighbor that is not finite gives NaN and does not fall back.
     """
 
     def __init__(self, grid_map: GridMap, layer: str) -> None:
@@ -176,9 +176,9 @@ class Cpp:
         reach = range(-1, 1) if method is LINEAR else range(-2, 2)
         axes = zip(belows, cell, index, self.grid_map.start_index, self.grid_map.size, strict=True)
         stored = []
-        for below, centre, stored_centre, start, count in axes:
+        for below, center, stored_center, start, count in axes:
             wanted = [below + step for step in reach]
-            read = [stored_centre + number - centre for number in wanted]
+            read = [stored_center + number - center for number in wanted]
             if method is LINEAR and not all(0 <= n < count for n in wanted + read):
                 return False
             stored.append([min(max(n, 0), count - 1) for n in read])
@@ -245,7 +245,7 @@ def test_golden_positions_outside_are_refused_by_every_method(name, case):
 
 @st.composite
 def places(draw, maps=None):
-    """A map and positions on it: anywhere, at and next to centres, cell borders and map borders."""
+    """A map and positions on it: anywhere, at and next to centers, cell borders and map borders."""
     grid_map = draw(grid_maps() if maps is None else maps)
     steps = st.sampled_from([-0.5, -0.25, -1e-12, 0.0, 1e-12, 0.25, 0.5]) | st.floats(-0.5, 0.5)
     positions = []
@@ -294,7 +294,7 @@ def test_one_position_has_the_value_that_it_has_among_many(method, drawn):
 
 @by_method
 @given(grid_maps())
-def test_at_the_centre_of_a_cell_the_value_is_that_of_the_cell(method, grid_map):
+def test_at_the_center_of_a_cell_the_value_is_that_of_the_cell(method, grid_map):
     found = grid_map.at_position("elevation", grid_map.get_positions(), method)
     cells = grid_map["elevation"].ravel("F")
     np.testing.assert_allclose(found, cells, rtol=1e-9, atol=1e-9)
@@ -352,13 +352,13 @@ def test_the_cubic_methods_agree_but_in_the_half_cell_at_the_border(drawn):
     st.sampled_from([0.0, 0.5, 1.0, -0.5, 1 / 3, 123.4, 1e9]),
     st.integers(-3, 3),
 )
-def test_exactly_the_positions_on_the_map_have_values(size, resolution, centre, ulps):
-    grid_map = GridMap(np.multiply(size, resolution), resolution, (centre, centre), {"a": 1.0})
+def test_exactly_the_positions_on_the_map_have_values(size, resolution, center, ulps):
+    grid_map = GridMap(np.multiply(size, resolution), resolution, (center, center), {"a": 1.0})
     half = 0.5 * grid_map.length
-    for border in (centre + half, centre - half):
+    for border in (center + half, center - half):
         for axis in (0, 1):
-            position = np.full(2, centre)
-            position[axis] = border[axis] + ulps * np.spacing(centre + half[axis])
+            position = np.full(2, center)
+            position[axis] = border[axis] + ulps * np.spacing(center + half[axis])
             if grid_map.is_inside(position):
                 values = [grid_map.at_position("a", position, method) for method in METHODS]
                 np.testing.assert_allclose(values, 1.0, rtol=1e-12)
@@ -394,7 +394,7 @@ def along(axis: int, coordinate: float) -> tuple[float, float]:
         (CUBIC_CONVOLUTION, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
         (CUBIC, -2.5, (-4.0 + 9 * 8.0 + 9 * 16.0 - 32.0) / 16),
         (CUBIC, -0.5, (-1.0 + 9 * 1.0 + 9 * 4.0 - 8.0) / 16),
-        # A quarter of a cell beyond the last centre Keys repeats the cell, while the Hermite
+        # A quarter of a cell beyond the last center Keys repeats the cell, while the Hermite
         # polynomial has the last slope, half the last difference, at both of its ends.
         (CUBIC_CONVOLUTION, 0.25, 1.0 - 9 / 128 * 3.0),
         (CUBIC, 0.25, 1.0 - 1.5 * (9 / 64 - 3 / 64)),
@@ -525,7 +525,7 @@ def test_the_first_position_outside_the_map_is_named(method, position):
     x, y = map(str, np.array(position).tolist())
     with pytest.raises(OutOfMapError) as error:
         grid_map.at_position("a", many, method)
-    assert f"position ({x}, {y}) is outside the map: centre (0.0, 0.0)" in str(error.value)
+    assert f"position ({x}, {y}) is outside the map: center (0.0, 0.0)" in str(error.value)
 
 
 @pytest.mark.parametrize("positions", [1.0, [1.0, 2.0, 3.0], [[1.0], [2.0]], "here", []])

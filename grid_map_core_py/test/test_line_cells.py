@@ -80,15 +80,15 @@ def test_a_line_between_cells_is_connected_straight_and_complete(grid_map, data)
     cells = line_cells_between(grid_map, start, end)
     assert tuple(pairs(cells)[0]) == start
     assert tuple(pairs(cells)[-1]) == end
-    centres = grid_map.get_positions(cells) / grid_map.resolution
-    steps = np.abs(np.diff(centres, axis=0))
+    centers = grid_map.get_positions(cells) / grid_map.resolution
+    steps = np.abs(np.diff(centers, axis=0))
     if start != end:
         # One step along the longer axis per cell, and never more than half a cell off the line.
-        along = np.abs(centres[-1] - centres[0])
+        along = np.abs(centers[-1] - centers[0])
         np.testing.assert_allclose(steps[:, along.argmax()], 1.0)
         assert (steps < 1.001).all()
-        straight = np.linspace(centres[0], centres[-1], len(centres))
-        assert np.abs(centres - straight).max() < 0.501
+        straight = np.linspace(centers[0], centers[-1], len(centers))
+        assert np.abs(centers - straight).max() < 0.501
 
 
 @given(grid_maps(), fractions, fractions)
@@ -145,7 +145,7 @@ def test_the_borders_of_a_map_belong_to_it_as_its_positions_do():
 def test_a_line_that_never_touches_the_map_is_an_error():
     grid_map = GridMap((4, 4), 1.0)
     for start, end in (((3, 3), (5, 5)), ((5, 0), (0, 5)), ((3, 0), (3, 1)), ((3, 3), (3, 3))):
-        with pytest.raises(OutOfMapError, match="does not touch the map: centre"):
+        with pytest.raises(OutOfMapError, match="does not touch the map: center"):
             line_cells(grid_map, start, end)
 
 

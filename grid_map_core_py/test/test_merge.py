@@ -22,8 +22,8 @@ def terrain() -> GridMap:
 
 
 @st.composite
-def neighbours(draw, layers=("elevation", "extra")):
-    """Draw two maps that lie near each other, often with centres on borders of cells."""
+def neighbors(draw, layers=("elevation", "extra")):
+    """Draw two maps that lie near each other, often with centers on borders of cells."""
     grid_map, other = draw(grid_maps(max_side=6)), draw(grid_maps(layers, max_side=6))
     other.frame_id = draw(st.sampled_from(["", grid_map.frame_id]))
     quarters = st.integers(-20, 20).map(lambda number: number / 4)
@@ -120,7 +120,7 @@ class TestExtendToInclude:
                 checked += 1
         assert checked == 15
 
-    @given(neighbours())
+    @given(neighbors())
     def test_keeps_every_cell_and_covers_the_other_map(self, maps):
         grid_map, other = maps
         before, other_before = grid_map.copy(), other.copy()
@@ -129,7 +129,7 @@ class TestExtendToInclude:
         assert_maps_equal(other, other_before)
         assert other.start_index == other_before.start_index
 
-    @given(neighbours(), st.data())
+    @given(neighbors(), st.data())
     def test_is_the_same_moved_or_not(self, maps, data):
         grid_map, other = maps
         start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
@@ -138,7 +138,7 @@ class TestExtendToInclude:
         moved.extend_to_include(other)
         assert_maps_equal(moved, grid_map)
 
-    @given(neighbours())
+    @given(neighbors())
     def test_once_more_changes_nothing(self, maps):
         grid_map, other = maps
         grid_map.extend_to_include(other)
@@ -157,10 +157,10 @@ class TestExtendToInclude:
         assert terrain["elevation"] is layer
         assert terrain.start_index == (3, 2)
 
-    @pytest.mark.parametrize("centre", [(1, 2), (-1, 2), (1, -2), (-1, -2)])
-    def test_works_where_a_border_lies_at_zero(self, centre):
-        grid_map = GridMap((2, 4), 0.5, centre, {"a": 1.0})
-        grid_map.extend_to_include(GridMap((2, 4), 0.5, np.negative(centre)))
+    @pytest.mark.parametrize("center", [(1, 2), (-1, 2), (1, -2), (-1, -2)])
+    def test_works_where_a_border_lies_at_zero(self, center):
+        grid_map = GridMap((2, 4), 0.5, center, {"a": 1.0})
+        grid_map.extend_to_include(GridMap((2, 4), 0.5, np.negative(center)))
         assert grid_map.size == (8, 16)
         assert grid_map.position.tolist() == [0.0, 0.0]
         assert np.isfinite(grid_map["a"]).sum() == 32
@@ -224,7 +224,7 @@ class TestAddDataFrom:
                 checked += 1
         assert checked == 39
 
-    @given(neighbours(), st.booleans(), st.booleans(), st.booleans())
+    @given(neighbors(), st.booleans(), st.booleans(), st.booleans())
     def test_equals_a_loop_over_all_cells(self, maps, extend, overwrite, every_layer):
         grid_map, other = maps
         layers = other.layers if every_layer else ("extra",)
@@ -243,7 +243,7 @@ class TestAddDataFrom:
         assert_maps_equal(other, other_before)
         assert all(data.flags.f_contiguous for data in map(grid_map.__getitem__, grid_map))
 
-    @given(neighbours(), st.booleans(), st.booleans(), st.data())
+    @given(neighbors(), st.booleans(), st.booleans(), st.data())
     def test_is_the_same_for_moved_maps(self, maps, extend, overwrite, data):
         def moved(grid_map):
             start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
@@ -262,7 +262,7 @@ class TestAddDataFrom:
         assert_maps_equal(grid_map, before)
         assert grid_map.start_index == before.start_index
 
-    @given(neighbours(("elevation",)))
+    @given(neighbors(("elevation",)))
     def test_without_overwriting_no_finite_value_changes(self, maps):
         grid_map, other = maps
         before = grid_map["elevation"].copy()
@@ -280,11 +280,11 @@ class TestAddDataFrom:
         assert grid_map["a"].ravel().tolist() == [1, 7, 1]
         assert grid_map["b"].ravel().tolist() == [8, 2, 2]
 
-    def test_a_finer_map_gives_the_cells_under_the_centres(self):
+    def test_a_finer_map_gives_the_cells_under_the_centers(self):
         coarse = GridMap((2, 2), 1.0, layers=["a"])
         fine = GridMap((1.5, 0.9), 0.3, layers={"a": np.arange(15).reshape(5, 3)})
         coarse.add_data_from(fine, extend_map=False, overwrite_data=True)
-        # The centres at y = +-0.5 lie beside the finer map, which ends at +-0.45.
+        # The centers at y = +-0.5 lie beside the finer map, which ends at +-0.45.
         assert np.isnan(coarse["a"]).all()
         fine.position = (0.0, 0.5)
         coarse.add_data_from(fine, extend_map=False, overwrite_data=True)

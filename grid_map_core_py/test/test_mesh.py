@@ -18,7 +18,7 @@ SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
 
 
 def hits_by_hand(grid_map, vertices, faces) -> np.ndarray:
-    """Oracle: for each cell and triangle, solve for the point of the plane over the centre."""
+    """Oracle: for each cell and triangle, solve for the point of the plane over the center."""
     layer = np.full(grid_map.size, np.nan)
     for index in np.ndindex(grid_map.size):
         point = grid_map.get_position(index)
@@ -39,9 +39,9 @@ def height_at(point, corners) -> float | None:
 
 @st.composite
 def meshes(draw):
-    """A map, and triangles whose corners lie at or between its cell centres, or anywhere near."""
+    """A map, and triangles whose corners lie at or between its cell centers, or anywhere near."""
     grid_map = draw(grid_maps(max_side=7))
-    # Quarters of cells: the oracle and we agree on whether a centre lies on an edge.
+    # Quarters of cells: the oracle and we agree on whether a center lies on an edge.
     quarters = arrays.arrays(np.int64, (draw(st.integers(3, 9)), 2), elements=st.integers(-8, 36))
     corner = grid_map.geometry.corner - 0.5 * grid_map.resolution
     xy = corner - 0.25 * grid_map.resolution * draw(quarters)
@@ -86,7 +86,7 @@ def test_a_moved_map_gets_the_same_heights(case, data):
 @pytest.mark.parametrize("angle", [0.0, 0.3, np.pi / 4])
 @pytest.mark.parametrize("offset", [0.0, 500_000.0])
 def test_no_cell_is_missed_where_triangles_meet(dtype, angle, offset):
-    """A turned mesh far from the origin, with cell centres on many of its edges."""
+    """A turned mesh far from the origin, with cell centers on many of its edges."""
     steps = np.linspace(-3, 3, 25)
     x, y = np.meshgrid(steps, steps, indexing="ij")
     vertices = np.column_stack([x.ravel(), y.ravel(), 2 * x.ravel() - y.ravel()])
@@ -111,7 +111,7 @@ def test_a_plane_is_met_at_its_heights_and_only_under_it():
     vertices = [(0, 0, 0), (2, 0, 2), (0, 2, 4)]
     result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((4, 4), 1.0), "height")["height"]
     expected = np.full((4, 4), np.nan)
-    # Heights x + 2 y at the centres 0.5 and 1.5; the outermost lies beyond the third edge.
+    # Heights x + 2 y at the centers 0.5 and 1.5; the outermost lies beyond the third edge.
     expected[0:2, 0:2] = [(np.nan, 2.5), (3.5, 1.5)]
     np.testing.assert_allclose(result, expected)
 
@@ -146,7 +146,7 @@ def test_a_vertical_wall_is_met_at_its_floor_and_roof_only():
 
 
 @pytest.mark.parametrize(("gap", "is_hit"), [(5e-10, True), (5e-9, False)])
-def test_a_centre_within_a_nanometre_of_an_edge_is_hit(gap, is_hit):
+def test_a_center_within_a_nanometer_of_an_edge_is_hit(gap, is_hit):
     """By a triangle so steep that its plane is far below its lowest corner there."""
     steep = [(gap, -1, 0), (gap, 1, 0), (gap + 1e-6, 0, 100)]
     heights = rasterize_triangles(steep, [(0, 1, 2)], GridMap((1, 1), 1.0))["elevation"]
@@ -205,8 +205,8 @@ def test_a_map_made_to_fit_covers_the_mesh(resolution):
         grid_map.size, np.maximum(np.ceil(np.array([2, 4]) / resolution), 1)
     )
     np.testing.assert_allclose(grid_map.position, (7, 3))
-    centres = grid_map.get_positions() - (7, 3)
-    over = (np.abs(centres) <= (1 + 1e-9, 2 + 1e-9)).all(axis=1)
+    centers = grid_map.get_positions() - (7, 3)
+    over = (np.abs(centers) <= (1 + 1e-9, 2 + 1e-9)).all(axis=1)
     np.testing.assert_array_equal(np.isfinite(grid_map["z"]).ravel("F"), over)
     assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 3)
 

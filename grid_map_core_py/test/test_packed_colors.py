@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colours packed into the bits of a float."""
+"""Colors packed into the bits of a float."""
 
 import tracemalloc
 
@@ -27,7 +27,7 @@ def packed(red, green, blue):
 
 
 def spills(rgb, largest) -> bool:
-    """Beyond the range C++ spills into the neighbouring channels."""
+    """Beyond the range C++ spills into the neighboring channels."""
     return not all(0 <= channel <= largest for channel in rgb)
 
 
@@ -104,7 +104,7 @@ def test_nan_stays_nan_and_everything_else_is_clamped():
 
 @pytest.mark.parametrize("shape", [(3,), (0, 3), (7, 3), (4, 5, 3), (2, 3, 4, 3)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.int64, np.float32, np.float64])
-def test_arrays_of_any_shape_pack_like_single_colours(shape, dtype):
+def test_arrays_of_any_shape_pack_like_single_colors(shape, dtype):
     rng = np.random.default_rng(2)
     rgb = rng.integers(-300, 300, shape) if np.dtype(dtype).kind != "f" else rng.random(shape)
     rgb = rgb.astype(dtype)

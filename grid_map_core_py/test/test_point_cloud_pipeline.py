@@ -178,11 +178,11 @@ def test_clusters_of_too_few_or_too_many_points_are_ignored():
 # Stages
 
 
-def outliers_by_hand(points, neighbours, threshold) -> np.ndarray:
+def outliers_by_hand(points, neighbors, threshold) -> np.ndarray:
     distances = []
     for number, point in enumerate(points):
         others = np.linalg.norm(np.delete(points, number, axis=0) - point, axis=1)
-        distances.append(np.mean(np.sort(others)[:neighbours]))
+        distances.append(np.mean(np.sort(others)[:neighbors]))
     limit = np.mean(distances) + threshold * np.std(distances, ddof=1)
     return points[np.array(distances) <= limit]
 
@@ -193,10 +193,10 @@ def outliers_by_hand(points, neighbours, threshold) -> np.ndarray:
     st.sampled_from([-0.5, 0.0, 0.7, 1.3, 3.0]),
     st.integers(0, 2**32),
 )
-def test_outliers_are_those_far_from_their_neighbours(count, neighbours, threshold, seed):
+def test_outliers_are_those_far_from_their_neighbors(count, neighbors, threshold, seed):
     points = np.random.default_rng(seed).standard_cauchy((count, 3))
-    result = remove_outliers(points, neighbours, threshold)
-    np.testing.assert_array_equal(result, outliers_by_hand(points, neighbours, threshold))
+    result = remove_outliers(points, neighbors, threshold)
+    np.testing.assert_array_equal(result, outliers_by_hand(points, neighbors, threshold))
 
 
 @pytest.mark.parametrize(("mean_k", "threshold"), [(0, 1.0), (float("nan"), 1.0), (3, np.inf)])
@@ -318,7 +318,7 @@ def test_clouds_that_make_no_map_are_refused():
 
 
 def test_memory_stays_bounded_however_dense_the_cloud():
-    """All pairs of neighbours in this cell would take more than a gigabyte."""
+    """All pairs of neighbors in this cell would take more than a gigabyte."""
     points = np.random.default_rng(1).uniform(0, 0.09, (20_000, 3))
     pipeline = PointCloudPipeline(num_processing_threads=1)
     tracemalloc.start()

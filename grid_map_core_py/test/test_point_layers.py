@@ -188,10 +188,10 @@ def test_no_points_make_an_empty_layer():
     assert (result["n"] == 0).all()
 
 
-# Colours
+# Colors
 
 
-def test_the_mean_of_colours_is_that_of_the_channels():
+def test_the_mean_of_colors_is_that_of_the_channels():
     rgb = np.array([(10, 200, 0), (21, 100, 255), (0, 0, 8)], np.uint8)
     points = [(0.5, 0.5, 0), (0.5, 0.5, 0), (-0.5, -0.5, 0)]
     packed = color_vector_to_value(rgb)
@@ -204,7 +204,7 @@ def test_the_mean_of_colours_is_that_of_the_channels():
         assert np.isnan(result[0, 1])
 
 
-def test_first_and_last_keep_the_bits_of_colours_and_no_colour_is_left_out():
+def test_first_and_last_keep_the_bits_of_colors_and_no_color_is_left_out():
     colors = np.array([np.nan, 3e-39, 1e-40, -np.nan], np.float32)
     points = np.zeros((4, 3))
     for reduction, expected in (("first", colors[1]), ("last", colors[2]), ("count", 2.0)):
@@ -218,13 +218,13 @@ def test_first_and_last_keep_the_bits_of_colours_and_no_colour_is_left_out():
         assert result["color"] == np.float32(expected)
 
 
-def test_black_is_a_colour():
+def test_black_is_a_color():
     result = rasterize(np.zeros((2, 3)), GridMap((1, 1), 1.0), {}, fields={"rgb": [0, 0]})
     assert result["rgb"].tolist() == [[0.0]]
 
 
 @pytest.mark.parametrize("reduction", ["max", "median", "variance"])
-def test_colours_have_no_order(reduction):
+def test_colors_have_no_order(reduction):
     with pytest.raises(ConfigError, match=r"reduction of rgb.*one of mean, first, last"):
         rasterize(
             np.zeros((1, 3)),
@@ -282,8 +282,8 @@ def test_length_and_position_may_be_given():
     assert whole.size == (8, 4)
     np.testing.assert_allclose(whole.position, (1, 1))
     assert np.isfinite(whole["elevation"]).sum() == 1
-    centred = from_points(points, 0.5, length=(4, 2))
-    np.testing.assert_allclose(centred.position, (0.8, 1.2))
+    centerd = from_points(points, 0.5, length=(4, 2))
+    np.testing.assert_allclose(centerd.position, (0.8, 1.2))
     around_origin = from_points(points, 0.5, {"n": "count"}, position=(0, 0))
     np.testing.assert_allclose(around_origin.position, (0, 0))
     assert around_origin["n"].sum() == 2

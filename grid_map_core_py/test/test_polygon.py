@@ -308,7 +308,7 @@ def test_circles_are_offset_like_any_polygon_although_their_ends_coincide():
     )
 
 
-def test_a_vertex_in_line_with_its_neighbours_is_offset_with_its_edge():
+def test_a_vertex_in_line_with_its_neighbors_is_offset_with_its_edge():
     vertices = [(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)]
     for direction in (1, -1):
         moved = Polygon(vertices[::direction]).offset_inward(0.25)

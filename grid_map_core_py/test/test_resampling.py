@@ -126,14 +126,14 @@ def test_layers_with_holes_are_right_next_to_the_holes():
         values = converted(description, case)["elevation"]
         ratio = case["resolution"] / description["resolution"]
         for row, column in np.argwhere(near_holes(description, case)):
-            centre = (np.array([row, column]) + 0.5) * ratio - 0.5
+            center = (np.array([row, column]) + 0.5) * ratio - 0.5
             nearest = np.clip(
-                np.ceil(centre - 0.5 - 1e-9).astype(int), 0, np.array(source.shape) - 1
+                np.ceil(center - 0.5 - 1e-9).astype(int), 0, np.array(source.shape) - 1
             )
             value = values[row, column]
             assert np.isnan(value) == np.isnan(source[tuple(nearest)])
             if np.isfinite(value):
-                around = source[kernel(centre)]
+                around = source[kernel(center)]
                 assert np.nanmin(around) - 1e-6 <= value <= np.nanmax(around) + 1e-6
                 count += 1
     assert count > 1000
@@ -146,15 +146,15 @@ def near_holes(description, case) -> np.ndarray:
     sizes = [math.floor(cells / ratio + 0.5 + 1e-9) for cells in source.shape]
     touched = np.zeros(sizes, dtype=bool)
     for row, column in np.ndindex(*sizes):
-        centre = (np.array([row, column]) + 0.5) * ratio - 0.5
-        touched[row, column] = source[kernel(centre)].any()
+        center = (np.array([row, column]) + 0.5) * ratio - 0.5
+        touched[row, column] = source[kernel(center)].any()
     return touched
 
 
-def kernel(centre: np.ndarray) -> tuple[slice, slice]:
+def kernel(center: np.ndarray) -> tuple[slice, slice]:
     """Return the 4 x 4 cells around a place, as far as there are any."""
     rows, columns = (
-        slice(max(first - 1, 0), first + 3) for first in np.floor(centre).astype(int).tolist()
+        slice(max(first - 1, 0), first + 3) for first in np.floor(center).astype(int).tolist()
     )
     return rows, columns
 
@@ -186,10 +186,10 @@ def test_a_cell_is_missing_where_its_nearest_cell_is(flag, resolution):
     missing = np.isnan(grid_map["elevation"])
     found = np.isnan(change_resolution(grid_map, resolution, flag)["elevation"])
     for row, column in np.ndindex(*found.shape):
-        centre = (np.array([row, column]) + 0.5) * resolution / 0.05 - 0.5
+        center = (np.array([row, column]) + 0.5) * resolution / 0.05 - 0.5
         # Half-way between two cells either is the nearest.
         candidates = {
-            tuple(np.clip(np.rint(centre + nudge).astype(int), 0, (23, 30)))
+            tuple(np.clip(np.rint(center + nudge).astype(int), 0, (23, 30)))
             for nudge in (-1e-6, 1e-6)
         }
         assert found[row, column] in {missing[cell] for cell in candidates}
@@ -307,7 +307,7 @@ def test_layers_without_data_stay_without_data():
     assert result.basic_layers == ("empty",)
 
 
-def test_colours_are_picked_not_mixed():
+def test_colors_are_picked_not_mixed():
     grid_map = GridMap((4, 4), 1.0)
     colors = color_vector_to_value(np.random.default_rng(1).integers(0, 256, (4, 4, 3)))
     grid_map["color"] = colors

@@ -48,7 +48,7 @@ def terrains(draw, layers=("elevation", "extra")):
 
 
 def footprint(grid_map, transform):
-    """Return size and centre of the smallest grid round the moved corners."""
+    """Return size and center of the smallest grid round the moved corners."""
     corners = [
         transform @ [*(grid_map.position + np.multiply(signs, grid_map.length) / 2), 0.0, 1.0]
         for signs in itertools.product((1, -1), repeat=2)
@@ -77,10 +77,10 @@ def naively_transformed(grid_map, transform, height_layer, frame_id, sample_rati
         height = float(unmoved[height_layer][index])
         if not np.isfinite(height):
             continue
-        centre = unmoved.get_position(index)
+        center = unmoved.get_position(index)
         for dx, dy in steps:
             x, y, z = (
-                (row[0] * (centre[0] + dx) + row[1] * (centre[1] + dy)) + (row[2] * height + row[3])
+                (row[0] * (center[0] + dx) + row[1] * (center[1] + dy)) + (row[2] * height + row[3])
                 for row in transform.tolist()[:3]
             )
             if not result.is_inside((x, y)):
@@ -128,9 +128,9 @@ def test_covers_the_footprint_where_cpp_does_not():
                 grid_map, transform, "elevation", "new_frame", case["sample_ratio"], result.geometry
             )
             assert_maps_equal(result, expected)
-            size, centre = footprint(grid_map, transform)
+            size, center = footprint(grid_map, transform)
             assert result.size == size
-            np.testing.assert_allclose(result.position, centre, atol=1e-9)
+            np.testing.assert_allclose(result.position, center, atol=1e-9)
             np.testing.assert_allclose(result.position, case["result"]["position"], atol=1e-9)
             checked += 1
     assert checked == 13
@@ -140,8 +140,8 @@ def test_covers_the_footprint_where_cpp_does_not():
 def test_equals_a_loop_over_all_points(grid_map, transform, ratio):
     before = grid_map.copy()
     result = grid_map.get_transformed_map(transform, "elevation", "new", ratio)
-    size, centre = footprint(grid_map, transform)
-    np.testing.assert_allclose(result.position, centre, atol=1e-9)
+    size, center = footprint(grid_map, transform)
+    np.testing.assert_allclose(result.position, center, atol=1e-9)
     assert result.size == size
     expected = naively_transformed(grid_map, transform, "elevation", "new", ratio, result.geometry)
     assert_maps_equal(result, expected)
@@ -261,9 +261,9 @@ def test_an_empty_map_stays_empty():
     assert np.isnan(result["extra"]).all()
 
 
-@pytest.mark.parametrize("centre", [(1, 2), (-1, -2)])
-def test_works_where_a_border_lies_at_zero(centre):
-    grid_map = GridMap((2, 4), 0.5, centre, {"elevation": 1.0})
+@pytest.mark.parametrize("center", [(1, 2), (-1, -2)])
+def test_works_where_a_border_lies_at_zero(center):
+    grid_map = GridMap((2, 4), 0.5, center, {"elevation": 1.0})
     result = grid_map.get_transformed_map(YAW90, "elevation", "new", 0.5)
     assert result.size == (8, 4)
     assert (result["elevation"] == 1).all()

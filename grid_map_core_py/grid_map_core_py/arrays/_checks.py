@@ -20,7 +20,7 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 """Booleans, one per cell or per point."""
 
 Positions: TypeAlias = npt.NDArray[np.float64]
-"""(2,) or (N, 2) float64: x, y in metres, map frame."""
+"""(2,) or (N, 2) float64: x, y in meters, map frame."""
 
 Integers: TypeAlias = npt.NDArray[np.int64]
 """(N,) int64, such as the rows or the columns of cells."""

@@ -16,7 +16,7 @@ from ..map._geometry import BORDER_TOLERANCE
 
 Edges: TypeAlias = list[tuple[Integers, Integers]]
 
-_NEIGHBOURS = 8
+_NEIGHBORS = 8
 """Nearest ones that each point is linked to at first; in a dense cloud all would be too many."""
 
 _QUERIES = 1 << 16
@@ -35,7 +35,7 @@ def euclidean_clusters(
         points: (n, 3) finite x, y, z [m].
         groups: (n,) not negative; clusters do not reach over groups.
         tolerance: longest step [m]; one within 1e-9 m of it counts.
-        workers: threads that search for neighbours.
+        workers: threads that search for neighbors.
     """
     if not len(points):
         return np.zeros(0, np.int64)
@@ -53,15 +53,15 @@ def _distinct_clusters(
     """Return the clusters of points of which no two in a group are at the same place."""
     reach = tolerance + BORDER_TOLERANCE
     separated = _apart(points, groups, reach)
-    _, neighbours = cKDTree(separated).query(
-        separated, k=_NEIGHBOURS + 1, distance_upper_bound=reach, workers=workers
+    _, neighbors = cKDTree(separated).query(
+        separated, k=_NEIGHBORS + 1, distance_upper_bound=reach, workers=workers
     )
-    # Where there is no neighbour, one beyond the last is named.
-    found = neighbours < len(points)
+    # Where there is no neighbor, one beyond the last is named.
+    found = neighbors < len(points)
     linked, _ = np.nonzero(found)
-    edges: Edges = [(linked, neighbours[found])]
+    edges: Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only a point with so many neighbours close by may have more of them than it was linked to.
+    # Only a point with so many neighbors close by may have more of them than it was linked to.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     return clusters if len(edges) == 1 else _components(len(points), edges)

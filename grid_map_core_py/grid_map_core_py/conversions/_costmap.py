@@ -29,7 +29,7 @@ Costs: TypeAlias = npt.NDArray[np.uint8]
 
 FREE = 0
 INSCRIBED = 253
-"""The robot's centre here means a collision, whatever its heading."""
+"""The robot's center here means a collision, whatever its heading."""
 LETHAL = 254
 UNKNOWN = 255
 
@@ -237,8 +237,8 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
         raise GeometryError(f"costmap: expected {size[0]} x {size[1]} costs, got {costs.shape}")
     resolution = as_number(costmap.resolution, "resolution")
     origin = as_pair((costmap.origin_x, costmap.origin_y), "origin_x, origin_y")
-    centre = origin + 0.5 * resolution * np.array(size)
-    geometry = GridGeometry.from_size(size, resolution, centre)
+    center = origin + 0.5 * resolution * np.array(size)
+    geometry = GridGeometry.from_size(size, resolution, center)
     values = codec.to_values(costs[::-1].reshape(size, order="F"))
     return GridMap.from_geometry(
         geometry, frame_id=costmap.global_frame_id, timestamp=timestamp

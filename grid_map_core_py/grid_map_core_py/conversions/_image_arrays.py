@@ -5,11 +5,11 @@
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
 is +x, left is +y. Images of maps that have moved look the same.
 
-**Colour images are BGR unless told otherwise**, as `cv2.imread` returns and `cv2.imwrite` takes
+**Color images are BGR unless told otherwise**, as `cv2.imread` returns and `cv2.imwrite` takes
 them. For images from elsewhere (Matplotlib, Pillow, ROS `rgb8`) pass `order="rgb"`; a fourth
 channel is always alpha.
 
-Grey values: in uint8 and uint16 images the range [`lower`, `upper`] of a layer becomes [0, 255] or
+Gray values: in uint8 and uint16 images the range [`lower`, `upper`] of a layer becomes [0, 255] or
 [0, 65535], in float32 and float64 images [0, 1]. When a float image is made without `lower` and
 `upper`, it holds the values themselves.
 
@@ -44,10 +44,10 @@ Image: TypeAlias = npt.NDArray[Any]
 Order: TypeAlias = Literal["bgr", "rgb"]
 
 COLOR_LAYER = "color"
-"""The layer that holds packed colours by convention."""
+"""The layer that holds packed colors by convention."""
 
 _LARGEST = {"uint8": 255, "uint16": 65535, "float32": 1, "float64": 1}
-_TO_GREY = {
+_TO_GRAY = {
     ("bgr", 3): cv2.COLOR_BGR2GRAY,
     ("bgr", 4): cv2.COLOR_BGRA2GRAY,
     ("rgb", 3): cv2.COLOR_RGB2GRAY,
@@ -68,7 +68,7 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> Image:
-    """Return a layer as a grey image.
+    """Return a layer as a gray image.
 
     Args:
         grid_map: the map.
@@ -89,8 +89,8 @@ def to_image(
     """
     pixel = _pixel_type(dtype, "dtype")
     _check(channels in (1, 3, 4), "channels", "1, 3 or 4", channels)
-    grey = _encoder(grid_map[layer], pixel, lower, upper)
-    return _paint(grid_map, layer, pixel, channels, lambda values: 3 * (grey(values),))
+    gray = _encoder(grid_map[layer], pixel, lower, upper)
+    return _paint(grid_map, layer, pixel, channels, lambda values: 3 * (gray(values),))
 
 
 def to_color_image(
@@ -101,7 +101,7 @@ def to_color_image(
     *,
     order: Order = "bgr",
 ) -> Image:
-    """Return a layer of packed colours as a colour image.
+    """Return a layer of packed colors as a color image.
 
     Args:
         grid_map: the map.
@@ -145,7 +145,7 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return the function from values to grey values, which it leaves as floats."""
+    """Return the function from values to gray values, which it leaves as floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _value_range(values, lower, upper)
@@ -154,7 +154,7 @@ def _encoder(
     first, second = clamps if low <= high else clamps[::-1]
     extent = high - low if high != low else np.float32(1)
 
-    def grey(values: Layer) -> Layer:
+    def gray(values: Layer) -> Layer:
         # In the order of operations of the C++ library, for the same numbers.
         share: Layer = second(first(values, low), high)
         share -= low
@@ -162,7 +162,7 @@ def _encoder(
         share *= np.float32(_LARGEST[pixel.name])
         return share
 
-    return grey
+    return gray
 
 
 def _value_range(
@@ -229,19 +229,19 @@ def from_image(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return a map with one layer that holds the grey values of an image.
+    """Return a map with one layer that holds the gray values of an image.
 
     Args:
-        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colours
-            become grey by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
+        image: (rows, cols) or (rows, cols, 1, 3 or 4) uint8, uint16, float32 or float64. Colors
+            become gray by their luma (ITU-R BT.601, OpenCV's `cvtColor`).
         layer: name of the layer.
         resolution: side of a pixel [m].
         lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
             holds the values themselves.
-        position: (2,) centre of the map [m].
+        position: (2,) center of the map [m].
         alpha_threshold: pixels with less than this share of full alpha are NaN; in integer images
             the threshold is rounded down to a whole number.
-        order: of the colour channels; "bgr" is what `cv2.imread` returns.
+        order: of the color channels; "bgr" is what `cv2.imread` returns.
         frame_id: coordinate frame of the map.
         timestamp: time of the data [ns].
 
@@ -249,7 +249,7 @@ def from_image(
         GeometryError: the image, the bounds, the order or the grid make no sense.
     """
     pixels = _as_image(image)
-    values = _read_grey(pixels, lower, upper, alpha_threshold, order)
+    values = _read_gray(pixels, lower, upper, alpha_threshold, order)
     rows, columns = values.shape
     geometry = GridGeometry.from_size((rows, columns), resolution, position)
     grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
@@ -266,7 +266,7 @@ def add_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add a layer that holds the grey values of an image to a map, or replace it.
+    """Add a layer that holds the gray values of an image to a map, or replace it.
 
     Args:
         grid_map: the map, as many rows and columns as the image; it may have moved.
@@ -276,7 +276,7 @@ def add_layer_from_image(
         GeometryError: the image is not of the size of the map, or as in `from_image`.
     """
     pixels = _as_image(image, grid_map.size)
-    grid_map.set_unwrapped(layer, _read_grey(pixels, lower, upper, alpha_threshold, order))
+    grid_map.set_unwrapped(layer, _read_gray(pixels, lower, upper, alpha_threshold, order))
 
 
 def add_color_layer_from_image(
@@ -287,7 +287,7 @@ def add_color_layer_from_image(
     alpha_threshold: float = 0.5,
     order: Order = "bgr",
 ) -> None:
-    """Add a layer that holds the packed colours of an image to a map, or replace it.
+    """Add a layer that holds the packed colors of an image to a map, or replace it.
 
     Args:
         grid_map: the map, as many rows and columns as the image; it may have moved.
@@ -303,7 +303,7 @@ def add_color_layer_from_image(
     grid_map.set_unwrapped(layer, _read(pixels, lambda part: _pack(part, order), alpha_threshold))
 
 
-def _read_grey(
+def _read_gray(
     pixels: Image, lower: float, upper: float, alpha_threshold: float, order: Order
 ) -> Layer:
     _check_order(order)
@@ -311,11 +311,11 @@ def _read_grey(
     low, high = _given_range(lower, upper)
 
     def values(part: Image) -> Layer:
-        grey = _to_grey(part, order)
-        grey /= largest
-        grey *= high - low
-        grey += low
-        return grey
+        gray = _to_gray(part, order)
+        gray /= largest
+        gray *= high - low
+        gray += low
+        return gray
 
     return _read(pixels, values, alpha_threshold)
 
@@ -337,12 +337,12 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
     return values
 
 
-def _to_grey(pixels: Image, order: Order) -> Layer:
+def _to_gray(pixels: Image, order: Order) -> Layer:
     if pixels.dtype == np.float64:
         pixels = pixels.astype(np.float32)
     channels = pixels.shape[2]
-    grey = pixels[..., 0] if channels == 1 else cv2.cvtColor(pixels, _TO_GREY[order, channels])
-    return np.array(grey, dtype=np.float32)
+    gray = pixels[..., 0] if channels == 1 else cv2.cvtColor(pixels, _TO_GRAY[order, channels])
+    return np.array(gray, dtype=np.float32)
 
 
 def _pack(pixels: Image, order: Order) -> Layer:
@@ -363,8 +363,8 @@ def change_resolution(
 
     The layers are interpolated as images by OpenCV's `resize`, in floats. A cell whose nearest cell
     in the given map is NaN or infinite takes that value; all others are interpolated from finite
-    cells only. The layer `color` takes the nearest colours; so should other layers of packed
-    colours, with `cv2.INTER_NEAREST_EXACT`.
+    cells only. The layer `color` takes the nearest colors; so should other layers of packed
+    colors, with `cv2.INTER_NEAREST_EXACT`.
 
     Args:
         grid_map: the map.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers from triangle meshes: the highest point of the mesh at each cell centre."""
+"""Layers from triangle meshes: the highest point of the mesh at each cell center."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Values: TypeAlias = npt.NDArray[np.float64]
 def rasterize_triangles(
     vertices: ArrayLike, faces: ArrayLike, grid_map: GridMap, layer: str = "elevation"
 ) -> GridMap:
-    """Return the map with a layer of the highest hits of vertical rays through the cell centres.
+    """Return the map with a layer of the highest hits of vertical rays through the cell centers.
 
     Triangles are closed: a ray within 1e-9 m of an edge hits, so that no cell is missed where
     triangles meet. Triangles that are vertical, of no area or not finite are never hit.
@@ -126,14 +126,14 @@ def _highest_hits(
 ) -> Layer:
     """Return the highest hits (rows, cols) in map order."""
     highest = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
-    first_centre = geometry.corner - 0.5 * geometry.resolution
+    first_center = geometry.corner - 0.5 * geometry.resolution
     tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         for first in range(0, len(triangles), _TRIANGLES):
             corners = vertices[triangles[first : first + _TRIANGLES].T]
             x, y, z = (corners[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
-            rows = (first_centre[0] - x) / geometry.resolution
-            columns = (first_centre[1] - y) / geometry.resolution
+            rows = (first_center[0] - x) / geometry.resolution
+            columns = (first_center[1] - y) / geometry.resolution
             part = _Triangles(rows, columns, z, tolerance)
             for cells, heights in part.hits(geometry.size):
                 np.fmax.at(highest, cells, heights.astype(np.float32))
@@ -141,11 +141,11 @@ def _highest_hits(
 
 
 class _Triangles:
-    """Triangles over a map whose cell centres have whole numbers as row and column.
+    """Triangles over a map whose cell centers have whole numbers as row and column.
 
     Args:
         rows, columns, z: (3, T) of the corners.
-        tolerance: by how many cells a centre may miss an edge and still be hit.
+        tolerance: by how many cells a center may miss an edge and still be hit.
     """
 
     def __init__(self, rows: Values, columns: Values, z: Values, tolerance: float) -> None:
@@ -182,7 +182,7 @@ class _Triangles:
     def _heights(
         self, triangles: Integers, rows: Integers, columns: Integers
     ) -> tuple[Mask, Values]:
-        """Return whether triangles are hit at the centres of cells, and their heights there.
+        """Return whether triangles are hit at the centers of cells, and their heights there.
 
         Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
         and 0 along the edge opposite.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colours in layers: one float32 whose bits are 0x00RRGGBB."""
+"""Colors in layers: one float32 whose bits are 0x00RRGGBB."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RED, _GREEN = np.uint32(16), np.uint32(8)
 
 
 def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
-    """Pack colours into layer values.
+    """Pack colors into layer values.
 
     Args:
         rgb: (..., 3) red, green, blue; floats in [0, 1], or integers in [0, 255]. Values beyond are
@@ -44,7 +44,7 @@ def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
 def color_channels_to_value(
     red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]
 ) -> npt.NDArray[np.float32]:
-    """Pack colours, given as three arrays, into layer values.
+    """Pack colors, given as three arrays, into layer values.
 
     Args:
         red, green, blue: (...) all floats in [0, 1] or all integers in [0, 255], as in
@@ -78,10 +78,10 @@ def split_channels(bits: Any) -> tuple[Any, Any, Any]:
 
 
 def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
-    """Unpack layer values into colours.
+    """Unpack layer values into colors.
 
     Args:
-        value: (...) float32 colour values, of which NaN means no colour; or integers 0xRRGGBB.
+        value: (...) float32 color values, of which NaN means no color; or integers 0xRRGGBB.
 
     Returns:
         (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
@@ -111,7 +111,7 @@ def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
-    """Return the bits of colours in [0, 1]."""
+    """Return the bits of colors in [0, 1]."""
     with np.errstate(invalid="ignore"):
         bits = _pack(*(255 * channel for channel in channels))
     for channel in channels:
@@ -120,7 +120,7 @@ def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
 
 
 def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
-    """Return the bits of colours in [0, 255]; fractions are cut off."""
+    """Return the bits of colors in [0, 255]; fractions are cut off."""
     red, green, blue = (_clamped(channel).astype(np.uint32) for channel in channels)
     bits: npt.NDArray[np.uint32] = join_channels(red, green, blue)
     return bits

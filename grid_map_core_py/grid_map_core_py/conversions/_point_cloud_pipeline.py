@@ -134,7 +134,7 @@ class PointCloudPipeline:
     of its clusters. Cells without a cluster are NaN.
 
     Attributes:
-        num_processing_threads: that search for neighbours.
+        num_processing_threads: that search for neighbors.
 
     Example:
         >>> pipeline = PointCloudPipeline.from_config({"grid_map": {"resolution": 0.5}})
@@ -275,17 +275,17 @@ class PointCloudPipeline:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Return the points (M, 3), in order, without those that lie far from their neighbours.
+    """Return the points (M, 3), in order, without those that lie far from their neighbors.
 
-    A point is removed when its mean distance to its nearest `mean_k` neighbours is above the mean
+    A point is removed when its mean distance to its nearest `mean_k` neighbors is above the mean
     of all these distances by more than `stddev_threshold` sample standard deviations of them (PCL's
     statistical outlier removal).
 
     Args:
         points: (N, 3) or wider, x, y, z [m]; those that are not finite are removed.
-        mean_k: number of neighbours; all others where there are fewer.
+        mean_k: number of neighbors; all others where there are fewer.
         stddev_threshold: may be negative, which removes more.
-        workers: threads that search for neighbours.
+        workers: threads that search for neighbors.
 
     Raises:
         GeometryError: the points have the wrong shape or are no numbers.
@@ -295,31 +295,31 @@ def remove_outliers(
     check(np.isfinite(deviations), "stddev_threshold", "a finite number", stddev_threshold)
     check(as_number(mean_k, "mean_k") >= 1, "mean_k", "an integer >= 1", mean_k)
     cloud = finite_points(points)
-    neighbours = min(int(mean_k), len(cloud) - 1)
-    if neighbours < 1:
+    neighbors = min(int(mean_k), len(cloud) - 1)
+    if neighbors < 1:
         return cloud
-    distances = _mean_distances(cloud, neighbours, workers)
+    distances = _mean_distances(cloud, neighbors, workers)
     limit = distances.mean() + deviations * distances.std(ddof=1)
     kept: Positions = cloud[distances <= limit]
     return kept
 
 
-def _mean_distances(cloud: Positions, neighbours: int, workers: int) -> npt.NDArray[np.float64]:
-    """Return the mean distance (N,) of each point to its nearest neighbours."""
+def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArray[np.float64]:
+    """Return the mean distance (N,) of each point to its nearest neighbors."""
     # A search tree cannot divide points at the same place, of which sensors may give thousands.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
-    # In place of a neighbour whose distance is infinite, one beyond the last is named.
-    copies = np.append(copies, neighbours)
+    # In place of a neighbor whose distance is infinite, one beyond the last is named.
+    copies = np.append(copies, neighbors)
     tree, means = cKDTree(places), np.empty(len(places))
-    nearest_ones = np.arange(1, min(neighbours + 1, len(places)) + 1)
+    nearest_ones = np.arange(1, min(neighbors + 1, len(places)) + 1)
     for first in range(0, len(places), _POINTS):
         part = slice(first, first + _POINTS)
         distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
         others = np.cumsum(copies[found], axis=1) - 1
-        counts = np.diff(np.minimum(others, neighbours), axis=1, prepend=0)
+        counts = np.diff(np.minimum(others, neighbors), axis=1, prepend=0)
         # An infinite distance that does not count would be NaN.
         distances[counts == 0] = 0.0
-        means[part] = (distances * counts).sum(axis=1) / neighbours
+        means[part] = (distances * counts).sum(axis=1) / neighbors
     return means[numbers.reshape(-1)]
 
 

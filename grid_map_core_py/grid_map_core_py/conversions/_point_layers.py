@@ -36,7 +36,7 @@ HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """The layer that is made unless others are asked for."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
-"""Fields of these names hold packed colours: 0x00RRGGBB, as an integer or as a float32's bits."""
+"""Fields of these names hold packed colors: 0x00RRGGBB, as an integer or as a float32's bits."""
 
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
@@ -64,10 +64,10 @@ def rasterize(
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
         layers: names of layers, each with the reduction of heights [m] that it is to hold.
         fields: (N,) values of the points by name; each becomes a layer of that name. Values that
-            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colours,
+            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colors,
             of which alpha is dropped.
         field_reductions: reductions of fields that are not to be reduced by `mean`. The mean of
-            colours is that of each channel; their other reductions are `first`, `last`, `count`.
+            colors is that of each channel; their other reductions are `first`, `last`, `count`.
         min_height, max_height: points below or above are left out [m]; the limits are within.
 
     Returns:
@@ -76,7 +76,7 @@ def rasterize(
 
     Raises:
         GeometryError: an array has the wrong shape or holds no numbers.
-        ConfigError: a reduction is unknown or does not suit colours, or a limit makes no sense.
+        ConfigError: a reduction is unknown or does not suit colors, or a limit makes no sense.
         GridMapError: a layer is to be made both from heights and from a field.
     """
     cloud = _Cloud.of(points, min_height, max_height)
@@ -108,7 +108,7 @@ def from_points(
         resolution: side of a cell [m].
         length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points
             which are not left out.
-        position: (2,) centre of the map [m]; None takes the middle of the extent of those points.
+        position: (2,) center of the map [m]; None takes the middle of the extent of those points.
         frame_id: frame of the points and of the map.
         timestamp: of the map [ns].
 
@@ -138,10 +138,10 @@ def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
 
 
 def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
-    """Return packed colours without alpha, as `color` packs them.
+    """Return packed colors without alpha, as `color` packs them.
 
     Args:
-        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no colour.
+        values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no color.
         name: of the values, for the error.
 
     Raises:
@@ -152,7 +152,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
-    # Opaque colours are NaN as well, but of other bits.
+    # Opaque colors are NaN as well, but of other bits.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
     return np.where(missing, np.float32(np.nan), colors.view(np.float32))
 
@@ -324,17 +324,17 @@ def _geometry(
     position: ArrayLike | None,
 ) -> GridGeometry:
     """Return the given geometry, with what is not given taken from the points."""
-    centre = None if position is None else as_pair(position, "position")
+    center = None if position is None else as_pair(position, "position")
     if length is None:
         lower, upper = cloud.extent()
-        if centre is not None:
-            reach = np.maximum(upper - centre, centre - lower)
-            lower, upper = centre - reach, centre + reach
+        if center is not None:
+            reach = np.maximum(upper - center, center - lower)
+            lower, upper = center - reach, center + reach
         return fitting_geometry(lower, upper, resolution, hold_edges=True)
-    if centre is None:
+    if center is None:
         lower, upper = cloud.extent()
-        centre = lower + 0.5 * (upper - lower)
-    return GridGeometry(as_pair(length, "length"), resolution, centre)
+        center = lower + 0.5 * (upper - lower)
+    return GridGeometry(as_pair(length, "length"), resolution, center)
 
 
 def _as_floats(values: ArrayLike, name: str) -> npt.NDArray[Any]:

@@ -4,7 +4,7 @@
 
 A reducer is fed with chunks of points and then asked, once, for one float32 value per cell: NaN
 without points. Chunks keep temporaries small, and a reducer needs memory for cells only, except for
-the median. All rest on `ufunc.at`, which takes a few nanoseconds per point and honours cells that
+the median. All rest on `ufunc.at`, which takes a few nanoseconds per point and honors cells that
 occur more than once.
 """
 
@@ -21,7 +21,7 @@ Flat = npt.NDArray[np.float32]
 """(cells,) one value per cell."""
 
 Values = npt.NDArray[np.float64]
-"""(n,) values of a chunk of points, all finite, or colours."""
+"""(n,) values of a chunk of points, all finite, or colors."""
 
 
 class Reducer(Protocol):
@@ -172,7 +172,7 @@ class Median:
 
 
 class MeanColor:
-    """The mean of each channel of packed colours, rounded."""
+    """The mean of each channel of packed colors, rounded."""
 
     def __init__(self, cells: int) -> None:
         self._channels = [np.zeros(cells, np.uint32) for _ in _SHIFTS]
@@ -198,7 +198,7 @@ class MeanColor:
 
 
 _SHIFTS = np.array([16, 8, 0], np.uint32)
-"""Where red, green and blue begin in a packed colour."""
+"""Where red, green and blue begin in a packed color."""
 
 _SIGN = np.uint32(1 << 31)
 
@@ -235,4 +235,4 @@ COLOR_REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
         **{name: REDUCERS[name] for name in ("first", "last", "count")},
     }
 )
-"""Those of packed colours, whose bits mean nothing as numbers."""
+"""Those of packed colors, whose bits mean nothing as numbers."""

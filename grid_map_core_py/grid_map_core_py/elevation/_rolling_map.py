@@ -84,7 +84,7 @@ class RollingMap:
         return self._map
 
     def move(self, position: ArrayLike) -> None:
-        """Move the window by whole cells to a new centre (2,) [m]; what leaves it is forgotten.
+        """Move the window by whole cells to a new center (2,) [m]; what leaves it is forgotten.
 
         Raises:
             GeometryError: the position is not finite, or too far away to count the cells.

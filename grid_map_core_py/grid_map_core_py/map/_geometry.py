@@ -32,10 +32,10 @@ from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 
 BORDER_TOLERANCE = 1e-9
-"""Metres by which an edge or a rim may miss a border or a cell centre and still count as on it."""
+"""Meters by which an edge or a rim may miss a border or a cell center and still count as on it."""
 
 _SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
-"""Metres; below it, numbers lose their digits."""
+"""Meters; below it, numbers lose their digits."""
 
 _LARGEST_SIDE = 2**31
 """Cells; beyond it, layers could not be addressed anyway."""
@@ -51,7 +51,7 @@ class GridGeometry:
     Args:
         length: (2,) side lengths along x and y [m]; rounded to whole cells.
         resolution: side of a cell [m].
-        position: (2,) centre of the map [m], map frame.
+        position: (2,) center of the map [m], map frame.
 
     Raises:
         GeometryError: a length or the resolution is not positive and finite, or a side has no cell.
@@ -92,13 +92,13 @@ class GridGeometry:
         return cls(length, resolution, as_pair(position, "position"))
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return the same grid centred on another position."""
+        """Return the same grid centerd on another position."""
         return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
 
     @property
     def place(self) -> str:
         """Where the map lies, for messages."""
-        return f"centre {as_text(self.position)}, length {as_text(self.length)}"
+        return f"center {as_text(self.position)}, length {as_text(self.length)}"
 
     @property
     def corner(self) -> Positions:
@@ -119,9 +119,9 @@ class GridGeometry:
         positions = as_positions(positions)
         points = positions.reshape(-1, 2)
         inside = np.empty(len(points), dtype=np.bool_)
-        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        half, center = interleaved(self._half, points), interleaved(self.position, points)
         for part in chunks(points):
-            inside[part] = self._contains(points[part].reshape(-1), half, centre)
+            inside[part] = self._contains(points[part].reshape(-1), half, center)
         return inside.reshape(positions.shape[:-1])
 
     def cells_at(self, positions: ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
@@ -140,18 +140,18 @@ class GridGeometry:
         points = positions.reshape(-1, 2)
         cells = np.empty((2, len(points)), dtype=np.int64)
         inside = np.ones(len(points), dtype=np.bool_)
-        half, centre = interleaved(self._half, points), interleaved(self.position, points)
+        half, center = interleaved(self._half, points), interleaved(self.position, points)
         nearly_size = interleaved(self.size, points) - self._rounding
         steps = np.empty(half.size)
         # The largest coordinates may become infinite, which is outside as well.
         with np.errstate(over="ignore"):
             for part in chunks(points):
                 pairs = points[part].reshape(-1)
-                steps = self._from_corner(pairs, half, centre, out=steps[: pairs.size])
+                steps = self._from_corner(pairs, half, center, out=steps[: pairs.size])
                 steps /= -self.resolution
                 # One look at all is faster than to find the few that lie outside.
                 if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
-                    inside[part] = self._contains(pairs, half, centre)
+                    inside[part] = self._contains(pairs, half, center)
                     self._bound(steps)
                 for axis, start in enumerate(start_index):
                     found = cells[axis, part]
@@ -162,7 +162,7 @@ class GridGeometry:
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
     def centers(self, cells: ArrayLike, start_index: Size = (0, 0)) -> Positions:
-        """Return the centres of cells.
+        """Return the centers of cells.
 
         Args:
             cells: (rows, cols), or (N, 2).
@@ -317,41 +317,41 @@ class GridGeometry:
 
     def _span(self, axis: int, lower: float, upper: float) -> slice:
         """Return the cells along an axis that an interval overlaps; maybe none."""
-        half, centre, size = self._half[axis], self.position[axis], self.size[axis]
+        half, center, size = self._half[axis], self.position[axis], self.size[axis]
         tolerance = BORDER_TOLERANCE / self.resolution
         # Far away, counts of cells may be infinite.
-        near = max((upper - half - centre) / -self.resolution + tolerance, -1.0)
-        far = min((lower - half - centre) / -self.resolution - tolerance, size + 1.0)
+        near = max((upper - half - center) / -self.resolution + tolerance, -1.0)
+        far = min((lower - half - center) / -self.resolution - tolerance, size + 1.0)
         first = math.floor(min(near, size + 1.0))
         stop = max(math.ceil(max(far, -1.0)), first + 1)
         return slice(min(max(first, 0), size), min(max(stop, 0), size))
 
     # A position on a cell border must fall to the same side as in the C++ library, which rounds
     # the next two differences in different orders. Both take one x, y or an array x, y, x, y, ...
-    # with `half` and `centre` interleaved likewise and at least as long.
+    # with `half` and `center` interleaved likewise and at least as long.
 
     def _from_corner(
         self,
         pairs: Positions,
         half: Positions,
-        centre: Positions,
+        center: Positions,
         out: Positions | None = None,
     ) -> Positions:
-        """Metres from the corner to positions; negative on the map."""
+        """Meters from the corner to positions; negative on the map."""
         offsets: Positions = np.subtract(pairs, half[: pairs.size], out=out)
-        offsets -= centre[: pairs.size]
+        offsets -= center[: pairs.size]
         return offsets
 
-    def _within(self, pairs: Positions, half: Positions, centre: Positions) -> tuple[Mask, Mask]:
+    def _within(self, pairs: Positions, half: Positions, center: Positions) -> tuple[Mask, Mask]:
         """Whether each coordinate keeps the +x, +y border, and the -x, -y border."""
         half = half[: pairs.size]
-        offsets = half - (pairs - centre[: pairs.size])
+        offsets = half - (pairs - center[: pairs.size])
         return offsets >= 0.0, offsets < 2.0 * half
 
-    def _contains(self, pairs: Positions, half: Positions, centre: Positions) -> Mask:
+    def _contains(self, pairs: Positions, half: Positions, center: Positions) -> Mask:
         """Whether each x, y of x, y, x, y, ... is inside."""
         with np.errstate(over="ignore"):
-            keeps = np.logical_and(*self._within(pairs, half, centre))
+            keeps = np.logical_and(*self._within(pairs, half, center))
         return keeps[0::2] & keeps[1::2]
 
     @cached_property
@@ -369,7 +369,7 @@ class GridGeometry:
 
     @cached_property
     def _first(self) -> Positions:
-        """Centre of cell (0, 0) [m]."""
+        """Center of cell (0, 0) [m]."""
         return self.position + 0.5 * (self.length - self.resolution)
 
     @cached_property

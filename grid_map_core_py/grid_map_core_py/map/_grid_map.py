@@ -52,7 +52,7 @@ class GridMap(MutableMapping[str, Layer]):
     Args:
         length: (2,) side lengths along x and y [m], rounded to whole cells.
         resolution: side of a cell [m].
-        position: (2,) centre of the map [m], in `frame_id`.
+        position: (2,) center of the map [m], in `frame_id`.
         layers: names of layers to add without data, or a mapping of names to values.
         basic_layers: names of the layers that must be finite for a cell to be valid.
         frame_id: coordinate frame that all positions refer to.
@@ -159,7 +159,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @property
     def position(self) -> Positions:
-        """(2,) centre of the map [m].
+        """(2,) center of the map [m].
 
         Setting it shifts the map and its data in the frame; `move` leaves the data where it is.
         """
@@ -382,7 +382,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self._geometry.cells_at(positions, self._start)
 
     def get_position(self, index: ArrayLike) -> Positions:
-        """Return the centre (2,) [m] of the cell at a buffer index.
+        """Return the center (2,) [m] of the cell at a buffer index.
 
         Raises:
             OutOfMapError: there is no such cell.
@@ -390,7 +390,7 @@ class GridMap(MutableMapping[str, Layer]):
         return self.get_positions(as_size(index, "index"))
 
     def get_positions(self, indices: ArrayLike | None = None) -> Positions:
-        """Return the centres (N, 2) [m] of cells.
+        """Return the centers (N, 2) [m] of cells.
 
         Args:
             indices: (rows, cols), as `get_indices` and the regions return them, or (N, 2); buffer
@@ -432,7 +432,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Where a method needs a cell that is not finite, the next simpler one takes over for that
         position: cubic, linear, nearest. `NEAREST` returns NaN or an infinity as it finds them.
-        Near the border the missing neighbours repeat the border cell.
+        Near the border the missing neighbors repeat the border cell.
 
         Args:
             layer: name of the layer.
@@ -494,11 +494,11 @@ class GridMap(MutableMapping[str, Layer]):
     def move(self, position: ArrayLike) -> list[BufferRegion]:
         """Move the map while its data stays where it is in the frame.
 
-        Only whole cells move, so that the centre comes within half a cell of `position`. Cells that
+        Only whole cells move, so that the center comes within half a cell of `position`. Cells that
         leave the map are dropped, newly covered cells are NaN in all layers, no data is copied.
 
         Args:
-            position: (2,) new centre [m].
+            position: (2,) new center [m].
 
         Returns:
             The newly covered regions of the buffer, empty when nothing moved.
@@ -569,7 +569,7 @@ class GridMap(MutableMapping[str, Layer]):
         cell.
 
         Args:
-            position: (2,) centre of the rectangle [m].
+            position: (2,) center of the rectangle [m].
             length: (2,) side lengths along x and y [m].
 
         Returns:
@@ -615,7 +615,7 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> None:
         """Copy the data of another map to where it lies in this one.
 
-        Every cell takes the finite values of the cell of the other map that its centre lies in. The
+        Every cell takes the finite values of the cell of the other map that its center lies in. The
         maps may differ in size, place and resolution.
 
         Args:
@@ -653,13 +653,13 @@ class GridMap(MutableMapping[str, Layer]):
                 one. Scales, shears and mirrors are refused.
             height_layer: name of the layer that holds z [m].
             frame_id: the new frame.
-            sample_ratio: for more than 0, four more points per cell are taken beside its centre,
+            sample_ratio: for more than 0, four more points per cell are taken beside its center,
                 along x and y by this fraction of the resolution, at the same height; this closes
                 gaps.
 
         Returns:
             A map of the same resolution, layers, basic layers and time, and start index (0, 0).
-            It is centred on the moved corners (at z = 0) and covers them.
+            It is centerd on the moved corners (at z = 0) and covers them.
 
         Raises:
             LayerNotFoundError: there is no such height layer.

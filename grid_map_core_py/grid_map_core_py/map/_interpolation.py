@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values of a layer between the centres of its cells.
+"""Values of a layer between the centers of its cells.
 
 All methods but `NEAREST` are separable: the value is a weighted sum over the cells in a few rows
 and columns around the position, and the weight of a cell is that of its row times that of its
@@ -34,19 +34,19 @@ _PADDING = 2
 
 
 class Interpolation(Enum):
-    """How a value between cell centres is computed, in the order of increasing effort."""
+    """How a value between cell centers is computed, in the order of increasing effort."""
 
     NEAREST = "nearest"
     """The value of the cell that contains the position."""
 
     LINEAR = "linear"
-    """Bilinear between the 4 nearest cell centres."""
+    """Bilinear between the 4 nearest cell centers."""
 
     CUBIC_CONVOLUTION = "cubic_convolution"
     """Cubic convolution over 4 x 4 cells; R. Keys, 1981, with a = -1/2."""
 
     CUBIC = "cubic"
-    """Bicubic Hermite polynomial between the 4 nearest cell centres.
+    """Bicubic Hermite polynomial between the 4 nearest cell centers.
 
     Its slopes are central differences, at the border with the border cell repeated. It differs from
     `CUBIC_CONVOLUTION` only within half a cell of the border, where it goes on with these slopes.
@@ -130,7 +130,7 @@ class _Surface:
         self._geometry = geometry
         self._data = layer.ravel(order="F")
         self._places = _places(rows, start[0], 1), _places(columns, start[1], rows)
-        self._centre = geometry.position[:, np.newaxis]
+        self._center = geometry.position[:, np.newaxis]
         self._half = 0.5 * geometry.length[:, np.newaxis]
         # For single numbers Python is faster than NumPy.
         self._sides = list(zip(geometry.position.tolist(), geometry.length.tolist(), strict=True))
@@ -140,9 +140,9 @@ class _Surface:
         xy = np.ascontiguousarray(points.T)
         # Rounding keeps the order: where the extremes are inside, so is all between them.
         lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
-        for low, high, (centre, length) in zip(lowest, highest, self._sides, strict=True):
+        for low, high, (center, length) in zip(lowest, highest, self._sides, strict=True):
             half = 0.5 * length
-            if not (half - (high - centre) >= 0.0 and half - (low - centre) < length):
+            if not (half - (high - center) >= 0.0 and half - (low - center) < length):
                 self._refuse(points)
         return xy
 
@@ -167,7 +167,7 @@ class _Surface:
         return values
 
     def _weighted_sums(self, xy: Numbers, method: Interpolation, scratch: _Scratch) -> Numbers:
-        # On a line of centres, a hole on one side counts and one on the other does not: as in C++.
+        # On a line of centers, a hole on one side counts and one on the other does not: as in C++.
         below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
         around = scratch.around(2 if method is Interpolation.LINEAR else 4, xy.shape[1])
         _set_weights(around.weights, t)
@@ -185,15 +185,15 @@ class _Surface:
     def _cells(self, xy: Numbers) -> Numbers:
         """Return (2, N) rows and columns from the corner, rounded as `GridGeometry` rounds them."""
         cells = xy - self._half
-        cells -= self._centre
+        cells -= self._center
         cells /= -self._geometry.resolution
         return cells
 
     def _between(self, xy: Numbers, *, closed_above: bool) -> tuple[Places, Numbers]:
-        """Return between which rows and columns of cell centres coordinates (2, N) lie.
+        """Return between which rows and columns of cell centers coordinates (2, N) lie.
 
         Args:
-            closed_above: whether a coordinate on a centre belongs to the interval below it, with
+            closed_above: whether a coordinate on a center belongs to the interval below it, with
                 t = 1, and not to the one above it, with t = 0.
 
         Returns:
@@ -204,9 +204,9 @@ class _Surface:
         length, resolution = self._geometry.length[:, np.newaxis], self._geometry.resolution
         cells = self._cells(xy)
         np.trunc(cells, out=cells)
-        # Rounded as the map's own centres, so that at a centre t is exactly 0.
+        # Rounded as the map's own centers, so that at a center t is exactly 0.
         t = cells * -resolution
-        t += self._centre + 0.5 * (length - resolution)
+        t += self._center + 0.5 * (length - resolution)
         np.subtract(xy, t, out=t)
         t /= resolution
         above = np.ceil(t) - 1.0 if closed_above else np.floor(t)
@@ -222,7 +222,7 @@ class _Surface:
 
 
 def _set_weights(weights: Numbers, t: Numbers) -> None:
-    """Set the weights (K, ...) of K neighbours in a row, the lowest one first.
+    """Set the weights (K, ...) of K neighbors in a row, the lowest one first.
 
     Args:
         weights: of 2 cells, linear, or of 4, cubic.
@@ -262,7 +262,7 @@ def _continue_slopes(weights: Numbers, below: Places, size: Size) -> None:
 
 
 def _set_places(around: Places, places: Places, below: Places) -> None:
-    """Set the places (K, N) of K neighbours along an axis, half of them below each position.
+    """Set the places (K, N) of K neighbors along an axis, half of them below each position.
 
     Args:
         around: where to.

@@ -107,11 +107,11 @@ def _lines_under(
 
     Returns:
         lines: buffer indices of `other` in the order of the buffer of `grid_map`.
-        inside: whether the centres lie on `other` along this axis.
+        inside: whether the centers lie on `other` along this axis.
     """
-    centres = grid_map.axes()[axis]
-    positions = np.tile(other.position, (centres.size, 1))
-    positions[:, axis] = centres
+    centers = grid_map.axes()[axis]
+    positions = np.tile(other.position, (centers.size, 1))
+    positions[:, axis] = centers
     lines, inside = other.get_indices(positions)
     return lines[axis], inside
 

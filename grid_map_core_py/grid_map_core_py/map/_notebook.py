@@ -4,7 +4,7 @@
 
 Pictures show the map from above, x to the right and y upwards, from the smallest finite value (dark
 blue) to the largest (yellow); cells that are NaN are transparent. Layers whose name ends in `color`
-are taken for packed colours.
+are taken for packed colors.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
 
 
 def _bgr(values: Layer, layer: Layer) -> npt.NDArray[np.uint8]:
-    """Return the colours (height, width, 3) of values, which are some of those of the layer."""
+    """Return the colors (height, width, 3) of values, which are some of those of the layer."""
     low, high = min_of_finites(layer), max_of_finites(layer)
     factor = _OPAQUE / (high - low) if high > low else 0.0
     with np.errstate(over="ignore", invalid="ignore"):

@@ -61,12 +61,12 @@ class Axis:
 
     @cached_property
     def nearest(self) -> npt.NDArray[np.intp]:
-        """(targets,) the source cell whose centre is nearest, or that is picked."""
+        """(targets,) the source cell whose center is nearest, or that is picked."""
         if self.picks:
             return self._resized(np.arange(self.sources)[:, None])[:, 0].astype(np.intp)
-        centres = (np.arange(self.targets) + 0.5) / self.factor
+        centers = (np.arange(self.targets) + 0.5) / self.factor
         # In the middle between two cells it is the first.
-        cells = np.ceil(centres - 1.0 - _TIE)
+        cells = np.ceil(centers - 1.0 - _TIE)
         return np.asarray(np.clip(cells, 0, self.sources - 1), dtype=np.intp)
 
     @cached_property

@@ -39,9 +39,9 @@ class SignedDistanceField:
     """Distances from points in space to the surface of a height layer.
 
     The surface is stepped: a point is filled when its z is at most the height of its cell. The
-    field holds exact distances at nodes, which lie over the cell centres on horizontal levels one
+    field holds exact distances at nodes, which lie over the cell centers on horizontal levels one
     resolution apart. In the air a distance is positive and reaches to the nearest filled point of a
-    column, where a column stands at each cell centre and ends at the height of the cell. In the
+    column, where a column stands at each cell center and ends at the height of the cell. In the
     ground it is negative and reaches to the nearest free point of the lines above the columns. On
     top of its column a node has distance 0. Beyond the border of the map there is nothing, neither
     ground nor air.
@@ -99,7 +99,7 @@ class SignedDistanceField:
 
     @property
     def resolution(self) -> float:
-        """Distance between neighbouring nodes along each axis [m]."""
+        """Distance between neighboring nodes along each axis [m]."""
         return self._geometry.resolution
 
     @property
@@ -433,7 +433,7 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
 
     The gap reaches from `lower` up to `upper`, of which one is a number and one (rows, cols); it
     has no height where they are the other way round. With its height f(c) the squared distance of a
-    cell is the smallest of (distance to the centre of c)^2 + f(c)^2 over all cells c, the
+    cell is the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the
     generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
     Sampled Functions, 2012), for one axis after the other.
     """

@@ -18,20 +18,20 @@ def submap_block(
 
     Args:
         geometry: of the map.
-        position: (2,) centre of the rectangle [m].
+        position: (2,) center of the rectangle [m].
         length: (2,) side lengths along x and y [m].
 
     Raises:
         OutOfMapError: the rectangle does not overlap the map.
         GeometryError: a length is negative, or a number is not finite.
     """
-    centre, sides = as_pair(position, "position"), as_pair(length, "length")
+    center, sides = as_pair(position, "position"), as_pair(length, "length")
     if (sides < 0).any():
         raise GeometryError(f"length: expected no negative numbers, got {as_text(sides)}")
-    rows, columns = geometry.box(centre - 0.5 * sides, centre + 0.5 * sides)
+    rows, columns = geometry.box(center - 0.5 * sides, center + 0.5 * sides)
     if rows.start == rows.stop:
         raise OutOfMapError(
-            f"the submap at {as_text(centre)} of length {as_text(sides)} does not overlap the map: "
+            f"the submap at {as_text(center)} of length {as_text(sides)} does not overlap the map: "
             f"{geometry.place}"
         )
     return rows, columns

@@ -86,7 +86,7 @@ def _as_rigid(transform: ArrayLike) -> _Numbers:
 
 
 def _sample_steps(sample_ratio: float, resolution: float) -> list[tuple[float, float]]:
-    """Return how far along x and y [m] from its centre the points of a cell are taken."""
+    """Return how far along x and y [m] from its center the points of a cell are taken."""
     ratio = as_number(sample_ratio, "sample_ratio")
     if not math.isfinite(ratio):
         raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
@@ -100,12 +100,12 @@ def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
     """Return the smallest grid round the moved corners, which are taken at height 0."""
     x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
     # Taken in this order, their mean rounds as in the C++ library.
-    centre = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
+    center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     # Not from the corners: their differences lose digits far from the origin.
     length = np.abs(matrix[:2, :2]) @ geometry.length
     size = np.ceil((length - BORDER_TOLERANCE) / geometry.resolution)
     # Seen edge-on, the corners span no cell.
-    return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, centre)
+    return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, center)
 
 
 def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _Numbers:
@@ -138,10 +138,10 @@ class _Points:
     """The cells of a map as 3-D points that move.
 
     Attributes:
-        x, y: (rows,) and (cols,) centres of the cells [m].
+        x, y: (rows,) and (cols,) centers of the cells [m].
         heights: (rows, cols) z [m], in map order.
         matrix: (4, 4) how they move.
-        steps: (dx, dy) [m] from the centre of a cell to each of its points.
+        steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
 
     x: _Numbers

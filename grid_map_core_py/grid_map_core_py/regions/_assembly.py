@@ -28,11 +28,11 @@ def cells_inside(
     upper: Positions,
     contains: Callable[[Positions, Positions], Mask],
 ) -> Cells:
-    """Return the cells (rows, cols) whose centre a shape contains, row after row.
+    """Return the cells (rows, cols) whose center a shape contains, row after row.
 
     Args:
         lower, upper: (2,) a box around the shape [m].
-        contains: takes the centres of a block of cells as x (rows, 1) and y (cols,) [m], both
+        contains: takes the centers of a block of cells as x (rows, 1) and y (cols,) [m], both
             descending, and returns (rows, cols) bool.
     """
     rows, columns = grid_map.geometry.box(lower, upper)

@@ -17,25 +17,25 @@ if TYPE_CHECKING:
 
 
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
-    """Return the cells (rows, cols) whose centre lies in a disc, row after row.
+    """Return the cells (rows, cols) whose center lies in a disc, row after row.
 
-    The disc is closed: a centre within 1e-9 m of the rim is inside. Cells beyond the map are left
+    The disc is closed: a center within 1e-9 m of the rim is inside. Cells beyond the map are left
     out.
 
     Args:
-        center: (2,) centre of the disc [m]; it may lie outside the map.
+        center: (2,) center of the disc [m]; it may lie outside the map.
         radius: [m], not negative.
 
     Raises:
         GeometryError: the radius is negative, or a number is not finite.
     """
-    limit, centre = checked_radius(radius), as_pair(center, "center")
-    rows, _ = grid_map.geometry.box(centre - limit, centre + limit)
+    limit, center = checked_radius(radius), as_pair(center, "center")
+    rows, _ = grid_map.geometry.box(center - limit, center + limit)
     x, y = grid_map.geometry.axes_in_map_order()
     # The run of a row that misses the disc is empty: its half chord is negative.
-    half = half_chords(limit, x[rows] - centre[0])
-    start = (-y).searchsorted(-(centre[1] + half), side="left")
-    stop = (-y).searchsorted(-(centre[1] - half), side="right")
+    half = half_chords(limit, x[rows] - center[0])
+    start = (-y).searchsorted(-(center[1] + half), side="left")
+    stop = (-y).searchsorted(-(center[1] - half), side="right")
     return cells_of_runs(grid_map, rows.start, start, stop)
 
 

@@ -23,7 +23,7 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
     """Return the cells (rows, cols) along a line, from its start to its end.
 
     The line is clipped to the map. It is drawn after Bresenham between the cells of its two ends,
-    both included: neighbouring cells share a side or a corner.
+    both included: neighboring cells share a side or a corner.
 
     Args:
         start, end: (2,) ends of the line [m]; they may lie outside the map.

@@ -24,7 +24,7 @@ class BoundingBox(NamedTuple):
     """The smallest rectangle along x and y that holds all vertices.
 
     Attributes:
-        center: (2,) its centre [m].
+        center: (2,) its center [m].
         length: (2,) its sides along x and y [m].
     """
 
@@ -69,7 +69,7 @@ class Polygon:
         """Return a circle as `n` vertices, counter-clockwise; the last one lies on the first.
 
         Args:
-            center: (2,) centre [m].
+            center: (2,) center [m].
             radius: [m], not negative.
             n: number of vertices, at least 2.
 
@@ -85,9 +85,9 @@ class Polygon:
         """Return the hull of two circles of one radius: half a circle round each, then joined.
 
         Args:
-            center1, center2: (2,) centres [m]; one circle when they are the same.
+            center1, center2: (2,) centers [m]; one circle when they are the same.
             radius: of both [m], not negative.
-            n: number of vertices, at least 3; one is added if it is odd and the centres differ.
+            n: number of vertices, at least 3; one is added if it is odd and the centers differ.
 
         Raises:
             GeometryError: there are too few vertices, or a number is negative or not finite.
@@ -98,7 +98,7 @@ class Polygon:
             return cls.from_circle(first, radius, n)
         x, y = radius * _normalized(second - first)
         half = (n + 1) // 2
-        # A quarter turn from the line between the centres, half a circle begins.
+        # A quarter turn from the line between the centers, half a circle begins.
         return cls(
             np.concatenate([first + _arc((-y, x), half, 0.5), second + _arc((y, -x), half, 0.5)])
         )
@@ -138,7 +138,7 @@ class Polygon:
 
     @property
     def centroid(self) -> Positions:
-        """(2,) centre of the area [m]; NaN where there is no area.
+        """(2,) center of the area [m]; NaN where there is no area.
 
         Raises:
             GeometryError: there are fewer than 3 vertices.
@@ -152,7 +152,7 @@ class Polygon:
 
     @property
     def bounding_box(self) -> BoundingBox:
-        """Centre and sides of the rectangle around all vertices.
+        """Center and sides of the rectangle around all vertices.
 
         Raises:
             GeometryError: there are no vertices.

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
-    """Return the cells (rows, cols) whose centre lies in a polygon, row after row.
+    """Return the cells (rows, cols) whose center lies in a polygon, row after row.
 
-    They are those whose centre `Polygon.is_inside` takes, without the cells beyond the map.
+    They are those whose center `Polygon.is_inside` takes, without the cells beyond the map.
 
     Args:
         polygon: a polygon, or its (V, 2) vertices [m].
@@ -39,7 +39,7 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
 
 
 def _inside(x: Positions, y: Positions, vertices: Positions) -> Mask:
-    """Return which centres, x (rows,) by y (cols,), both descending, lie in a polygon.
+    """Return which centers, x (rows,) by y (cols,), both descending, lie in a polygon.
 
     An edge flips the cells of a column that lie below the x where it crosses the column.
     """

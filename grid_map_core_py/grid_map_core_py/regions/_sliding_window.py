@@ -98,10 +98,10 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
     if (size is None) == (length is None):
         raise GeometryError("expected either window_size or window_length")
     if length is not None:
-        metres = as_number(length, "window_length")
-        if not (math.isfinite(metres) and metres > 0):
+        meters = as_number(length, "window_length")
+        if not (math.isfinite(meters) and meters > 0):
             raise GeometryError(f"window_length: expected a length > 0 [m], got {length!r}")
-        cells = math.floor(metres / resolution + 0.5)
+        cells = math.floor(meters / resolution + 0.5)
         return cells if cells % 2 else cells + 1
     if not isinstance(size, int | np.integer) or size < 1 or size % 2 == 0:
         raise GeometryError(f"window_size: expected an odd number of cells, got {size!r}")

@@ -31,23 +31,23 @@ FAR = 2.0**30
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     """Return the cells (rows, cols) of a disc from the inside out, ring by ring.
 
-    A cell belongs to the ring of its distance from the centre cell, in cells, rounded down. A ring
-    runs clockwise as seen from above and ends in the direction of -x. The cell under the centre
+    A cell belongs to the ring of its distance from the center cell, in cells, rounded down. A ring
+    runs clockwise as seen from above and ends in the direction of -x. The cell under the center
     always comes first; the others are those of `circle_cells`.
 
     Args:
-        center: (2,) centre of the disc [m]; if it lies outside the map, so does the centre cell,
+        center: (2,) center of the disc [m]; if it lies outside the map, so does the center cell,
             which is left out then.
         radius: [m], not negative.
 
     Raises:
         GeometryError: the radius is negative, or a number is not finite.
     """
-    limit, centre = checked_radius(radius), as_pair(center, "center")
-    middle = _cell_under(grid_map.geometry, centre)
+    limit, center = checked_radius(radius), as_pair(center, "center")
+    middle = _cell_under(grid_map.geometry, center)
     if limit < (KEPT_RINGS - 2) * grid_map.resolution:
-        return _cut_out(grid_map, centre, middle, limit)
-    return _sorted(grid_map, circle_cells(grid_map, centre, radius), middle)
+        return _cut_out(grid_map, center, middle, limit)
+    return _sorted(grid_map, circle_cells(grid_map, center, radius), middle)
 
 
 def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
@@ -84,21 +84,21 @@ def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     return row, column
 
 
-def _cut_out(grid_map: GridMap, centre: Positions, middle: Size, limit: float) -> Cells:
+def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -> Cells:
     """Return the spiral out of the kept one; only the outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
         return empty_cells(0)
-    off_centre = _off_centre(geometry, centre, middle)
-    off = math.hypot(*off_centre)
+    off_center = _off_center(geometry, center, middle)
+    off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # So many rings are in the disc and on the map as a whole; the centre cell belongs in any case.
+    # So many rings are in the disc and on the map as a whole; the center cell belongs in any case.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
     doubtful = spiral[:, known : ends[reach + 1]]
-    belong = _in_disc(doubtful, off_centre, geometry.resolution, limit)
+    belong = _in_disc(doubtful, off_center, geometry.resolution, limit)
     if reach > to_border:
         belong &= _on_map(doubtful, middle, geometry.size)
     (found,) = belong.nonzero()
@@ -111,15 +111,15 @@ def _cut_out(grid_map: GridMap, centre: Positions, middle: Size, limit: float) -
     return cells
 
 
-def _off_centre(geometry: GridGeometry, centre: Positions, middle: Size) -> tuple[float, float]:
-    """Return x, y from the centre of the disc to that of its cell [m]."""
+def _off_center(geometry: GridGeometry, center: Positions, middle: Size) -> tuple[float, float]:
+    """Return x, y from the center of the disc to that of its cell [m]."""
     x, y = (
         position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
         for position, length, cell, origin in zip(
             geometry.position.tolist(),
             geometry.length.tolist(),
             middle,
-            centre.tolist(),
+            center.tolist(),
             strict=True,
         )
     )
@@ -127,9 +127,9 @@ def _off_centre(geometry: GridGeometry, centre: Positions, middle: Size) -> tupl
 
 
 def _in_disc(
-    offsets: Integers, off_centre: tuple[float, float], resolution: float, limit: float
+    offsets: Integers, off_center: tuple[float, float], resolution: float, limit: float
 ) -> Mask:
-    x, y = (off_centre[axis] - resolution * offsets[axis] for axis in (0, 1))
+    x, y = (off_center[axis] - resolution * offsets[axis] for axis in (0, 1))
     inside: Mask = x * x + y * y <= limit * limit
     return inside
 
@@ -142,7 +142,7 @@ def _on_map(offsets: Integers, middle: Size, size: Size) -> Mask:
 
 @cache
 def _kept_spiral() -> tuple[Integers, list[int]]:
-    """Return the (2, N) offsets from the centre cell, and how many there are within n rings."""
+    """Return the (2, N) offsets from the center cell, and how many there are within n rings."""
     side = np.arange(-KEPT_RINGS, KEPT_RINGS + 1)
     block = np.stack(np.meshgrid(side, side, indexing="ij")).reshape(2, -1)
     block = block[:, _rings(*block) < KEPT_RINGS]
@@ -152,7 +152,7 @@ def _kept_spiral() -> tuple[Integers, list[int]]:
 
 
 def _spiral_order(rows: Integers, columns: Integers) -> Integers:
-    """Return the order of (N,) offsets from the centre cell: by ring, then clockwise."""
+    """Return the order of (N,) offsets from the center cell: by ring, then clockwise."""
     # A whole turn is less than 8.
     key = 8.0 * _rings(rows, columns)
     key += np.arctan2(columns, -rows)
