@@ -82,7 +82,7 @@ def test_all_cells_come_once_in_buffer_or_map_order(grid_map):
 
 
 @given(grid_maps(), st.tuples(*[st.integers(0, 30)] * 2), st.data())
-def test_a_block_is_cut_off_at_the_border_of_the_map(grid_map, size, data):
+def test_block_is_cut_off_at_the_border(grid_map, size, data):
     first = [data.draw(st.integers(0, cells - 1)) for cells in grid_map.size]
     world = moved_in_buffer(grid_map, (0, 0))
     seen = np.zeros(grid_map.size, dtype=bool)
@@ -132,7 +132,7 @@ def test_a_disc_holds_the_cells_exactly_on_its_rim():
     assert len(pairs(circle_cells(grid_map, (0, 0), 0.0))) == 1
 
 
-def test_a_disc_larger_than_a_band_of_rows_has_no_seams():
+def test_large_disc_has_no_seams_between_bands_of_rows():
     grid_map = GridMap((40, 30), 0.1)
     x, y = grid_map.axes()
     inside = np.hypot(x[:, None] - 0.3, y + 0.2) <= 14.0
@@ -197,7 +197,7 @@ def test_spiral_cells_are_the_disc_sorted_from_the_inside_out(grid_map, fraction
     assert found == spiral_by_hand(grid_map, center, radius)
 
 
-def test_a_spiral_of_many_rings_goes_on_like_one_of_few():
+def test_large_spiral_begins_like_small_one():
     """It is sorted; the others are cut out of one that is kept."""
     grid_map = GridMap((30, 2), 0.1)
     few, many = (pairs(spiral_cells(grid_map, (0.0, 0.13), radius)) for radius in (12.0, 13.0))
@@ -305,7 +305,7 @@ each_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 
 @each_shape
 @given(grid_map=grid_maps(), fraction=fractions)
-def test_a_moved_map_has_the_same_cells_in_the_same_order(shape, grid_map, fraction):
+def test_moved_map_has_same_cells_in_same_order(shape, grid_map, fraction):
     center = point(grid_map, fraction)
     cells, unmoved = shape(grid_map, center), moved_in_buffer(grid_map, (0, 0))
     assert [numbers.dtype for numbers in cells] == [np.int64] * 2
@@ -411,7 +411,7 @@ def test_a_polygon_needs_finite_vertices():
         lambda grid_map: polygon_cells(grid_map, Polygon.from_circle((0, 0), 12.0, 50)),
     ],
 )
-def test_shapes_take_less_than_three_times_the_memory_of_their_cells(shape):
+def test_shapes_take_less_than_three_times_their_memory(shape):
     grid_map = GridMap((30, 20), 0.1)
     grid_map.start_index = (7, 9)
     shape(grid_map)

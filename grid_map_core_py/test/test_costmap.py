@@ -184,7 +184,7 @@ def test_a_costmap_begins_at_the_smallest_x_and_y():
 
 
 @pytest.mark.parametrize("size", [(1000, 500), (400, 400)])
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result(size):
+def test_memory_stays_below_three_times_the_result(size):
     grid_map = GridMap(size, 1.0, layers={"cost": 3.0})
     grid_map.start_index = (17, 200)
     costmap = to_costmap(grid_map, "cost", CENTURY)

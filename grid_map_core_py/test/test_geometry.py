@@ -171,7 +171,7 @@ def test_the_center_of_a_cell_lies_in_that_cell(geometry, data):
 
 
 @given(geometries, st.tuples(coordinates, coordinates))
-def test_the_closest_position_is_inside_and_no_inside_position_is_closer(geometry, position):
+def test_closest_position_is_inside_and_no_other_is_closer(geometry, position):
     closest = geometry.closest_position(position)
     assert geometry.is_inside(closest)
     if geometry.is_inside(position):
@@ -183,13 +183,13 @@ def test_the_closest_position_is_inside_and_no_inside_position_is_closer(geometr
 
 @pytest.mark.parametrize("center", [0.5, -0.5, 1.0, 1 / 3, 1e-300, 1e9, -7.3e15])
 @pytest.mark.parametrize("resolution", [0.1, 1.0, 1 / 3])
-def test_a_map_with_a_border_at_zero_or_far_away_has_closest_positions(center, resolution):
+def test_closest_positions_exist_for_borders_at_zero_or_far_away(center, resolution):
     geometry = GridGeometry.from_size((1, 3), resolution, (center, center))
     for direction in ((-1e300, -1e300), (1e300, 1e300), (-1e300, 1e300)):
         assert geometry.is_inside(geometry.closest_position(direction))
 
 
-def test_the_plus_border_belongs_to_the_map_and_the_minus_border_does_not():
+def test_plus_border_belongs_to_map_and_minus_border_does_not():
     geometry = GridGeometry((2.0, 1.0), 0.5)
     assert geometry.is_inside((1.0, 0.5))
     assert not geometry.is_inside((-1.0, 0.0))

@@ -39,7 +39,7 @@ def test_a_new_layer_has_no_data():
     assert np.isnan(grid_map["elevation"]).all()
 
 
-def test_a_single_name_is_one_layer_and_not_one_per_letter():
+def test_single_name_is_one_layer():
     assert GridMap((1, 1), 0.5, layers="elevation").layers == ("elevation",)
 
 
@@ -271,7 +271,7 @@ def test_vectors_and_3d_positions_are_nan_where_invalid(terrain):
     assert np.isnan(terrain.get_position3("elevation", (1, 1))).all()
 
 
-def test_a_position_outside_is_an_error_that_names_position_and_map(terrain):
+def test_position_outside_raises_error_naming_position_and_map(terrain):
     with pytest.raises(OutOfMapError, match=r"position \(9.0, 0.0\) is outside .*\(8.0, 5.0\)"):
         terrain.get_index((9, 0))
     with pytest.raises(OutOfMapError, match=r"index \(8, 0\) is outside the map of \(8, 5\) cells"):
@@ -448,7 +448,7 @@ def test_set_unwrapped_copies_numbers_and_arrays():
 
 
 @given(grid_maps(("a", "b")), st.data())
-def test_a_map_with_start_index_elsewhere_is_a_copy_of_the_same_world(grid_map, data):
+def test_with_start_index_copies_the_same_world(grid_map, data):
     start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
     before = grid_map.copy()
     result = grid_map.with_start_index(start)
@@ -475,7 +475,7 @@ def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     np.testing.assert_array_equal(submap["elevation"].ravel("F"), grid_map["elevation"][cells])
 
 
-def test_a_submap_keeps_names_frame_and_time_and_shares_no_data(terrain):
+def test_submap_keeps_metadata_and_shares_no_data(terrain):
     terrain.basic_layers = ["variance"]
     terrain.timestamp = 123
     submap = terrain.get_submap((0.5, 0.0), (100, 100))

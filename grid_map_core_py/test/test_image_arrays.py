@@ -106,7 +106,7 @@ def test_images_become_the_maps_of_cpp():
         assert_maps_equal(result, golden.to_map(case["back"]), rtol=1e-6, atol=1e-7)
 
 
-def test_images_become_the_layers_of_cpp_where_the_map_has_not_moved():
+def test_layers_from_images_equal_cpp_on_unmoved_maps():
     compared = [case for case in IMAGES if case[0]["start_index"] == [0, 0]]
     assert len(compared) == 12
     for description, case in compared:
@@ -130,7 +130,7 @@ def test_images_are_placed_correctly_on_moved_maps():
         np.testing.assert_allclose(grid_map["img"][known], elevation[known], atol=1.01 * quantum)
 
 
-def test_the_gray_of_colors_is_that_of_cpp_where_it_takes_them_for_what_they_are():
+def test_gray_of_bgr_images_equals_cpp():
     compared = [c for c in COLOR_IMAGES if c[1]["color_image"]["encoding"].startswith("bgr")]
     assert len(compared) == 8
     for _, case in compared:
@@ -313,7 +313,7 @@ def test_float_images_are_exact(grid_map):
             np.testing.assert_array_equal(grid_map["again"], grid_map["elevation"])
 
 
-def test_the_first_pixel_is_the_corner_with_the_largest_x_and_y():
+def test_first_pixel_is_the_corner_with_largest_x_and_y():
     image = np.zeros((4, 6), np.uint8)
     image[0, 0], image[0, -1] = 255, 51
     grid_map = from_image(
@@ -387,7 +387,7 @@ def test_images_may_be_views_of_any_layout_and_byte_order():
     np.testing.assert_allclose(as_rgb, expected, atol=1 / 65535)
 
 
-def test_a_gray_image_may_have_a_channel_axis_and_color_a_layer():
+def test_gray_images_with_channel_axis_are_accepted():
     image = np.arange(6, dtype=np.uint8).reshape(2, 3)
     grid_map = from_image(image[..., None], "gray", 1.0, 0, 255)
     np.testing.assert_array_equal(grid_map["gray"], image)
@@ -421,7 +421,7 @@ def peak_of(function) -> tuple[float, np.ndarray]:
 @pytest.mark.parametrize("size", [(1000, 800), (400, 400)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, channels, size):
+def test_memory_stays_below_three_times_the_result(dtype, channels, size):
     grid_map = GridMap(size, 1.0, layers={"height": 3.0, "color": 0.0})
     grid_map.start_index = (7, 300)
     peak, image = peak_of(lambda: to_image(grid_map, "height", dtype, channels, 0, 5))
@@ -498,7 +498,7 @@ def test_what_is_no_image_changes_nothing(terrain, image, arguments, message):
     assert_maps_equal(terrain, before)
 
 
-def test_an_image_has_as_many_pixels_as_the_map_has_cells(terrain):
+def test_image_of_another_size_is_refused(terrain):
     for add in (add_layer_from_image, add_color_layer_from_image):
         with pytest.raises(GeometryError, match=r"expected \(9, 6\) pixels.* got \(6, 9\)"):
             add(terrain, np.zeros((6, 9), np.float32), "gray")

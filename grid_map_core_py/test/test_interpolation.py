@@ -196,7 +196,7 @@ COMPARED = {NEAREST: 2793, LINEAR: 365, CUBIC_CONVOLUTION: 391, CUBIC: 573}
 
 
 @by_method
-def test_values_and_stages_equal_those_of_cpp_wherever_it_reads_the_right_cells(method):
+def test_values_and_stages_equal_cpp_where_it_reads_right_cells(method):
     compared = 0
     for name, case in CASES:
         grid_map, layer, results = golden_map(name), case["layer"], case[method.value]
@@ -294,7 +294,7 @@ def test_one_position_has_the_value_that_it_has_among_many(method, drawn):
 
 @by_method
 @given(grid_maps())
-def test_at_the_center_of_a_cell_the_value_is_that_of_the_cell(method, grid_map):
+def test_value_at_cell_center_is_that_of_the_cell(method, grid_map):
     found = grid_map.at_position("elevation", grid_map.get_positions(), method)
     cells = grid_map["elevation"].ravel("F")
     np.testing.assert_allclose(found, cells, rtol=1e-9, atol=1e-9)
@@ -334,7 +334,7 @@ def test_linear_values_stay_between_the_lowest_and_the_highest_cell(drawn):
 
 
 @given(places(finite_maps))
-def test_the_cubic_methods_agree_but_in_the_half_cell_at_the_border(drawn):
+def test_cubic_methods_agree_except_in_border_half_cell(drawn):
     grid_map, positions = drawn
     inner = 0.5 * (grid_map.length - grid_map.resolution)
     inside = (np.abs(positions - grid_map.position) <= inner).all(axis=1)
@@ -420,9 +420,7 @@ def test_values_along_a_line_are_those_computed_by_hand(axis, method, coordinate
         (LINEAR, -1.0, 4.0),
     ],
 )
-def test_a_cell_that_is_not_finite_leaves_the_value_to_a_simpler_method(
-    missing, method, coordinate, expected
-):
+def test_simpler_method_takes_over_at_cells_not_finite(missing, method, coordinate, expected):
     holed = {-2.25: [1.0, missing, 8.0, 16.0, 32.0], -2.0: [1.0, missing, 8.0, 16.0, 32.0]}
     grid_map = line(holed.get(coordinate, [missing, 4.0, missing, 16.0, 32.0]))
     assert grid_map.at_position("a", (coordinate, 0.0), method) == expected
@@ -430,7 +428,7 @@ def test_a_cell_that_is_not_finite_leaves_the_value_to_a_simpler_method(
 
 @by_method
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_cell_that_is_not_finite_is_returned_where_nothing_else_is_left(method, value):
+def test_cell_not_finite_is_returned_if_nothing_else_remains(method, value):
     grid_map = line([1.0, 2.0, value, 3.0, 4.0])
     np.testing.assert_array_equal(grid_map.at_position("a", [(-2.25, 0.1)], method), [value])
 
@@ -450,7 +448,7 @@ def bumpy(cells: int = 30) -> GridMap:
 
 
 @by_method
-def test_many_positions_have_the_values_that_they_have_in_small_groups(method):
+def test_values_do_not_depend_on_the_number_of_positions(method):
     grid_map = bumpy()
     positions = np.random.default_rng(3).uniform(-14, 14, (20_000, 2))
     groups = [grid_map.at_position("a", group, method) for group in np.split(positions, 40)]
@@ -470,7 +468,7 @@ def test_memory_stays_below_three_times_the_values(method):
 
 
 @by_method
-def test_a_position_gives_a_float_and_positions_an_array_of_float64(method):
+def test_one_position_gives_float_and_many_give_float64_array(method):
     grid_map = bumpy()
     assert type(grid_map.at_position("a", (0.2, 0.3), method)) is float
     for positions in ([(0.2, 0.3)], np.zeros((3, 2), int), np.zeros((0, 2))):

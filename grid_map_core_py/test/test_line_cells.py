@@ -131,7 +131,7 @@ def test_a_line_right_across_the_map_is_exactly_clipped():
     assert line_cells(grid_map, (1e9, 0.5), (-1e9, 0.5))[0].tolist() == [0, 1, 2, 3]
 
 
-def test_the_borders_of_a_map_belong_to_it_as_its_positions_do():
+def test_line_along_border_belongs_to_map_as_positions_do():
     grid_map = GridMap((4, 4), 1.0)
     along_the_far_side = line_cells(grid_map, (2, 3), (2, -3))
     assert pairs(along_the_far_side) == [[0, 0], [0, 1], [0, 2], [0, 3]]
@@ -165,7 +165,7 @@ def test_the_ends_of_a_line_must_be_numbers_and_cells():
         line_cells_between(grid_map, (0, 0), (0, 4))
 
 
-def test_a_line_that_hardly_moves_along_an_axis_is_a_line():
+def test_line_with_tiny_slope_is_drawn():
     grid_map = GridMap((4, 4), 1.0)
     assert pairs(line_cells(grid_map, (0.5, 0.5), (0.5 + 1e-300, 5e-324))) == [[1, 1], [1, 2]]
     assert pairs(line_cells(grid_map, (1e-310, 0.5), (0, 0.5))) == [[2, 1]]
@@ -174,7 +174,7 @@ def test_a_line_that_hardly_moves_along_an_axis_is_a_line():
 
 
 @pytest.mark.parametrize("end", [(0.0, 0.0), (-0.024999999999999988, 5.0), (-0.02, -5.0)])
-def test_an_end_that_rounding_puts_on_the_map_begins_the_line(end):
+def test_line_begins_at_end_that_rounding_puts_on_map(end):
     grid_map = GridMap((0.15, 0.05), 0.05, (-0.1, 0.0))
     start = -0.024999999999999988, 0.0
     assert start[0] > grid_map.geometry.corner[0]

@@ -107,7 +107,7 @@ def test_no_cell_is_missed_where_triangles_meet(dtype, angle, offset):
     np.testing.assert_allclose(result, expected, atol=tolerance)
 
 
-def test_a_plane_is_met_at_its_heights_and_only_under_it():
+def test_rays_hit_a_plane_at_its_heights_only_under_it():
     vertices = [(0, 0, 0), (2, 0, 2), (0, 2, 4)]
     result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((4, 4), 1.0), "height")["height"]
     expected = np.full((4, 4), np.nan)
@@ -135,7 +135,7 @@ def test_polygons_are_cut_into_fans():
     np.testing.assert_array_equal(np.isfinite(result).ravel("F"), inside)
 
 
-def test_a_vertical_wall_is_met_at_its_floor_and_roof_only():
+def test_vertical_wall_is_hit_at_floor_and_roof_only():
     wall = [(0.25, -1, 0), (0.25, 1, 0), (0.25, 1, 5), (0.25, -1, 5)]
     grid_map = GridMap((2, 2), 0.5)
     assert np.isnan(rasterize_triangles(wall, [range(4)], grid_map)["elevation"]).all()

@@ -129,7 +129,7 @@ def test_channels_keep_their_memory_order():
 
 @pytest.mark.parametrize("size", [(500, 600), (400, 400)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.int64, np.float32, np.float64])
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result(dtype, size):
+def test_memory_stays_below_three_times_the_result(dtype, size):
     rgb = np.ones((*size, 3), dtype=dtype)
     for function, argument in (
         (color_vector_to_value, rgb),

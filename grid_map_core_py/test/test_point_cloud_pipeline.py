@@ -212,7 +212,7 @@ def test_a_lone_point_and_equal_points_are_no_outliers():
     assert len(remove_outliers([(1, 2, 3), (np.nan, 0, 0)], 5, 1.0)) == 1
 
 
-def test_the_rotation_is_about_x_then_the_new_y_then_the_new_z():
+def test_rotation_is_about_x_then_new_y_then_new_z():
     roll, pitch, yaw = 0.3, -0.5, 1.1
 
     def rotation(axis, angle):

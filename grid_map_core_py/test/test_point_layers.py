@@ -152,7 +152,7 @@ def test_a_single_point_has_no_variance():
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("width", [3, 5])
-def test_type_width_and_memory_order_of_the_points_do_not_matter(dtype, width):
+def test_type_width_and_memory_order_of_points_do_not_matter(dtype, width):
     points = np.random.default_rng(1).uniform(-1, 1, (200, width)).astype(np.float32)
     grid_map = GridMap((2, 3), 0.25)
     expected = rasterize(points, grid_map, ALL)
@@ -204,7 +204,7 @@ def test_the_mean_of_colors_is_that_of_the_channels():
         assert np.isnan(result[0, 1])
 
 
-def test_first_and_last_keep_the_bits_of_colors_and_no_color_is_left_out():
+def test_first_and_last_keep_color_bits_of_every_color():
     colors = np.array([np.nan, 3e-39, 1e-40, -np.nan], np.float32)
     points = np.zeros((4, 3))
     for reduction, expected in (("first", colors[1]), ("last", colors[2]), ("count", 2.0)):
@@ -242,7 +242,7 @@ def test_colors_have_no_order(reduction):
     st.sampled_from([0.05, 0.1, 0.3, 1.0]),
     st.floats(-50, 50) | st.sampled_from([5e6, -4.5e5]),
 )
-def test_a_map_made_to_fit_holds_every_point_and_no_spare_row(cloud, resolution, shift):
+def test_fitted_map_holds_every_point_and_no_spare_row(cloud, resolution, shift):
     cloud = cloud + (shift, -shift, 0)
     finite = cloud[np.isfinite(cloud).all(axis=1)]
     if not len(finite):
@@ -282,8 +282,8 @@ def test_length_and_position_may_be_given():
     assert whole.size == (8, 4)
     np.testing.assert_allclose(whole.position, (1, 1))
     assert np.isfinite(whole["elevation"]).sum() == 1
-    centerd = from_points(points, 0.5, length=(4, 2))
-    np.testing.assert_allclose(centerd.position, (0.8, 1.2))
+    centered = from_points(points, 0.5, length=(4, 2))
+    np.testing.assert_allclose(centered.position, (0.8, 1.2))
     around_origin = from_points(points, 0.5, {"n": "count"}, position=(0, 0))
     np.testing.assert_allclose(around_origin.position, (0, 0))
     assert around_origin["n"].sum() == 2
@@ -297,7 +297,7 @@ def test_a_map_made_to_fit_ignores_points_beyond_the_limits():
         from_points(points, 1.0, min_height=60.0)
 
 
-def test_a_stray_point_does_not_ask_for_a_map_beyond_reason():
+def test_stray_point_far_away_is_refused_with_a_reason():
     with pytest.raises(GridMapError, match="takes too many cells"):
         from_points([(0, 0, 0), (1e30, 1, 0)], 0.1)
     with pytest.raises(GridMapError, match="takes too many cells"):

@@ -203,7 +203,7 @@ def winding_by_hand(vertices, point):
 
 
 @given(st.lists(points, min_size=1, max_size=8), points)
-def test_a_point_is_inside_when_the_polygon_turns_round_it_an_odd_number_of_times(vertices, point):
+def test_point_is_inside_if_winding_number_is_odd(vertices, point):
     for a, b in zip(vertices, vertices[1:] + vertices[:1], strict=True):
         if math.dist(a, point) + math.dist(point, b) <= math.dist(a, b) + 1e-9:
             return
@@ -308,7 +308,7 @@ def test_circles_are_offset_like_any_polygon_although_their_ends_coincide():
     )
 
 
-def test_a_vertex_in_line_with_its_neighbors_is_offset_with_its_edge():
+def test_collinear_vertex_is_offset_with_its_edge():
     vertices = [(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)]
     for direction in (1, -1):
         moved = Polygon(vertices[::direction]).offset_inward(0.25)

@@ -85,7 +85,7 @@ def test_half_a_cell_is_rounded_away_from_zero():
         assert case["result"]["size"] == [8, 6]
 
 
-def test_layers_without_holes_are_those_of_cpp_but_for_its_16_bits():
+def test_layers_without_holes_equal_cpp_except_for_its_16_bits():
     assert len(CASES) == 18
     for description, case in CASES:
         expected = golden.matrix(case["result"]["layers"]["full"])
@@ -97,7 +97,7 @@ def test_layers_without_holes_are_those_of_cpp_but_for_its_16_bits():
         np.testing.assert_allclose(values, expected, atol=2 * quantum(description, "full"))
 
 
-def test_layers_with_holes_are_those_of_cpp_away_from_the_holes():
+def test_layers_with_holes_equal_cpp_away_from_holes():
     count = 0
     for description, case in CASES:
         expected = golden.matrix(case["result"]["layers"]["elevation"])
@@ -320,7 +320,7 @@ def test_a_map_without_layers_has_a_resolution_too():
 
 
 @pytest.mark.parametrize("resolution", [0.1, 0.025, 0.07])
-def test_nothing_takes_more_than_three_times_the_memory_of_its_result(resolution):
+def test_memory_stays_below_three_times_the_result(resolution):
     grid_map = terrain(1000, 1100, holes=0.05)
     grid_map.start_index = (300, 1)
     tracemalloc.start()

@@ -48,7 +48,7 @@ def test_a_shift_by_the_whole_map_uncovers_everything_once(shift):
     assert regions == [ring_buffer.BufferRegion((0, 0), (8, 5))]
 
 
-def test_positions_beyond_the_map_have_the_border_cell_that_bounding_gives_in_cpp():
+def test_positions_beyond_the_map_get_border_cell_as_in_cpp():
     for number, size, _, bounded in GEOMETRY["wrap_bound"]:
         grid_map = GridMap((size, size), 1.0)
         first = grid_map.get_position((0, 0))

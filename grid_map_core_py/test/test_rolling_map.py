@@ -155,7 +155,7 @@ def layers(grid_map: GridMap) -> dict[str, np.ndarray]:
     return {name: grid_map[name] for name in grid_map}
 
 
-def test_other_values_are_those_of_the_last_cloud_that_had_some() -> None:
+def test_other_values_come_from_the_last_cloud_with_any() -> None:
     rolling = RollingMap(GEOMETRY)
     place = (0.1, 0.1)
     for values in ([1.0, 3.0], [math.nan, 5.0], [math.nan, math.nan]):

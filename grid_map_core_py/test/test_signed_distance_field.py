@@ -105,7 +105,7 @@ def points_around(field, margin, number=500):
     st.floats(-2, 2),
     st.floats(0.1, 4),
 )
-def test_nodes_have_the_distance_that_a_loop_over_all_columns_finds(grid_map, scale, low, levels):
+def test_node_distances_equal_a_loop_over_all_columns(grid_map, scale, low, levels):
     grid_map["elevation"] = scale * grid_map["elevation"]
     before = grid_map.copy()
     high = low + levels * grid_map.resolution
@@ -172,7 +172,7 @@ def test_a_moved_map_has_the_same_field(grid_map, start):
     np.testing.assert_array_equal(fields[0].distances, fields[1].distances)
 
 
-def test_a_map_keeps_its_distances_where_they_are_when_it_moves():
+def test_moved_map_keeps_its_distances():
     grid_map = hills()
     grid_map.move((3.2, -2.1))
     assert grid_map.start_index != (0, 0)
@@ -218,7 +218,7 @@ def sideways_or_straight(columns, number, z):
     return math.copysign(min(ways + [abs(z - height)]), z - height)
 
 
-def test_nodes_are_those_of_cpp_where_the_nearest_point_is_not_oblique():
+def test_nodes_equal_cpp_if_nearest_point_is_not_oblique():
     compared = oblique = 0
     for cpp, ours, columns, z in golden_nodes():
         for number in range(len(columns)):
@@ -259,7 +259,7 @@ def test_values_go_on_linearly_outside():
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_beyond_each_face_the_slope_is_that_of_the_last_two_nodes(axis, side):
+def test_slope_beyond_each_face_continues_last_two_nodes(axis, side):
     field = hills_field()
     nodes = nodes_of(field)
     inner = np.array([4, 3, 5])
@@ -340,7 +340,7 @@ def test_at_a_node_the_gradient_is_the_central_difference():
     np.testing.assert_allclose(field.gradient(off), expected, atol=1e-5)
 
 
-def test_next_to_a_node_the_gradient_is_that_of_its_side():
+def test_gradient_beside_a_node_is_that_of_its_side():
     field = hills_field()
     node, d = nodes_of(field)[4, 3, 5], field.distances
     for offset, above, below in ((1e-7, d[4, 3, 6], d[4, 3, 5]), (-1e-7, d[4, 3, 5], d[4, 3, 4])):

@@ -109,7 +109,7 @@ def test_a_mean_skips_infinities():
     np.testing.assert_array_equal(window, [[2, 2, 2], [2, np.inf, 2], [2, 2, 2]])
 
 
-def test_windows_show_the_layer_as_it_was_and_cannot_be_written_into():
+def test_windows_are_read_only_snapshots_of_the_layer():
     grid_map = GridMap((0.3, 0.3), 0.1, layers={"elevation": 1.0})
     for edges in ALL_EDGES:
         grid_map["elevation"] = 1.0

@@ -86,7 +86,7 @@ def test_images_become_the_maps_of_cpp() -> None:
         assert_maps_equal(result, to_map(case["back"]), rtol=1e-6, atol=1e-7)
 
 
-def test_images_become_the_layers_of_cpp_where_the_map_has_not_moved() -> None:
+def test_layers_from_images_equal_cpp_on_unmoved_maps() -> None:
     compared = [(m, case) for m, case in IMAGES if m.start_index == (0, 0)]
     assert len(compared) == 12
     for grid_map, case in compared:

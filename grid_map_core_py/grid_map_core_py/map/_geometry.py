@@ -92,7 +92,7 @@ class GridGeometry:
         return cls(length, resolution, as_pair(position, "position"))
 
     def at(self, position: ArrayLike) -> GridGeometry:
-        """Return the same grid centerd on another position."""
+        """Return the same grid centered on another position."""
         return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
 
     @property

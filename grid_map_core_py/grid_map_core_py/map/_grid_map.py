@@ -659,7 +659,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         Returns:
             A map of the same resolution, layers, basic layers and time, and start index (0, 0).
-            It is centerd on the moved corners (at z = 0) and covers them.
+            It is centered on the moved corners (at z = 0) and covers them.
 
         Raises:
             LayerNotFoundError: there is no such height layer.
