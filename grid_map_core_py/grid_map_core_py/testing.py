@@ -56,7 +56,7 @@ def assert_maps_equal(
 
 
 def register_profiles() -> None:
-    """Tell hypothesis how to look for examples: for the `conftest.py` of a package.
+    """Register and load profiles of hypothesis, for the `conftest.py` of a package.
 
     The profile `grid_map`, which is loaded, tries the same examples every time, so that a change is
     judged by what it changes. `explore` tries others, and more of them, every time:
@@ -71,7 +71,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return the same world stored from another start index: what a map is after moves."""
+    """Return the same world stored from another start index, as after moves; by `np.roll`."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:
@@ -130,7 +130,7 @@ def grid_maps(
 
 
 def killed_at_every_step(work: Callable[[], object], limit: int = 1000) -> Iterator[int]:
-    """Do some work in copies of this process, each of which is killed a step later; yield each.
+    """Run `work` in copies of this process, each of which is killed one step later.
 
     A step is what Python announces to audit hooks: opening, renaming and removing files, making
     folders and so on. The last copy is not killed, since it has come to its end.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array aliases of this package, and the conversions of what users pass into them."""
+"""Array types, and checks that turn arguments of users into them."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def as_positions(values: ArrayLike, name: str = "position") -> Positions:
 
 
 def as_pair(values: ArrayLike, name: str) -> Positions:
-    """Return `values` as a (2,) float64 array of finite numbers of its own."""
+    """Return a copy of `values` as a (2,) float64 array of finite numbers."""
     pair = as_array(values, np.float64, name)
-    # For two numbers NumPy takes several times as long.
+    # For two numbers, plain Python is several times faster than NumPy.
     if pair.shape != (2,) or not all(map(math.isfinite, pair.tolist())):
         raise GeometryError(f"{name}: expected two finite numbers, got {values!r}")
     return pair.copy()
@@ -66,7 +66,7 @@ def as_number(value: object, name: str) -> float:
 
 
 def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
-    """Return `values` as an array of real numbers of whatever type; what is masked is NaN."""
+    """Return `values` as an array of real numbers of any type; masked values become NaN."""
     try:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(np.float64), np.nan)
@@ -121,7 +121,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Return a scalar or a (rows, cols) array as a layer of its own, never an alias of `value`."""
+    """Return a copy of a scalar or a (rows, cols) array as a layer."""
     data = as_array(value, np.float32, f"layer {name!r}")
     if data.ndim and data.shape != size:
         raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}")

@@ -11,13 +11,13 @@ import numpy.typing as npt
 from ._checks import Positions
 
 _PIECE = 2**15
-"""Elements of a piece of a large array."""
+"""Number of elements in a piece of a large array."""
 
 _SMALL_PIECE = 2**10
-"""Elements of the smallest piece that is worth its overhead."""
+"""Smallest number of elements in a piece."""
 
 CHUNK = 2**13
-"""Points of a chunk."""
+"""Number of points in a chunk."""
 
 
 def elementwise(
@@ -49,7 +49,7 @@ def elementwise(
 
 
 def piece_of(count: int) -> int:
-    """Return how many of `count` elements make a piece.
+    """Return the number of elements in a piece of an array of `count` elements.
 
     In a small array a piece is a small part of it, so that its temporaries do not outweigh it.
     """
@@ -57,7 +57,7 @@ def piece_of(count: int) -> int:
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
-    """Yield the slices of `step` items, the last one shorter, that `count` items fall into."""
+    """Yield slices of `step` items, the last one shorter, that cover `count` items."""
     for first in range(0, count, max(1, step)):
         yield slice(first, min(first + max(1, step), count))
 

@@ -61,7 +61,7 @@ def _pieces(values: ArrayLike) -> Iterator[npt.NDArray[Any]]:
 
 def _sum(values: npt.NDArray[Any]) -> float:
     if values.dtype == np.float32:
-        # Twice as fast as to pick the finite values, but blind to infinities.
+        # Twice as fast as picking the finite values, but wrong for infinities.
         with np.errstate(invalid="ignore"):
             total = float(cv2.patchNaNs(values.copy(), 0.0).sum(dtype=np.float64))
         if np.isfinite(total):

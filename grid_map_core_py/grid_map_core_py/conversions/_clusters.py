@@ -17,10 +17,10 @@ from ..map._geometry import BORDER_TOLERANCE
 Edges: TypeAlias = list[tuple[Integers, Integers]]
 
 _NEIGHBORS = 8
-"""Nearest ones that each point is linked to at first; in a dense cloud all would be too many."""
+"""Number of nearest neighbors that each point is linked to in the first pass."""
 
 _QUERIES = 1 << 16
-"""That are asked at once."""
+"""Number of points that query the search tree in one call."""
 
 
 def euclidean_clusters(
@@ -39,7 +39,7 @@ def euclidean_clusters(
     """
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot divide points at the same place, of which sensors may give thousands.
+    # A search tree cannot split points at the same place, and sensors may give thousands of them.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     clusters = _distinct_clusters(
         distinct[:, :3], distinct[:, 3].astype(np.int64), tolerance, workers
@@ -50,18 +50,18 @@ def euclidean_clusters(
 def _distinct_clusters(
     points: Positions, groups: Integers, tolerance: float, workers: int
 ) -> Integers:
-    """Return the clusters of points of which no two in a group are at the same place."""
+    """Return the clusters of points that are all different within their group."""
     reach = tolerance + BORDER_TOLERANCE
     separated = _apart(points, groups, reach)
     _, neighbors = cKDTree(separated).query(
         separated, k=_NEIGHBORS + 1, distance_upper_bound=reach, workers=workers
     )
-    # Where there is no neighbor, one beyond the last is named.
+    # SciPy marks a missing neighbor by the index after the last.
     found = neighbors < len(points)
     linked, _ = np.nonzero(found)
     edges: Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only a point with so many neighbors close by may have more of them than it was linked to.
+    # Only a point with the maximum of neighbors may have more than it was linked to.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     return clusters if len(edges) == 1 else _components(len(points), edges)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Costs of navigation: one byte per cell, 255 where nothing is known.
+"""Costs of navigation: one byte per cell, 255 for unknown cells.
 
 A codec turns values of a layer into costs and back. `CostTable` speaks the language of ROS 1's
 costmap_2d and of nav2's costs with a meaning (free, inscribed, lethal, unknown), `CostRange` maps a
@@ -25,11 +25,11 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 
 Costs: TypeAlias = npt.NDArray[np.uint8]
-"""Costs 0 to 254, 255 where unknown."""
+"""(...) uint8 costs from 0 to 254, and 255 for unknown."""
 
 FREE = 0
 INSCRIBED = 253
-"""The robot's center here means a collision, whatever its heading."""
+"""Cost of cells in which the robot's center means a collision at any heading."""
 LETHAL = 254
 UNKNOWN = 255
 
@@ -94,13 +94,13 @@ class CostTable:
 
     @property
     def _step(self) -> np.float32:
-        """What one cost more than free is worth."""
+        """Layer-value step of one cost unit."""
         return np.float32((self.inscribed - self.free) / INSCRIBED)
 
     def _costs(self, values: npt.NDArray[Any]) -> Costs:
         values = values.astype(np.float32)
         steps = (values - np.float32(self.free)) / self._step
-        # fmax takes NaN for free, which the last line puts right.
+        # `fmax` turns NaN into free; the last line makes it unknown.
         nearest = np.rint(np.fmin(np.fmax(steps, FREE), INSCRIBED))
         costs: Costs = nearest.astype(np.uint8)
         costs[values >= 0.5 * (self.inscribed + self.lethal)] = LETHAL
@@ -112,12 +112,12 @@ CENTURY = CostTable(free=0, inscribed=99, lethal=100, unknown=-1)
 """The scale of occupancy grids: 0 free, 99 inscribed, 100 lethal, -1 unknown."""
 
 DIRECT = CostTable(free=FREE, inscribed=INSCRIBED, lethal=LETHAL, unknown=UNKNOWN)
-"""The costs themselves."""
+"""Layer values that are costs: 0 free, 253 inscribed, 254 lethal, 255 unknown."""
 
 
 @dataclass(frozen=True)
 class CostRange:
-    """A range of values that is spread over the costs 0 to 254.
+    """A range of values, mapped linearly to the costs 0 to 254.
 
     Attributes:
         data_min: the value of cost 0.
@@ -207,7 +207,7 @@ def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
     origin = grid_map.position - 0.5 * grid_map.length
     return Costmap(
-        # A costmap begins at the smallest x and y, where a map ends.
+        # A costmap begins at the smallest x and y, a map at the largest.
         costmap=costs.ravel("F")[::-1].copy(),
         size_x=grid_map.size[0],
         size_y=grid_map.size[1],

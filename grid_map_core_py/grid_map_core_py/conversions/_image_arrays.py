@@ -54,7 +54,7 @@ _TO_GRAY = {
     ("rgb", 4): cv2.COLOR_RGBA2GRAY,
 }
 _TIE = 1e-9
-"""Cells by which a number of cells may miss a half and still count as one."""
+"""Tolerance [cells] for rounding a number of cells that is nearly a half."""
 
 
 # --- from layers to images ------------------------------------------------------------------------
@@ -130,7 +130,7 @@ def _paint(
     channels: int,
     paint: Callable[[Layer], Sequence[npt.NDArray[Any]]],
 ) -> Image:
-    """Return the image whose channels, but for alpha, `paint` makes of blocks of a layer."""
+    """Return an image of a layer; `paint` turns blocks of values into the color channels."""
     rows, columns = grid_map.size
     image = np.empty((rows, columns, channels), pixel)
     for part in slices(rows, piece_of(rows * columns) // columns):
@@ -145,17 +145,17 @@ def _paint(
 def _encoder(
     values: Layer, pixel: np.dtype[Any], lower: float | None, upper: float | None
 ) -> Callable[[Layer], Layer]:
-    """Return the function from values to gray values, which it leaves as floats."""
+    """Return a function that turns layer values into gray values, as floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
     low, high = _value_range(values, lower, upper)
-    # fmax and fmin take NaN for the bound, which becomes 0.
+    # `fmax` and `fmin` turn NaN into the lower bound, which becomes 0.
     clamps = (np.maximum, np.minimum) if pixel.kind == "f" else (np.fmax, np.fmin)
     first, second = clamps if low <= high else clamps[::-1]
     extent = high - low if high != low else np.float32(1)
 
     def gray(values: Layer) -> Layer:
-        # In the order of operations of the C++ library, for the same numbers.
+        # The order of operations of the C++ library gives the same numbers.
         share: Layer = second(first(values, low), high)
         share -= low
         share /= extent
@@ -168,12 +168,12 @@ def _encoder(
 def _value_range(
     values: Layer, lower: float | None, upper: float | None
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds, where not given those of the finite values."""
+    """Return the bounds; those of the finite values replace bounds that are not given."""
     if lower is not None and upper is not None:
         return _given_range(lower, upper)
     low = min_of_finites(values) if lower is None else _finite(lower, "lower")
     high = max_of_finites(values) if upper is None else _finite(upper, "upper")
-    # A bound that is given stands; the other is NaN where nothing is finite.
+    # A given bound stays; the other is NaN if no value is finite.
     if lower is None:
         low = np.fmin(low, high)
     else:
@@ -321,13 +321,13 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Return in map order what `values_of` makes of blocks of an image, NaN by alpha."""
+    """Return a layer in map order that `values_of` makes of blocks of an image; NaN by alpha."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")
     _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
     threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
-    # Floats may be anything: a float64 beyond float32 is infinite, and so is a sum.
+    # A float64 beyond the range of float32 becomes infinite, and so may sums.
     with np.errstate(over="ignore", invalid="ignore"):
         for part in slices(rows, piece_of(rows * columns) // columns):
             block = np.ascontiguousarray(pixels[part])
@@ -408,7 +408,7 @@ def _resampled(
 
 def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis, Axis]:
     rows, columns = (Axis(*cells, factor, interpolation) for cells in zip(old, new, strict=True))
-    # What is computed for one is kept for the other.
+    # One axis shares the cached weights of the other.
     return rows, (rows if rows == columns else columns)
 
 

@@ -20,13 +20,13 @@ from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
 _TRIANGLES = 1 << 13
-"""That are worked on at once, so that the temporaries stay in the cache."""
+"""Number of triangles in a chunk, whose temporaries fit into the cache."""
 
 _PAIRS = 1 << 13
-"""Of a triangle and a cell near it that are worked on at once, for the same reason."""
+"""Number of pairs of a triangle and a cell in a chunk, whose temporaries fit into the cache."""
 
 _ROUNDING = 1e-9
-"""Cells; more than by which the arithmetic of an edge goes wrong."""
+"""Bound of the rounding error of the distance to an edge [cells]."""
 
 Values: TypeAlias = npt.NDArray[np.float64]
 
@@ -152,7 +152,7 @@ class _Triangles:
         along_rows, along_columns = _edges(rows), _edges(columns)
         area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
         lengths = np.hypot(along_rows, along_columns)
-        # One that is thinner than the tolerance stands upright or has no area.
+        # A triangle that is thinner than the tolerance is vertical or has no area.
         kept = np.isfinite(z).all(axis=0) & (np.abs(area) > tolerance * lengths.max(axis=0))
         kept_of = partial(np.compress, kept, axis=-1)
         self._rows, self._columns, self._z = kept_of(rows), kept_of(columns), kept_of(z)
@@ -187,7 +187,7 @@ class _Triangles:
         Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
         and 0 along the edge opposite.
         """
-        # Counted from a corner, so that no digits are lost far from the first cell.
+        # Offsets from a corner lose no digits far from the first cell.
         row, column = rows - self._rows[0][triangles], columns - self._columns[0][triangles]
         weights = [
             row * self._by_row[n][triangles] + column * self._by_column[n][triangles]
@@ -198,7 +198,7 @@ class _Triangles:
         heights, total = np.zeros(len(triangles)), np.zeros(len(triangles))
         for weight, slack, z in zip(weights, self._slack, self._z, strict=True):
             hit &= weight >= -slack[triangles]
-            # Just beyond an edge a steep triangle would be far above or below itself.
+            # Extrapolated beyond an edge, a steep triangle would be far off.
             np.maximum(weight, 0.0, out=weight)
             heights += weight * z[triangles]
             total += weight

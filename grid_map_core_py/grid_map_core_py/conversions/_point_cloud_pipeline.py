@@ -25,7 +25,7 @@ from ._point_layers import fitting_geometry
 from ._voxels import downsample, finite_points
 
 _POINTS = 1 << 16
-"""That are worked on at once, so that memory stays bounded; a cell with more is not divided."""
+"""Number of points in a chunk, which bounds memory; a cell is never divided."""
 
 Triple = tuple[float, ...]
 
@@ -49,7 +49,7 @@ class CloudTransform:
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierRemoval:
-    """Whether and how points far from all others are removed; see `remove_outliers`."""
+    """Removal of points far from all others; see `remove_outliers`."""
 
     is_remove_outliers: bool = False
     mean_K: int = 10  # noqa: N815  as in upstream's files
@@ -63,7 +63,7 @@ class OutlierRemoval:
 
 @dataclass(frozen=True, kw_only=True)
 class Downsampling:
-    """Whether the points in each voxel, of sides x, y, z [m], are replaced by their mean."""
+    """Replacement of the points in each voxel, of sides x, y, z [m], by their mean."""
 
     is_downsample_cloud: bool = False
     voxel_size: Triple = (0.05, 0.05, 0.05)
@@ -75,7 +75,7 @@ class Downsampling:
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterExtraction:
-    """Which points of a cell form a cluster.
+    """Clustering of the points of a cell.
 
     Attributes:
         cluster_tolerance: longest step from point to point within a cluster [m].
@@ -98,7 +98,7 @@ class ClusterExtraction:
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """The map that is made, and the height of a cell.
+    """Resolution of the map, and the choice of the height of a cell.
 
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
@@ -207,7 +207,7 @@ class PointCloudPipeline:
         return grid_map.with_layers({layer: heights.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
-        """Return the cloud (M, 3) [m] as it is clustered: cleaned and in the frame of the map."""
+        """Return the cleaned cloud (M, 3) [m] in the frame of the map."""
         cloud = finite_points(points)
         outliers, voxels = self.outlier_removal, self.downsampling
         if outliers.is_remove_outliers:
@@ -225,7 +225,7 @@ class PointCloudPipeline:
         return moved
 
     def _occupied(self, cells: Integers) -> Iterator[tuple[Integers, Integers]]:
-        """Yield cells (n,) and their points (n,), in portions of entire cells that count."""
+        """Yield cells (n,) and their points (n,) in chunks of whole cells, without sparse cells."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         limits = self.grid_map
@@ -306,9 +306,9 @@ def remove_outliers(
 
 def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArray[np.float64]:
     """Return the mean distance (N,) of each point to its nearest neighbors."""
-    # A search tree cannot divide points at the same place, of which sensors may give thousands.
+    # A search tree cannot split points at the same place, and sensors may give thousands of them.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
-    # In place of a neighbor whose distance is infinite, one beyond the last is named.
+    # SciPy marks a neighbor at infinite distance by the index after the last.
     copies = np.append(copies, neighbors)
     tree, means = cKDTree(places), np.empty(len(places))
     nearest_ones = np.arange(1, min(neighbors + 1, len(places)) + 1)
@@ -317,7 +317,7 @@ def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArr
         distances, found = tree.query(places[part], k=nearest_ones, workers=workers)
         others = np.cumsum(copies[found], axis=1) - 1
         counts = np.diff(np.minimum(others, neighbors), axis=1, prepend=0)
-        # An infinite distance that does not count would be NaN.
+        # 0 times an infinite distance would be NaN.
         distances[counts == 0] = 0.0
         means[part] = (distances * counts).sum(axis=1) / neighbors
     return means[numbers.reshape(-1)]
@@ -332,7 +332,7 @@ _SECTIONS: Mapping[str, type[Any]] = {
 }
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Parameters that are mappings of three letters to numbers, as upstream writes them."""
+"""Parameters that upstream writes as a mapping of three letters to numbers."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

@@ -33,7 +33,7 @@ from ..plugins._parameters import check
 from ._point_reductions import COLOR_REDUCERS, REDUCERS, Reducer
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
-"""The layer that is made unless others are asked for."""
+"""Default: a layer `elevation` with the largest height of each cell."""
 
 COLOR_FIELDS = ("rgb", "rgba", "color")
 """Fields of these names hold packed colors: 0x00RRGGBB, as an integer or as a float32's bits."""
@@ -42,10 +42,10 @@ _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
 
 _CHUNK = 1 << 16
-"""Points that are worked on at once, so that what is computed of them stays in the cache."""
+"""Number of points in a chunk, whose temporaries fit into the cache."""
 
 _MOST_CELLS = 2**26
-"""Of a map made to fit: a quarter of a gigabyte per layer. A stray point far away asks for more."""
+"""Largest number of cells of a fitted map (256 MB per layer); a stray point would need more."""
 
 
 def rasterize(
@@ -102,7 +102,7 @@ def from_points(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return a map made of points. What is not named here is as in `rasterize`.
+    """Return a map made of points; the other arguments are those of `rasterize`.
 
     Args:
         resolution: side of a cell [m].
@@ -138,7 +138,7 @@ def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
 
 
 def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
-    """Return packed colors without alpha, as `color` packs them.
+    """Return packed colors without alpha.
 
     Args:
         values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no color.
@@ -152,7 +152,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
-    # Opaque colors are NaN as well, but of other bits.
+    # The bits of opaque colors are NaN as well, but other ones.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
     return np.where(missing, np.float32(np.nan), colors.view(np.float32))
 
@@ -169,7 +169,7 @@ def fitting_geometry(
             rectangle of whole cells takes one row and one column more.
 
     Raises:
-        GridMapError: there would be more cells than anybody could work with.
+        GridMapError: the grid would have more than 2**26 cells.
         GeometryError: the resolution is not positive and finite.
     """
     resolution = as_number(resolution, "resolution")
@@ -230,12 +230,12 @@ class _Cloud:
 
 @dataclass(frozen=True)
 class _Column:
-    """What a layer is made from: (N,) values and a kind of reducer."""
+    """Source of a layer: (N,) values and the kind of reducer."""
 
     values: npt.NDArray[Any]
     make: Callable[[int, int], Reducer]
     all_count: bool
-    """Whether every value does, because its point does."""
+    """True if the values need no check of their own, as heights do not."""
 
 
 def _columns(
@@ -244,7 +244,7 @@ def _columns(
     fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
 ) -> dict[str, _Column]:
-    """Return the columns of the layers by their names; everything is checked."""
+    """Return the sources of the layers by name, after all checks."""
     _check_names(layers, fields, field_reductions)
     heights = cloud.points[:, 2]
     columns = {
@@ -323,7 +323,7 @@ def _geometry(
     length: ArrayLike | None,
     position: ArrayLike | None,
 ) -> GridGeometry:
-    """Return the given geometry, with what is not given taken from the points."""
+    """Return the grid with the given length and position, or those of the points' extent."""
     center = None if position is None else as_pair(position, "position")
     if length is None:
         lower, upper = cloud.extent()
@@ -338,6 +338,6 @@ def _geometry(
 
 
 def _as_floats(values: ArrayLike, name: str) -> npt.NDArray[Any]:
-    """Return numbers as an array of float32, if they are, or float64."""
+    """Return numbers as an array: float32 stays float32, all others become float64."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)

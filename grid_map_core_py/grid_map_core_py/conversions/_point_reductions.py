@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Many points per cell reduced to one value.
+"""Reductions of the points of each cell to one value.
 
 A reducer is fed with chunks of points and then asked, once, for one float32 value per cell: NaN
 without points. Chunks keep temporaries small, and a reducer needs memory for cells only, except for
@@ -25,7 +25,7 @@ Values = npt.NDArray[np.float64]
 
 
 class Reducer(Protocol):
-    """Points in, one value per cell out."""
+    """Reduces the values of points to one value per cell."""
 
     def add(self, cells: Integers, values: Values) -> None:
         """Take the values of (n,) points and the numbers (n,) of the cells that they fall into."""
@@ -42,7 +42,7 @@ class Extreme:
         self._layer = np.full(cells, np.nan, np.float32)
 
     def add(self, cells: Integers, values: Values) -> None:
-        # Rounding to float32 keeps the order of values, so that it may come first.
+        # Rounding to float32 keeps the order of values.
         self._choose.at(self._layer, cells, values.astype(np.float32))
 
     def result(self) -> Flat:
@@ -57,7 +57,7 @@ class Last:
         self._chosen = np.empty(cells, np.int32)
 
     def add(self, cells: Integers, values: Values) -> None:
-        # A plain assignment promises no order where a cell occurs more than once.
+        # A plain assignment guarantees no order if a cell occurs more than once.
         numbers = np.arange(len(cells), dtype=np.int32)
         self._chosen[cells] = -1
         np.maximum.at(self._chosen, cells, numbers)
@@ -69,7 +69,7 @@ class Last:
 
 
 class First(Last):
-    """The value of the first point, which is the last one when they come the other way round."""
+    """The value of the first point: the last one of the reversed order."""
 
     def add(self, cells: Integers, values: Values) -> None:
         new = np.isnan(self._layer[cells])
@@ -133,7 +133,7 @@ class Variance:
         self._squares /= self._count.numbers
         self._sums *= self._sums
         self._squares -= self._sums
-        # Rounding may leave a little less than nothing.
+        # Rounding may leave a small negative number.
         return np.maximum(self._squares, 0.0, out=self._squares).astype(np.float32)
 
 
@@ -227,7 +227,7 @@ REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
         "variance": lambda cells, _: Variance(cells),
     }
 )
-"""Makes a reducer by name, for so many cells and at most so many points."""
+"""Constructors of reducers by name; they take the numbers of cells and of points."""
 
 COLOR_REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
     {
@@ -235,4 +235,4 @@ COLOR_REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
         **{name: REDUCERS[name] for name in ("first", "last", "count")},
     }
 )
-"""Those of packed colors, whose bits mean nothing as numbers."""
+"""Constructors of reducers of packed colors, whose bits mean nothing as numbers."""

@@ -44,7 +44,7 @@ def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:
         voxels += (np.floor(xyz[:, axis] / sides[axis]) - first[axis]).astype(np.int64)
     _, numbers = np.unique(voxels, return_inverse=True)
     sizes = np.bincount(numbers)
-    # About a point of the cloud, because large coordinates would take digits from the sums.
+    # Relative to a point of the cloud: large coordinates would cost the sums digits.
     offsets = (xyz - xyz[0]).T
     means: Positions = np.column_stack([np.bincount(numbers, along) for along in offsets])
     means /= sizes[:, None]

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map that is made of one point cloud after the other, and moves with a robot."""
+"""An elevation map that fuses successive point clouds and moves with a robot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VARIANCE_LAYER = "variance"
 COUNT_LAYER = "count"
 
 REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
-"""How the heights of one cloud in a cell may become one."""
+"""Reductions of the heights of one cloud in a cell."""
 
 Columns = Mapping[str, npt.NDArray[Any]]
 Layers = dict[str, Layer]
@@ -73,18 +73,18 @@ class RollingMap:
         self._fusion = FUSIONS[fusion]
         self._max_count = max_count or np.inf
         self._min_height, self._max_height = min_height, max_height
-        # Without points it has all layers, and everything has been checked.
+        # Rasterizing no points checks all arguments and makes all layers.
         self._map = self._rasterized(geometry, np.empty((0, 3)), {})
         self._map.frame_id = frame_id
         self._map.basic_layers = [layer]
 
     @property
     def grid_map(self) -> GridMap:
-        """The map as it is now; `copy()` of it stays as it is."""
+        """The current map; `fuse` and `move` change it, so copy it to keep it."""
         return self._map
 
     def move(self, position: ArrayLike) -> None:
-        """Move the window by whole cells to a new center (2,) [m]; what leaves it is forgotten.
+        """Move the window by whole cells to a new center (2,) [m]; cells that leave it are dropped.
 
         Raises:
             GeometryError: the position is not finite, or too far away to count the cells.
@@ -101,7 +101,7 @@ class RollingMap:
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> None:
-        """Take the points of a cloud into the map; if that fails the map is what it was.
+        """Fuse the points of a cloud into the map; if that fails, the map does not change.
 
         Args:
             points: (N, 3) x, y, z [m], map frame. Those that are not finite, and those beside the
@@ -118,7 +118,7 @@ class RollingMap:
         geometry = self._map.geometry
         if position is not None:
             geometry = geometry.shifted(geometry.index_shift(position))
-        # All that can fail comes before the map moves.
+        # Everything that can fail happens before the map moves.
         new = self._rasterized(geometry, points, columns)
         if position is not None:
             self.move(position)
@@ -176,7 +176,7 @@ def _mean(old: Layers, new: Layers, max_count: float) -> Layers:
     seen = np.flatnonzero(_flat(new[COUNT_LAYER]))
     mean_1, variance_1, count_1 = (_flat(new[name])[seen].astype(np.float64) for name in new)
     mean_0, variance_0, count_0 = (_flat(old[name])[seen].astype(np.float64) for name in new)
-    # What is not known counts nothing, but as NaN it would spoil the sums.
+    # Unknown values have weight 0, but NaN times 0 would be NaN.
     mean_0[count_0 == 0] = variance_0[count_0 == 0] = 0.0
     total = np.minimum(count_0, max_count) + count_1
     share, step = count_1 / total, mean_1 - mean_0
@@ -195,4 +195,4 @@ def _flat(layer: Layer) -> npt.NDArray[np.float32]:
 FUSIONS: Mapping[str, Callable[[Layers, Layers, float], Layers]] = MappingProxyType(
     {"max": _highest, "min": _lowest, "mean": _mean, "last": _last}
 )
-"""How the heights of clouds become one, by name: from what is known, and a new cloud."""
+"""Fusions of the known layers with those of a new cloud, by name."""

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where the cells of a map lie: the arithmetic between positions and cells.
+"""Geometry of a grid: the arithmetic between positions and cells.
 
 Cells are counted here from the corner with the largest x and y, rows towards -x and columns towards
--y, as if the map had never moved. Where a cell is stored is the business of `ring_buffer`.
+-y, as if the map had never moved. `_ring_buffer` knows where a cell is stored.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 
 BORDER_TOLERANCE = 1e-9
-"""Meters by which an edge or a rim may miss a border or a cell center and still count as on it."""
+"""Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
 
 _SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
-"""Meters; below it, numbers lose their digits."""
+"""Smallest resolution [m]; smaller numbers lose digits."""
 
 _LARGEST_SIDE = 2**31
-"""Cells; beyond it, layers could not be addressed anyway."""
+"""Largest number of cells along a side; larger layers cannot be addressed."""
 
 _LARGEST_SHIFT = 2.0**52
-"""Cells; beyond it, single cells make no difference to a coordinate any more."""
+"""Largest shift [cells]; beyond it, float64 cannot count single cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class GridGeometry:
-    """Size, resolution and place of a grid; an immutable value.
+    """Size, resolution and place of a grid; immutable.
 
     Args:
         length: (2,) side lengths along x and y [m]; rounded to whole cells.
@@ -67,7 +67,7 @@ class GridGeometry:
         resolution = as_number(self.resolution, "resolution")
         if not _SMALLEST_RESOLUTION <= resolution < math.inf:
             raise GeometryError(f"resolution: expected a positive number, got {self.resolution!r}")
-        # For two numbers NumPy takes several times as long.
+        # For two numbers, plain Python is several times faster than NumPy.
         x, y = sides = tuple(length.tolist())
         if not min(sides) > 0:
             raise GeometryError(f"length: expected positive numbers, got {sides}")
@@ -97,7 +97,7 @@ class GridGeometry:
 
     @property
     def place(self) -> str:
-        """Where the map lies, for messages."""
+        """Center and length as text, for error messages."""
         return f"center {as_text(self.position)}, length {as_text(self.length)}"
 
     @property
@@ -106,7 +106,7 @@ class GridGeometry:
         return self.position + 0.5 * self.length
 
     def is_inside(self, positions: ArrayLike) -> Mask:
-        """Tell which positions lie on the map.
+        """Return which positions lie on the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
 
@@ -143,13 +143,13 @@ class GridGeometry:
         half, center = interleaved(self._half, points), interleaved(self.position, points)
         nearly_size = interleaved(self.size, points) - self._rounding
         steps = np.empty(half.size)
-        # The largest coordinates may become infinite, which is outside as well.
+        # Overflow makes a coordinate infinite, which is outside as well.
         with np.errstate(over="ignore"):
             for part in chunks(points):
                 pairs = points[part].reshape(-1)
                 steps = self._from_corner(pairs, half, center, out=steps[: pairs.size])
                 steps /= -self.resolution
-                # One look at all is faster than to find the few that lie outside.
+                # A check of all is faster than a search for the few outside.
                 if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
                     inside[part] = self._contains(pairs, half, center)
                     self._bound(steps)
@@ -242,7 +242,7 @@ class GridGeometry:
         return self._derived(size, self.corner - self.resolution * (first + 0.5 * np.array(size)))
 
     def closest_position(self, positions: ArrayLike) -> Positions:
-        """Return each position itself when it is on the map, else the nearest one that is.
+        """Return each position, or the nearest one on the map if it is outside.
 
         Args:
             positions: (..., 2) x, y [m], map frame.
@@ -258,7 +258,7 @@ class GridGeometry:
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
     def bound_position_to_range(self, positions: ArrayLike) -> Positions:
-        """Clamp positions onto the border, then nudge them inside.
+        """Return positions clamped to the border and then nudged inside.
 
         The nudge is 10 machine epsilons times the larger of 1 and the magnitude of the coordinate.
         """
@@ -270,7 +270,7 @@ class GridGeometry:
         return bounded + self.position - 0.5 * self.length
 
     def index_shift(self, position: ArrayLike) -> Size:
-        """Return by how many rows and columns the map moves to come nearest to `position`.
+        """Return the shift in rows and columns that brings the map nearest to `position`.
 
         Rounded half away from zero per axis; positive towards +row, that is towards -x.
         """
@@ -285,7 +285,7 @@ class GridGeometry:
         return self._derived(self.size, self.position - self.resolution * np.array(shift))
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Otherwise the arrays of a copy could be written into.
+        # Unpickled by default, the arrays would be writable.
         return GridGeometry, (self.length, self.resolution, self.position)
 
     def __eq__(self, other: object) -> bool:
@@ -307,7 +307,7 @@ class GridGeometry:
         object.__setattr__(self, name, value)
 
     def _derived(self, size: Size, position: Positions) -> GridGeometry:
-        """Return a grid of the same cells, unchecked: checks would take most of the time."""
+        """Return a grid of the same cells without the checks, which would take most of the time."""
         result = object.__new__(GridGeometry)
         result._set("resolution", self.resolution)
         result._set("size", size)
@@ -316,7 +316,7 @@ class GridGeometry:
         return result
 
     def _span(self, axis: int, lower: float, upper: float) -> slice:
-        """Return the cells along an axis that an interval overlaps; maybe none."""
+        """Return the slice of cells along an axis that an interval overlaps; it may be empty."""
         half, center, size = self._half[axis], self.position[axis], self.size[axis]
         tolerance = BORDER_TOLERANCE / self.resolution
         # Far away, counts of cells may be infinite.
@@ -337,26 +337,26 @@ class GridGeometry:
         center: Positions,
         out: Positions | None = None,
     ) -> Positions:
-        """Meters from the corner to positions; negative on the map."""
+        """Return the offsets [m] from the corner to positions; negative on the map."""
         offsets: Positions = np.subtract(pairs, half[: pairs.size], out=out)
         offsets -= center[: pairs.size]
         return offsets
 
     def _within(self, pairs: Positions, half: Positions, center: Positions) -> tuple[Mask, Mask]:
-        """Whether each coordinate keeps the +x, +y border, and the -x, -y border."""
+        """Return which coordinates are within the +x, +y border, and within the -x, -y border."""
         half = half[: pairs.size]
         offsets = half - (pairs - center[: pairs.size])
         return offsets >= 0.0, offsets < 2.0 * half
 
     def _contains(self, pairs: Positions, half: Positions, center: Positions) -> Mask:
-        """Whether each x, y of x, y, x, y, ... is inside."""
+        """Return which positions of x, y, x, y, ... are inside."""
         with np.errstate(over="ignore"):
             keeps = np.logical_and(*self._within(pairs, half, center))
         return keeps[0::2] & keeps[1::2]
 
     @cached_property
     def _rounding(self) -> float:
-        """More cells than by which the two differences can differ."""
+        """Bound of the difference between the two roundings [cells]."""
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
 
     def _bound(self, steps: Positions) -> None:

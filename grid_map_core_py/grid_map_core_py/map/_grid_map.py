@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The map: named layers over one grid."""
+"""The grid map: named layers over one grid."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @property
     def shape(self) -> Size:
-        """Shape of every layer: `size` by the name that NumPy has for it."""
+        """Shape of every layer, the same as `size`."""
         return self.size
 
     @property
@@ -348,7 +348,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Positions and indices
 
     def is_inside(self, positions: ArrayLike) -> bool | Mask:
-        """Tell whether (2,) or (N, 2) positions [m] lie on the map.
+        """Return which of (2,) or (N, 2) positions [m] lie on the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
         """
@@ -419,7 +419,7 @@ class GridMap(MutableMapping[str, Layer]):
         return np.roll(x, self._start[0]), np.roll(y, self._start[1])
 
     def get_closest_position_in_map(self, positions: ArrayLike) -> Positions:
-        """Return each (2,) or (N, 2) position [m], or the nearest on the map if it is not."""
+        """Return each (2,) or (N, 2) position [m]; if it is outside, the nearest one on the map."""
         return self._geometry.closest_position(positions)
 
     def at_position(
@@ -469,7 +469,7 @@ class GridMap(MutableMapping[str, Layer]):
         return bool(valid) if valid.ndim == 0 else valid
 
     def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
-        """Return for every cell of the buffer (rows, cols) what `is_valid` tells of it."""
+        """Return a mask (rows, cols) of the valid cells, as `is_valid` defines them."""
         names = self._basic_layers if layers is None else select_layers(self, layers)
         valid: Mask = np.full(self.size, bool(names), order="F")
         for name in names:
@@ -692,7 +692,7 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def _in_my_order(self, layers: Any) -> Any:
-        """Return layers as they are, those of a map stored from the start index of this one."""
+        """Return layers; those of another map are stored from the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
@@ -723,7 +723,7 @@ class GridMap(MutableMapping[str, Layer]):
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
-        """Return a layer as it is stored from another start index, itself if that is the same."""
+        """Return a layer stored from another start index; no copy if it is the same."""
         first = (
             (self._start[0] - start[0]) % self.size[0],
             (self._start[1] - start[1]) % self.size[1],

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values of a layer between the centers of its cells.
+"""Interpolation of a layer between the centers of its cells.
 
 All methods but `NEAREST` are separable: the value is a weighted sum over the cells in a few rows
 and columns around the position, and the weight of a cell is that of its row times that of its
@@ -30,11 +30,11 @@ Numbers: TypeAlias = npt.NDArray[np.float64]
 Places: TypeAlias = npt.NDArray[np.intp]
 
 _PADDING = 2
-"""Cells beyond the border for which an axis knows a place."""
+"""Number of cells beyond the border that an axis repeats."""
 
 
 class Interpolation(Enum):
-    """How a value between cell centers is computed, in the order of increasing effort."""
+    """Methods of interpolation between cell centers, in the order of increasing effort."""
 
     NEAREST = "nearest"
     """The value of the cell that contains the position."""
@@ -58,7 +58,7 @@ _FALLBACKS = {
     Interpolation.CUBIC_CONVOLUTION: Interpolation.LINEAR,
     Interpolation.CUBIC: Interpolation.LINEAR,
 }
-"""Which method takes over where one meets a cell that is not finite."""
+"""The simpler method that replaces each method at cells that are not finite."""
 
 
 def interpolate(
@@ -70,7 +70,7 @@ def interpolate(
     positions = as_positions(positions)
     points = positions.reshape(-1, 2)
     values, scratch = np.empty(len(points)), _Scratch(min(len(points), CHUNK))
-    # An infinite cell makes NaN where its weight is zero; the next method then takes over.
+    # An infinite cell of weight 0 gives NaN; the simpler method then takes over.
     with np.errstate(invalid="ignore"):
         for part in chunks(points):
             xy = surface.coordinates(points[part])
@@ -79,7 +79,7 @@ def interpolate(
 
 
 class _Around(NamedTuple):
-    """What belongs to the K x K cells around N positions.
+    """Arrays of the K x K cells around N positions.
 
     Attributes:
         places: (2, K, N) where in the flat buffer the rows and the columns begin.
@@ -95,10 +95,9 @@ class _Around(NamedTuple):
 
 
 class _Scratch:
-    """Memory for the cells around a chunk of positions, in one piece, used for all the chunks.
+    """Memory for the cells around a chunk of positions, reused for all chunks.
 
-    Allocated for every chunk, it may go back to the system each time, and to get it again can take
-    several times as long as all arithmetic.
+    Allocation for every chunk can take several times as long as the arithmetic.
     """
 
     def __init__(self, positions: int) -> None:
@@ -123,7 +122,7 @@ class _Scratch:
 
 
 class _Surface:
-    """A layer as a function of coordinates (2, N): of x in the first row, of y in the second."""
+    """A layer as a function of coordinates (2, N): x in the first row, y in the second."""
 
     def __init__(self, geometry: GridGeometry, start: Size, layer: Layer) -> None:
         rows, columns = geometry.size
@@ -136,9 +135,9 @@ class _Surface:
         self._sides = list(zip(geometry.position.tolist(), geometry.length.tolist(), strict=True))
 
     def coordinates(self, points: Positions) -> Numbers:
-        """Return (N, 2) positions as coordinates (2, N); one that is not on the map raises."""
+        """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
         xy = np.ascontiguousarray(points.T)
-        # Rounding keeps the order: where the extremes are inside, so is all between them.
+        # Rounding keeps the order: if the extremes are inside, all positions are.
         lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
         for low, high, (center, length) in zip(lowest, highest, self._sides, strict=True):
             half = 0.5 * length
@@ -167,7 +166,7 @@ class _Surface:
         return values
 
     def _weighted_sums(self, xy: Numbers, method: Interpolation, scratch: _Scratch) -> Numbers:
-        # On a line of centers, a hole on one side counts and one on the other does not: as in C++.
+        # As in C++, a position on a line of centers uses the cells on one side only.
         below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
         around = scratch.around(2 if method is Interpolation.LINEAR else 4, xy.shape[1])
         _set_weights(around.weights, t)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Growing a map, and filling it with the data of another one."""
+"""Growing a map, and copying data of another map into it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ._grid_map import GridMap
 
 _BLOCK = 1 << 15
-"""Cells copied at a time, so that they stay in the cache."""
+"""Number of cells copied at a time, which fit into the cache."""
 
 
 def add_data_from(
@@ -47,7 +47,7 @@ def add_data_from(
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
-    """Return a map that covers `other` as well, `grid_map` itself if it does so already."""
+    """Return a map that covers `other` as well; `grid_map` itself if it covers it already."""
     _check_frames(grid_map, other)
     before, after = _missing_cells(grid_map.geometry, other.geometry)
     if not (before.any() or after.any()):
@@ -81,14 +81,14 @@ def _check_frames(grid_map: GridMap, other: GridMap) -> None:
 
 
 def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions, Positions]:
-    """Return how many rows and columns take `inner` to where `outer` ends.
+    """Return the numbers of rows and columns by which `outer` extends beyond `inner`.
 
     Returns:
         before: (2,) whole numbers >= 0 of rows and columns towards +x, +y.
         after: (2,) likewise towards -x, -y.
     """
     ahead = outer.corner - inner.corner
-    # Far from the origin, coordinates have fewer digits than the usual tolerance asks for.
+    # Far from the origin, coordinates are less precise than the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
     behind = (inner.corner - inner.length) - (outer.corner - outer.length)
     before, after = (
@@ -101,7 +101,7 @@ def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions,
 def _lines_under(
     grid_map: GridMap, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return which row (axis 0) or column (axis 1) of `other` lies under each one of `grid_map`.
+    """Return the row (axis 0) or column (axis 1) of `other` under each one of `grid_map`.
 
     Both grids are parallel, so that this does not depend on the other axis.
 
@@ -117,7 +117,7 @@ def _lines_under(
 
 
 def _blocks(rows_inside: Mask, columns_inside: Mask) -> Iterator[tuple[slice, slice]]:
-    """Yield blocks that cover what is inside, small enough for the cache."""
+    """Yield blocks that cover the cells inside and fit into the cache."""
     for rows in _runs(rows_inside):
         step = max(1, _BLOCK // (rows.stop - rows.start))
         for columns in _runs(columns_inside):
@@ -126,14 +126,14 @@ def _blocks(rows_inside: Mask, columns_inside: Mask) -> Iterator[tuple[slice, sl
 
 
 def _runs(inside: Mask) -> list[slice]:
-    """Return the slices in which a mask is true: at most two round the end of a buffer."""
+    """Return the slices in which a mask is True; two if the run wraps around the buffer."""
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _fill(target: Layer, values: Layer, overwrite: bool) -> None:
-    """Write the finite values into a view of a layer, over finite ones only if so wanted."""
+    """Write finite values into a view of a layer; `overwrite` replaces finite values as well."""
     written = np.isfinite(values)
     if not overwrite:
         written &= ~np.isfinite(target)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How maps look in notebooks: a table of the layers with small pictures, and a picture by itself.
+"""Representations of maps in notebooks: an HTML table with small pictures, and a PNG picture.
 
 Pictures show the map from above, x to the right and y upwards, from the smallest finite value (dark
 blue) to the largest (yellow); cells that are NaN are transparent. Layers whose name ends in `color`
@@ -28,7 +28,7 @@ THUMBNAIL = 96
 """Pixels of the longer side of a layer's picture in the table."""
 
 PICTURE = 480
-"""Pixels of the longer side of the picture by itself."""
+"""Pixels of the longer side of the single picture."""
 
 _COLUMNS = ("layer", "min", "max", "mean", "NaN", "")
 _OPAQUE = 255
@@ -69,8 +69,8 @@ def _row(grid_map: GridMap, layer: str) -> str:
 
 
 def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
-    """Return a picture whose longer side has so many pixels."""
-    # Layers begin with the largest x and y: that is at the top, but to the left.
+    """Return a PNG picture whose longer side has `side` pixels."""
+    # Layers begin with the largest x and y, pictures with the smallest x and the largest y.
     values = grid_map.unwrapped(layer).T[:, ::-1]
     height, width = values.shape
     scale = side / max(height, width)
@@ -84,12 +84,12 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
 
 
 def _bgr(values: Layer, layer: Layer) -> npt.NDArray[np.uint8]:
-    """Return the colors (height, width, 3) of values, which are some of those of the layer."""
+    """Return colors (height, width, 3) of values, scaled to the range of the whole layer."""
     low, high = min_of_finites(layer), max_of_finites(layer)
     factor = _OPAQUE / (high - low) if high > low else 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         steps = (values - np.float32(low)) * np.float32(factor)
-    # These two take NaN for the bound.
+    # `fmax` and `fmin` turn NaN into the bound.
     steps = np.fmin(np.fmax(steps, 0), _OPAQUE)
     colors: npt.NDArray[np.uint8] = cv2.applyColorMap(steps.astype(np.uint8), cv2.COLORMAP_VIRIDIS)
     return colors

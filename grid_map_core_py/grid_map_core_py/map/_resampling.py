@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers with holes, interpolated to other numbers of rows and columns.
+"""Resampling of layers with holes to other numbers of rows and columns.
 
 All interpolations of OpenCV's `resize` are linear in the pixels and separable. Resizing single
 pixels of value 1 gives their weights. With the weights, holes can be left out of every sum, and
@@ -23,24 +23,24 @@ from ..errors import GeometryError
 from . import _ring_buffer as ring_buffer
 
 _REACH = 5
-"""Cells from the nearest that kernels reach, Lanczos' the farthest; half a target more by area."""
+"""Largest reach of a kernel [cells] (Lanczos); resampling by area adds half a target cell."""
 
 _CHANNELS = 4
-"""Of an image that OpenCV resizes whatever the interpolation."""
+"""Number of image channels that OpenCV resizes with every interpolation."""
 
 _BLOCK = 2**16
-"""Source and target cells that are worked on at once in a large layer."""
+"""Number of source and target cells in a block of a large layer."""
 
 _SMALL_BLOCK = 2**14
-"""So many where the layer is small, so that it outweighs what is computed of them."""
+"""Number of cells in a block of a small layer, whose temporaries stay small beside it."""
 
 _TIE = 1e-9
-"""Cells by which a target cell may miss the middle between two source cells."""
+"""Tolerance [cells] for target cells in the middle between two source cells."""
 
 
 @dataclass(frozen=True)
 class Axis:
-    """What the target cells along one axis are made from.
+    """Resampling along one axis: the source cells of each target cell, and their weights.
 
     Args:
         sources: number of source cells.
@@ -56,23 +56,23 @@ class Axis:
 
     @property
     def picks(self) -> bool:
-        """Whether every target cell takes the value of one source cell."""
+        """True if every target cell takes the value of one source cell."""
         return self.interpolation in (cv2.INTER_NEAREST, cv2.INTER_NEAREST_EXACT)
 
     @cached_property
     def nearest(self) -> npt.NDArray[np.intp]:
-        """(targets,) the source cell whose center is nearest, or that is picked."""
+        """(targets,) the nearest source cell, or the one that is picked."""
         if self.picks:
             return self._resized(np.arange(self.sources)[:, None])[:, 0].astype(np.intp)
         centers = (np.arange(self.targets) + 0.5) / self.factor
-        # In the middle between two cells it is the first.
+        # In the middle between two cells, the first is the nearest.
         cells = np.ceil(centers - 1.0 - _TIE)
         return np.asarray(np.clip(cells, 0, self.sources - 1), dtype=np.intp)
 
     @cached_property
     def weights(self) -> "Weights":
         """The weights of the source cells in the target cells."""
-        # Sources so far apart that no target is made from two of them may share a line.
+        # Sources that are too far apart to meet in one target share a line.
         by_area = self.interpolation == cv2.INTER_AREA
         reach = _REACH + (math.ceil(0.5 / self.factor) if by_area else 0)
         apart = 2 * reach + 1
@@ -84,7 +84,7 @@ class Axis:
         ends = np.concatenate(([0], np.cumsum(np.count_nonzero(used, axis=1))))
         shape = self.targets, self.sources
         matrix = sparse.csr_array((weights[used], sources[used], ends), shape)
-        # SciPy sorts when it likes to, and would then reorder the values that parts share.
+        # SciPy may sort later, which would reorder values that parts share.
         matrix.sort_indices()
         return Weights(matrix)
 
@@ -173,13 +173,13 @@ def _block(layer: Layer, start: Size, rows: Axis, columns: Axis, targets: slice)
 
 
 def _interpolate(block: Layer, rows: Weights, columns: Weights) -> Layer:
-    """Return what the block gives, also where that has no meaning; its holes are overwritten."""
+    """Return the interpolated block; the values at holes have no meaning. Overwrites the block."""
     missing = ~np.isfinite(block)
     np.copyto(block, 0, where=missing)
     result = _product(rows.matrix, block, columns.matrix)
     if not missing.any():
         return result
-    # Next to holes a mean without negative weights; with them the sum of weights could vanish.
+    # Beside holes, negative weights could make the sum of weights vanish: a mean replaces it.
     holes = _product(rows.magnitudes, missing.astype(np.float32), columns.magnitudes)
     known = np.outer(rows.sums, columns.sums) - holes
     with np.errstate(divide="ignore", invalid="ignore"):

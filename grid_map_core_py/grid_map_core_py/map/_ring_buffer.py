@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The circular buffer that a map is stored in.
+"""The circular buffer (ring buffer) that stores the layers of a map.
 
 `start` is the place in the buffer where cell (0, 0) of the map lives. Moving the map moves `start`
 and leaves the data where it is, so that a row may run over the end of the buffer to its beginning.
@@ -34,7 +34,7 @@ class BufferRegion:
 
 
 def place(numbers: Integers, first: int, start: int, size: int) -> None:
-    """Turn rows or columns of a block of the map into those of the buffer, in place.
+    """Convert rows or columns of a block of the map to buffer indices, in place.
 
     Args:
         numbers: (N,) counted from `first`; the cells lie on the map.
@@ -47,8 +47,8 @@ def place(numbers: Integers, first: int, start: int, size: int) -> None:
 
 
 def close_ring(numbers: Integers, size: int) -> None:
-    """Bring (N,) rows or columns beyond the end of the buffer back to its beginning, in place."""
-    # One of a number and the number minus a turn is on the map; negative ones are huge unsigned.
+    """Wrap (N,) rows or columns beyond the end of the buffer to its beginning, in place."""
+    # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
     unsigned = numbers.view(np.uint64)
     np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)
 
@@ -86,7 +86,7 @@ def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
 
 
 def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
-    """Return the buffer regions whose cells leave the map when it moves by `shift` cells.
+    """Return the buffer regions that leave the map when it moves by `shift` cells.
 
     They hold the newly covered cells afterwards. At most two strips of rows come first, then at
     most two strips of columns; a shift by the whole map or more gives one region, the buffer.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far every point above and below a height layer is from its surface."""
+"""Signed distances from points in space to the surface of a height layer."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _Coordinates: TypeAlias = list[Positions]
 """Three (N,) float64: the coordinates of N points along each axis."""
 
 _MOST_NODES = 2**31
-"""8 GiB of distances; a field beyond it is a mistake in its heights."""
+"""Largest number of nodes (8 GiB); a larger field is a mistake in its heights."""
 
 _STRIP = 1 << 16
-"""Cells that are worked on at once, so that they stay in the cache."""
+"""Number of cells in a strip, which fit into the cache."""
 
 
 class SignedDistanceField:
@@ -176,7 +176,7 @@ class SignedDistanceField:
         return self.value_and_gradient(points)[1]
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
-        """Return what `value` and `gradient` return, for the price of `gradient`."""
+        """Return the results of `value` and `gradient`; it takes the time of `gradient`."""
         given = _as_points(points)
         values, gradients = self._interpolant.values_and_gradients(given.reshape(-1, 3))
         values += self._base
@@ -215,7 +215,7 @@ class SignedDistanceField:
         x, y = self._geometry.axes_in_map_order()
         first = np.array([x[0], y[0], self._levels[0]])
         steps = self.resolution * np.array([-1.0, -1.0, 1.0])
-        # A field is infinite as a whole or nowhere, and infinities cannot be interpolated.
+        # Infinities cannot be interpolated; a field is infinite everywhere or nowhere.
         base = float(self._distances[0, 0, 0])
         if math.isinf(base):
             return base, _Trilinear(np.zeros((1, 1, 1), np.float32), first, steps)
@@ -250,7 +250,7 @@ class _Trilinear:
     def values(self, points: Positions) -> Positions:
         """Return the values (N,) at points (N, 3)."""
         values = np.empty(len(points))
-        # Fresh memory for every chunk would have to be mapped again and again.
+        # Allocation for every chunk would be slower.
         buffer = np.empty((8, min(len(points), CHUNK)), np.float32)
         for part in chunks(points):
             places, cells = self._located(points[part], np.floor, 2)
@@ -296,17 +296,17 @@ class _Trilinear:
             place = points[:, axis] - self.first[axis]
             place *= 1 / self.steps[axis]
             cell, last = rounded(place), max(size - width, 0)
-            # Most often all points are inside, which takes less time to see than to bring about.
+            # Most often all points are inside, and the check is faster than clamping.
             if not (cell.min() >= 0 and cell.max() <= last):
                 place[~np.isfinite(place)] = np.nan
-                # Unlike np.clip this turns NaN into a number, so that there is a node to look up.
+                # Unlike `np.clip` this turns NaN into a number, which is the index of a node.
                 np.fmax(np.fmin(cell, last, out=cell), 0, out=cell)
             places.append(place)
             cells.append(cell)
         return places, cells
 
     def _index(self, cells: _Coordinates) -> npt.NDArray[np.intp]:
-        """Return where in memory cells are, which float64 holds exactly."""
+        """Return the memory indices of cells; float64 holds them exactly."""
         first, second, third = self._strides
         index = cells[0] * first
         index += cells[1] * second
@@ -315,26 +315,26 @@ class _Trilinear:
 
     @cached_property
     def _strides(self) -> list[int]:
-        """How many nodes further in memory the next one along each axis is; 0 if there is none."""
+        """Memory steps [nodes] to the next node along each axis; 0 along an axis with one node."""
         strides = np.floor_divide(self.nodes.strides, self.nodes.itemsize)
         return [int(stride) for stride in np.where(np.array(self.nodes.shape) > 1, strides, 0)]
 
     @cached_property
     def _flat_nodes(self) -> npt.NDArray[np.float32]:
-        """The nodes as they follow each other in memory; a view."""
+        """The nodes in memory order; a view."""
         return self.nodes.ravel(order="K")
 
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
         """Return in `out` the nodes (8, N) around cells; the first axis changes slowest."""
         index = self._index(cells)
         for corner, nodes in zip(out, self._shifted_nodes, strict=True):
-            # Every index is in range; any other mode would copy through a buffer.
+            # Every index is in range; other modes would copy through a buffer.
             nodes.take(index, out=corner, mode="clip")
         return out
 
     @cached_property
     def _shifted_nodes(self) -> list[npt.NDArray[np.float32]]:
-        """Views of the flat nodes, in which the index of a cell finds each of its eight corners."""
+        """Views of the flat nodes; in each, the index of a cell gives one of its eight corners."""
         offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
         return [self._flat_nodes[offset:] for offset in offsets]
 
@@ -421,7 +421,7 @@ def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
     distances = np.empty((levels.size, *heights.shape), np.float32)
     lowest, highest = heights.min(), heights.max()
     for level, z in zip(distances, levels, strict=True):
-        # In the air the way to the next free point is 0, and in the ground that to a filled one.
+        # In the air the distance to free space is 0, in the ground the distance to filled space.
         level[...] = _to_nearest(z, heights, resolution) if z > lowest else 0.0
         if z < highest:
             level -= _to_nearest(heights, z, resolution)
@@ -429,7 +429,7 @@ def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
 
 
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
-    """Return how far each cell is from the nearest end of a vertical gap over any cell.
+    """Return the distance of each cell to the nearest end of a vertical gap over any cell.
 
     The gap reaches from `lower` up to `upper`, of which one is a number and one (rows, cols); it
     has no height where they are the other way round. With its height f(c) the squared distance of a
@@ -442,11 +442,11 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
 
 
 def _squared_gaps(upper: ArrayLike, lower: ArrayLike) -> Layer:
-    # The difference of large heights may be small.
+    # In float64, because the difference of large heights may be small.
     gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
     np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")
     np.maximum(gaps, 0, out=gaps)
-    # Squares beyond float32 become infinite: such a column is out of reach.
+    # A square beyond float32 becomes infinite: that column is out of reach.
     with np.errstate(over="ignore"):
         return np.multiply(gaps, gaps, out=gaps)
 

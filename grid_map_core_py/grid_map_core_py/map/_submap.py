@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which cells a submap takes."""
+"""Rows and columns of a submap."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map seen from another coordinate frame."""
+"""Maps in another coordinate frame."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from ._grid_map import GridMap
 
 ROTATION_TOLERANCE = 1e-3
-"""How far R^T R of a rotation R may be from the identity, so that rounded numbers pass."""
+"""Tolerance of R^T R = I for a rotation R, so that rounded numbers pass."""
 
 _SMALL_BLOCK, _LARGE_BLOCK = 1 << 13, 1 << 14
-"""Cells transformed at a time, of a small and of a large map.
+"""Number of cells transformed at a time, in a small and in a large map.
 
 Fewer cost more in calls than they save in the cache; more would outweigh a small map.
 """
@@ -53,7 +53,7 @@ def transformed_map(
     )
     for rows, columns in _blocks(grid_map.size):
         surface.add(points.moved(rows, columns), points.numbers(rows, columns))
-    # Their heights may be a copy: the layers that follow are to reuse its memory.
+    # Their heights may be a copy, whose memory the next layers can reuse.
     del points
     layers = {name: surface.carried(grid_map.unwrapped(name)) for name in others}
     layers[height_layer] = surface.layer
@@ -65,7 +65,7 @@ def transformed_map(
 def _as_rigid(transform: ArrayLike) -> _Numbers:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
     try:
-        # By way of objects nothing is converted silently, such as complex numbers.
+        # Objects prevent silent conversions, such as of complex numbers.
         matrix = np.asarray(transform, dtype=object).astype(np.float64)
     except (TypeError, ValueError):
         matrix = np.empty(0)
@@ -86,7 +86,7 @@ def _as_rigid(transform: ArrayLike) -> _Numbers:
 
 
 def _sample_steps(sample_ratio: float, resolution: float) -> list[tuple[float, float]]:
-    """Return how far along x and y [m] from its center the points of a cell are taken."""
+    """Return the offsets (dx, dy) [m] of the sample points of a cell from its center."""
     ratio = as_number(sample_ratio, "sample_ratio")
     if not math.isfinite(ratio):
         raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
@@ -97,14 +97,14 @@ def _sample_steps(sample_ratio: float, resolution: float) -> list[tuple[float, f
 
 
 def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
-    """Return the smallest grid round the moved corners, which are taken at height 0."""
+    """Return the smallest grid around the moved corners at height 0."""
     x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
-    # Taken in this order, their mean rounds as in the C++ library.
+    # In this order, the mean rounds as in the C++ library.
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
-    # Not from the corners: their differences lose digits far from the origin.
+    # Differences of corners would lose digits far from the origin.
     length = np.abs(matrix[:2, :2]) @ geometry.length
     size = np.ceil((length - BORDER_TOLERANCE) / geometry.resolution)
-    # Seen edge-on, the corners span no cell.
+    # Seen edge-on, the corners have no extent.
     return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, center)
 
 
@@ -181,7 +181,7 @@ class _Surface:
     def __init__(self, geometry: GridGeometry, *, with_sources: bool) -> None:
         self.geometry = geometry
         cells = math.prod(geometry.size)
-        # Both column after column, as layers are stored. Maxima with NaN would take twice as long.
+        # Both column after column, as layers are stored. NaN would make maxima twice as slow.
         self._heights = np.full(cells, -np.inf, dtype=np.float32)
         self._sources = np.zeros(cells, dtype=np.intp) if with_sources else None
 
@@ -198,7 +198,7 @@ class _Surface:
         return values.reshape(self.geometry.size, order="F")
 
     def add(self, points: Iterable[list[_Numbers]], sources: _Indices) -> None:
-        """Let points come down, several from each source.
+        """Drop points onto the grid, several from each source.
 
         Of points of the same height, the one of the last source stays.
 
@@ -225,7 +225,7 @@ class _Surface:
     def _landed(
         self, x: _Numbers, y: _Numbers, z: _Numbers
     ) -> tuple[_Indices, npt.NDArray[np.float32]]:
-        """Return the cells below points, counted column after column, and the heights there.
+        """Return the cells under points, counted column after column, and their heights.
 
         Points beside the grid get the height -inf.
         """
@@ -243,7 +243,7 @@ class _Surface:
         return cells.astype(np.intp).reshape(-1), heights.reshape(-1)
 
     def _offsets(self, values: _Numbers, axis: int) -> _Numbers:
-        """Return the rows or columns, with fractions, that lie between the corner and x or y."""
+        """Return the distance of x or y from the corner in rows or columns, with fractions."""
         offsets: _Numbers = values - 0.5 * self.geometry.length[axis]
         offsets -= self.geometry.position[axis]
         offsets /= -self.geometry.resolution

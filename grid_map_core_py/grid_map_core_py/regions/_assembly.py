@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts that the cell shapes are made of."""
+"""Parts that the cell shapes share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 _BAND = 2**13
-"""Cells."""
+"""Number of cells in a band, whose temporaries fit into the cache."""
 
 
 def cells_inside(
@@ -51,7 +51,7 @@ def cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) ->
     for band in _bands(mask):
         (found,) = mask[band].ravel().nonzero()
         row, column = (numbers[done : done + found.size] for numbers in cells)
-        # NumPy divides faster without signs, and multiplies faster than it takes remainders.
+        # NumPy divides faster unsigned, and multiplies faster than it computes remainders.
         np.floor_divide(found.view(np.uint64), np.uint64(width), out=row.view(np.uint64))
         np.multiply(row, -width, out=column)
         column += found
@@ -80,20 +80,20 @@ def cells_of_runs(grid_map: GridMap, first_row: int, start: Integers, stop: Inte
 
 
 def _bands(mask: Mask) -> Iterator[slice]:
-    """Yield rows that are looked at together, so that what is computed fits into the cache."""
+    """Yield slices of rows whose cells fit into the cache."""
     step = max(_BAND // max(mask.shape[1], 1), 1)
     for first in range(0, mask.shape[0], step):
         yield slice(first, first + step)
 
 
 def empty_cells(count: int) -> Cells:
-    """Return `count` rows and columns to be filled."""
+    """Return uninitialized `count` rows and columns."""
     rows, columns = np.empty((2, count), dtype=np.int64)
     return rows, columns
 
 
 def checked_radius(radius: float) -> float:
-    """Return a radius [m] as a float that reaches as far as its rim counts.
+    """Return a checked radius [m], enlarged by the tolerance of the closed rim.
 
     Raises:
         GeometryError: it is negative or not finite.

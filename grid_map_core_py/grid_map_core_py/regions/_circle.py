@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cells of a disc."""
+"""Cells of a disc, and chords of discs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def half_chords(radius: float, distances: NDArray[np.float64]) -> NDArray[np.flo
             belong to the disc, as `circle_cells` does.
         distances: (...) from the center of the disc to the chords, in the unit of the radius.
     """
-    # In units of the radius, no square is too large for a number.
+    # In units of the radius, squares cannot overflow.
     across = distances / radius
     rest = (1.0 - across) * (1.0 + across)
     halves: NDArray[np.float64] = radius * np.copysign(np.sqrt(np.abs(rest)), rest)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cells of an ellipse."""
+"""Cells of an ellipse."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cells along a straight line."""
+"""Cells along a straight line."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
     if enters <= leaves:
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
         cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
-        # The borders on -x and -y are not on the map; a line along them has its middle there too.
+        # The borders on -x and -y are not on the map: the middle of a line along them is outside.
         if found.any():
             return cells[0][:2], cells[1][:2]
     start, end = map(as_text, ends)
@@ -93,7 +93,7 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
 
 
 def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float, float]:
-    """Return the fractions of a line where it enters and leaves the map; swapped if it does not.
+    """Return the fractions of a line where it enters and leaves the map; swapped if it misses it.
 
     Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
     """
@@ -101,14 +101,14 @@ def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float,
     lower = (geometry.position - 0.5 * geometry.length).tolist()
     upper = geometry.corner.tolist()
     for a, b, low, high in zip(*ends.tolist(), lower, upper, strict=True):
-        # Halves, because the difference of two numbers may be too large for a number.
+        # The difference of two large numbers could overflow; that of halves cannot.
         extent = 0.5 * b - 0.5 * a
         if extent:
             cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))
             enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
         elif not (low <= a <= high or on_map.any()):
             return 1.0, 0.0
-    # Rounding may put an end on the border beyond it.
+    # Rounding may put an end that lies on the border outside.
     if on_map[0]:
         return 0.0, max(leaves, 0.0)
     return (min(enters, 1.0), 1.0) if on_map[1] else (enters, leaves)

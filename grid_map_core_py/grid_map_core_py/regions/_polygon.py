@@ -17,7 +17,7 @@ from ..errors import GeometryError
 from ..map._geometry import BORDER_TOLERANCE
 
 _CHUNK = 2**16
-"""Pairs of a point and an edge that are looked at together: their numbers fit into the cache."""
+"""Number of pairs of a point and an edge in a chunk, which fits into the cache."""
 
 
 class BoundingBox(NamedTuple):
@@ -33,9 +33,9 @@ class BoundingBox(NamedTuple):
 
 
 class Polygon:
-    """A polygon; an immutable value, of which operations return a new one.
+    """An immutable polygon; operations return a new one.
 
-    The last vertex is joined to the first. Edges may cross: what counts is the even-odd rule.
+    The last vertex is joined to the first. Edges may cross: the even-odd rule decides.
     Two polygons are equal when they have the same vertices in the same order.
 
     Args:
@@ -162,7 +162,7 @@ class Polygon:
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
-        """Tell which points lie inside, by the even-odd rule.
+        """Return which points lie inside, by the even-odd rule.
 
         A point on an edge on the left or below is inside, on the right or above it is outside.
 
@@ -236,7 +236,7 @@ class Polygon:
         start = corners - mean
         along = _following(start) - start
         distance = _cross(start, along)
-        # No scale does for an edge in line with the mean, which convex polygons do not have.
+        # Convex polygons have no edge in line with the mean, which no scale would fit.
         scaled = np.abs(distance) > 1e-12 * np.abs(distance).max()
         normals = np.stack([along[:, 1], -along[:, 0]], axis=1)[scaled]
         a = normals / distance[scaled, None]
@@ -262,7 +262,7 @@ class Polygon:
         return f"Polygon({self._vertices.tolist()})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        # Otherwise the array of a copy could be written into.
+        # Unpickled by default, the array would be writable.
         return Polygon, (self._vertices,)
 
     def _need_vertices(self, count: int, what: str) -> None:
@@ -276,7 +276,7 @@ class Polygon:
         return np.asarray(np.logical_xor.reduce(crosses, axis=0))
 
     def _corners(self) -> tuple[Positions, npt.NDArray[np.int64]]:
-        """Return the (C, 2) vertices without repetitions, and which of them every vertex is.
+        """Return the (C, 2) vertices without repetitions, and the index of each vertex among them.
 
         Raises:
             GeometryError: they enclose no area.
@@ -286,12 +286,12 @@ class Polygon:
         corners = self._vertices[begins]
         if len(corners) < 3 or not _encloses_area(corners):
             raise GeometryError(f"expected a polygon with an area, got {self!r}")
-        # Vertices before the first of these repeat the last one, whose index -1 is.
+        # Vertices before the first of these repeat the last one, whose index is -1.
         return corners, np.cumsum(begins) - 1
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges from (..., 2) to (..., 2) reach y (...); without sense if level.
+    """Return the x at which edges from (..., 2) to (..., 2) reach y (...); level edges have none.
 
     The order of the operations is that of the C++ library: points on edges go the same way.
     """
@@ -310,7 +310,7 @@ def _cross(a: Positions, b: Positions) -> Positions:
 
 def _doubled_areas(vertices: Positions) -> Positions:
     """Return the (V,) signed areas, doubled, between the first vertex and every edge."""
-    # Far from the origin, the products of coordinates would cancel out to rounding.
+    # Far from the origin, products of coordinates would cancel to rounding errors.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
 

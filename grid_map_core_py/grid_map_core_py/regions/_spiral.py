@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cells of a disc from the inside out."""
+"""Cells of a disc in a spiral from the inside out."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ if TYPE_CHECKING:
     from ..map._grid_map import GridMap
 
 KEPT_RINGS = 128
-"""Spirals of fewer rings are cut out of one that is kept (0.8 MB): sorting would take the most of
-their time."""
+"""Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells."""
 
 FAR = 2.0**30
-"""Cells; farther away, the square of a distance would not be an integer any more."""
+"""Largest distance [cells] from the map, so that squares of distances are exact integers."""
 
 
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
@@ -65,7 +64,7 @@ def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
 
 def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     """Return the map cell under a position, which may lie beyond the map."""
-    # In numbers of Python: arrays of two would take longer than the spiral.
+    # In plain Python numbers: arrays of two would take longer than the spiral.
     steps = [
         (p - 0.5 * length - middle) / -geometry.resolution
         for p, length, middle in zip(
@@ -75,7 +74,7 @@ def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
         return row, column
-    # Rounding may put a position on the border beyond it.
+    # Rounding may put a position that lies on the border outside.
     (i, j), inside = geometry.cells_at(position)
     if inside:
         return int(i), int(j)
@@ -93,7 +92,7 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
     off_center = _off_center(geometry, center, middle)
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
-    # So many rings are in the disc and on the map as a whole; the center cell belongs in any case.
+    # Number of rings that are entirely in the disc and on the map; the center cell always counts.
     whole = min(max(math.floor((limit - off) / geometry.resolution), 1), to_border + 1)
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
@@ -153,7 +152,7 @@ def _kept_spiral() -> tuple[Integers, list[int]]:
 
 def _spiral_order(rows: Integers, columns: Integers) -> Integers:
     """Return the order of (N,) offsets from the center cell: by ring, then clockwise."""
-    # A whole turn is less than 8.
+    # The angle is less than 8.
     key = 8.0 * _rings(rows, columns)
     key += np.arctan2(columns, -rows)
     return np.argsort(key)
