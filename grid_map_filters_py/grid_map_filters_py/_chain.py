@@ -3,7 +3,7 @@
 """A sequence of filters."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ class Step:
 
 
 StepObserver = Callable[[Step, float], None]
-"""Is told of every step that has run, and how long it took [s]."""
+"""Function that is called after every step, with the step and its duration [s]."""
 
 
 class FilterChain:
@@ -68,7 +68,7 @@ class FilterChain:
 
         Args:
             path: the file.
-            name: of the parameter that holds the chain.
+            name: parameter that holds the chain.
 
         Raises:
             FilterConfigError: naming the filter, its type and the parameter.
@@ -149,27 +149,18 @@ class FilterChain:
 
 def _build(config: StepConfig) -> Filter:
     try:
-        return _made(FILTERS[config.type], config.params)
-    # Whatever the class of a third party raises, the message must say which filter it was.
+        cls: Any = FILTERS[config.type]
+        is_filter = isinstance(cls, type) and is_dataclass(cls)
+        if not is_filter or not callable(made := build(cls, config.params)):
+            raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
+        for field in fields(made):
+            if field.name.endswith("_layer") and field.default is MISSING:
+                value = getattr(made, field.name)
+                check(value != "", field.name, "the name of a layer", value)
+    # The message must name the filter, whatever a class of another package raises.
     except Exception as error:
         raise FilterConfigError(f"{config}: {message_of(error)}") from error
-
-
-def _made(cls: type[Filter], params: Mapping[str, object]) -> Filter:
-    result = build(cls, params) if is_dataclass(cls) else None
-    if result is not None:
-        _check_layers_have_names(result)
-    if not callable(result):
-        raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
-    return result
-
-
-def _check_layers_have_names(made: Any) -> None:
-    """Check the parameters that must name a layer."""
-    for field in fields(made):
-        if field.name.endswith("_layer") and field.default is MISSING:
-            value = getattr(made, field.name)
-            check(value != "", field.name, "the name of a layer", value)
+    return made
 
 
 def _read_only(grid_map: GridMap) -> GridMap:
@@ -213,10 +204,10 @@ def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> Grid
         raise FilterError(f"{step.config}: {message}") from error
     if not isinstance(result, GridMap):
         raise FilterError(f"{step.config}: gave {result!r} instead of a GridMap")
-    # A filter may move its map, but the next one shall see no start index.
+    # A filter may move its map, but the next filter expects map order.
     return result if result.start_index == (0, 0) else result.with_start_index((0, 0))
 
 
 def message_of(error: Exception) -> str:
-    """Return the text of an error; what it is of comes first, unless the text explains itself."""
+    """Return the text of an error; those of other packages begin with the type of the error."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Chain configurations as YAML writes them, in the forms of ROS 2 and ROS 1.
+"""Configurations of filter chains in YAML, in the forms of ROS 2 and ROS 1.
 
-ROS 2 knows no lists of mappings, so a chain is a mapping `filter1 .. filterN` there. In ROS 1 it is
-a plain list. Both hold steps of the form `{name, type, params}`.
+ROS 2 parameters cannot be lists of mappings: a chain is a mapping `filter1 .. filterN`. In ROS 1 it
+is a list. Both hold steps of the form `{name, type, params}`.
 """
 
 import re
@@ -21,7 +21,7 @@ _KEY = re.compile(r"filter([1-9][0-9]*)")
 
 @dataclass(frozen=True)
 class StepConfig:
-    """One filter of a chain as it was configured; `number` counts from 1."""
+    """Configuration of one filter of a chain; `number` counts from 1."""
 
     number: int
     name: str
@@ -39,7 +39,7 @@ def parse_steps(config: object) -> list[StepConfig]:
         config: the mapping `{filter1: step, filter2: step, ...}` or a list of steps.
 
     Raises:
-        FilterConfigError: naming the filter, what was expected and what was found.
+        FilterConfigError: naming the filter, the expected and the found configuration.
     """
     if isinstance(config, Mapping):
         entries = _numbered(config)
@@ -51,9 +51,16 @@ def parse_steps(config: object) -> list[StepConfig]:
         )
     if not entries:
         raise FilterConfigError("filters: expected at least one filter, found none")
-    steps = [_step(number, entry) for number, entry in enumerate(entries, start=1)]
-    _check_names(steps)
-    return steps
+    steps: dict[str, StepConfig] = {}
+    for number, entry in enumerate(entries, start=1):
+        step = _step(number, entry)
+        if step.name in steps:
+            raise FilterConfigError(
+                f"filter {number}: the name {step.name!r} is already that of "
+                f"filter {steps[step.name].number}"
+            )
+        steps[step.name] = step
+    return list(steps.values())
 
 
 def read_chain(path: str | Path, name: str) -> object:
@@ -63,10 +70,13 @@ def read_chain(path: str | Path, name: str) -> object:
     entry `name` at the top, or the only list there.
 
     Raises:
-        FilterConfigError: the file is no YAML, or it does not hold exactly one such chain.
+        FilterConfigError: the file is not YAML, or does not hold exactly one such chain.
         OSError: the file cannot be read.
     """
-    content = _load(Path(path))
+    try:
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
     if not isinstance(content, Mapping):
         raise FilterConfigError(f"{path}: expected a YAML mapping, found {_found(content)}")
     try:
@@ -85,18 +95,11 @@ def read_chain(path: str | Path, name: str) -> object:
     return lists[0]
 
 
-def _load(path: Path) -> object:
-    try:
-        return yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
-
-
 class _Loader(yaml.SafeLoader):
-    """YAML as ROS reads it: `1e-3` is a number. A key that occurs twice is an error."""
+    """YAML as ROS reads it: `1e-3` is a number, and a repeated key is an error."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        # Here, because later the keys that `<<` merges into a mapping stand beside its own.
+        # Later, keys that `<<` merges into a mapping cannot be told from its own.
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for key in keys:
@@ -124,36 +127,35 @@ def _ros_parameters(content: Mapping[str, Any], path: str = "") -> Iterator[tupl
 def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
     """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
 
-    None, as which an empty mapping in a ROS parameter file arrives, gives way to a mapping.
+    ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
 
     Raises:
         FilterConfigError: a parameter has both a value and parameters below it.
     """
+
+    def conflict(key: str, value: object) -> FilterConfigError:
+        return FilterConfigError(f"{name}: {key!r} has a value, {value!r}, and parameters below it")
+
     result: dict[str, Any] = {}
     for name, value in parameters.items():
         *parents, last = str(name).split(".")
         place = result
-        for parent in parents:
-            place = _below(place, parent, name)
+        for parent in [*parents, last] if isinstance(value, Mapping) else parents:
+            inner = place.get(parent)
+            if not isinstance(inner, dict | None):
+                raise conflict(parent, inner)
+            place[parent] = place = inner or {}
         if isinstance(value, Mapping):
-            _below(place, last, name).update(nested(value))
+            place.update(nested(value))
         elif not isinstance(place.get(last), dict):
             place[last] = value
         elif value is not None:
-            raise _both(name, last, value)
+            raise conflict(last, value)
     return result
 
 
-def _below(place: dict[str, Any], key: str, name: object) -> dict[str, Any]:
-    inner = {} if place.get(key) is None else place[key]
-    place[key] = inner
-    if not isinstance(inner, dict):
-        raise _both(name, key, inner)
-    return inner
-
-
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
-    """Return the parameters of a filter with names that its fields can have.
+    """Return the parameters of a filter under the names of its fields.
 
     `min: {value: 1}`, ROS 1's `min/value: 1` and `min.value: 1` become `min_value: 1`.
 
@@ -169,10 +171,6 @@ def flat(parameters: Mapping[object, object]) -> dict[str, object]:
             raise FilterConfigError(f"parameter {entry!r} is given twice, in two spellings")
         result |= entries
     return result
-
-
-def _both(name: object, key: str, value: object) -> FilterConfigError:
-    return FilterConfigError(f"{name}: {key!r} has a value, {value!r}, and parameters below it")
 
 
 def _numbered(config: Mapping[object, object]) -> list[object]:
@@ -219,17 +217,6 @@ def _text(number: int, entry: Mapping[object, object], key: str) -> str:
             f"filter {number}: {key}: expected a string{hint}, found {_found(value)}"
         )
     return value
-
-
-def _check_names(steps: list[StepConfig]) -> None:
-    first: dict[str, StepConfig] = {}
-    for step in steps:
-        other = first.setdefault(step.name, step)
-        if other is not step:
-            raise FilterConfigError(
-                f"filter {step.number}: the name {step.name!r} is already that of "
-                f"filter {other.number}"
-            )
 
 
 def _found(value: object) -> str:

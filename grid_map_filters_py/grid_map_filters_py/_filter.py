@@ -1,12 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a filter is.
+"""The filter protocol, and warnings of filters.
 
-A filter is a frozen dataclass that can be called. Its fields are its YAML parameters: `build` in
-`grid_map_core_py.plugins` checks their names and types, `__post_init__` their values. Calling it
-takes a map whose start index is (0, 0) and returns a new one that shares the layers it leaves
-alone; a filter never writes into its input. What it cannot do it raises; what the user should know
-it warns of.
+A filter is a frozen dataclass that can be called. Its fields are its YAML parameters:
+`grid_map_core_py.plugins.build` checks their names and types, `__post_init__` their values. A call
+takes a map whose start index is (0, 0), and returns a new map that shares the unchanged layers. It
+never writes into its input. A filter raises an error if it cannot do its work, and calls `warn` if
+the user should know something about the result.
 """
 
 import functools
@@ -27,7 +27,7 @@ class Filter(Protocol):
 
 
 class FilterWarning(UserWarning):
-    """A filter did its work, but the user should know something about the result."""
+    """Something that the user should know about the result of a filter."""
 
 
 _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))

@@ -1,10 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A chain over many maps without a node: a recording, a folder of files, a generator.
+"""A chain over many maps without a node: over a bag, a folder of files, a generator.
 
-Where the maps come from is up to the caller: `filter_maps` takes any iterable, and a function that
-makes a map of what it yields. A reader of recordings plugs in there: it yields its records without
-decoding them, `load` decodes one, and the results come back beside the records they belong to.
+`filter_maps` takes any iterable, and a function that makes a map of each item. The items of a bag
+are its records: `load` decodes one at a time, and each result comes back beside its record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -19,12 +18,13 @@ from .errors import FilterError
 T = TypeVar("T")
 
 Progress = Callable[[int, int | None], Any]
-"""Is told how many maps are through, failed ones included, and how many there are, if known."""
+"""Function that is called with the number of finished maps, failed ones included, and the number of
+all maps, None if unknown."""
 
 
 @dataclass(frozen=True)
 class Filtered(Generic[T]):
-    """A filtered map and what it was made of; `index` counts from 0."""
+    """A filtered map and the item it was made of; `index` counts from 0."""
 
     index: int
     item: T
@@ -35,7 +35,7 @@ class Filtered(Generic[T]):
 class Failure:
     """A map that could not be loaded or filtered; `index` counts from 0.
 
-    It holds a text instead of the exception, which would keep the map in memory.
+    It holds a text and not the exception, because that would keep the map in memory.
     """
 
     index: int
@@ -54,22 +54,23 @@ def filter_maps(
     observer: StepObserver | None = None,
     progress: Progress | None = None,
 ) -> Iterator[Filtered[T]]:
-    """Yield the filtered maps one after the other, each made when it is asked for.
+    """Yield the filtered maps one after the other, each computed when the caller asks for it.
 
-    Nothing is kept of a map once the next one is asked for.
+    Only one map is in memory at a time.
 
     Args:
-        chain: filters that every map goes through.
-        items: maps, or what `load` makes maps of.
-        load: returns the map of an item; what it raises is an error of that map alone.
-        failures: maps that fail are appended here and left out; None raises at the first.
-        observer: is told of every step of every map; a `StepTimes` collects how long they take.
-        progress: is called after every map; a `ProgressBar` shows it. The number of maps is known
-            where `items` has a length.
+        chain: filters for every map.
+        items: maps, or items that `load` turns into maps.
+        load: returns the map of an item. Its errors count as failures of that map.
+        failures: list for the maps that fail; the others are still yielded. None raises at the
+            first failure.
+        observer: is called after every step of every map; `StepTimes` collects the durations.
+        progress: is called after every map; `ProgressBar` shows it. The number of all maps is
+            known if `items` has a length.
 
     Raises:
-        FilterError: a map could not be loaded or filtered; the message names its index. What
-            iterating over `items` raises passes through.
+        FilterError: a map could not be loaded or filtered; the message names its index. Errors of
+            the iteration over `items` pass through.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -84,9 +85,12 @@ def filter_maps(
     for item in items:
         # `enumerate` would hold on to an item until it has the next one.
         index += 1  # noqa: SIM113
-        result = None
+        grid_map = result = None
         try:
-            result = chain(_load(item, load), observer)
+            grid_map = load(item) if load else item
+            if not isinstance(grid_map, GridMap):
+                raise FilterError(f"expected a GridMap, found {type(grid_map).__name__}")
+            result = chain(grid_map, observer)
         except Exception as error:
             failure = Failure(index, message_of(error))
             if failures is None:
@@ -96,11 +100,4 @@ def filter_maps(
             progress(index + 1, total)
         if result is not None:
             yield Filtered(index, item, result)
-        del item, result
-
-
-def _load(item: T, load: Callable[[T], GridMap] | None) -> GridMap:
-    grid_map = load(item) if load else item
-    if not isinstance(grid_map, GridMap):
-        raise FilterError(f"expected a GridMap, found {type(grid_map).__name__}")
-    return grid_map
+        del item, grid_map, result

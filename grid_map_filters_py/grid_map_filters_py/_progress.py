@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How far a run over many maps is, in one line on a terminal."""
+"""A progress bar for runs over many maps."""
 
 import sys
 import time
@@ -9,17 +9,17 @@ from types import TracebackType
 from typing import TextIO
 
 WIDTH = 30
-"""Of the bar, in characters."""
+"""Characters of the bar."""
 
 PERIOD = 0.1
-"""Seconds between two updates of the line."""
+"""Time between two updates of the line [s]."""
 
 
 class ProgressBar:
     """Shows progress: `[#####.....] 12/24 maps, 3.1 maps/s, 0:04 left`.
 
-    Leaving the context ends the line. Where the stream is no terminal, such as a log file, that
-    last state is all that is written.
+    Leaving the context ends the line. If the stream is not a terminal, for example a log file, only
+    the last state is written.
 
     Args:
         stream: None means standard error.
@@ -50,7 +50,7 @@ class ProgressBar:
         self._write("\n")
 
     def __call__(self, done: int, total: int | None = None) -> None:
-        """Take note that `done` maps of `total`, if that is known, are through."""
+        """Show that `done` of `total` maps are finished; None if `total` is unknown."""
         self._state = (done, total)
         now = self._clock()
         if self._stream.isatty() and now - self._shown_at >= PERIOD:
@@ -60,7 +60,7 @@ class ProgressBar:
     def _show(self) -> None:
         text = progress_text(*self._state, self._clock() - self._begin)
         start = "\r" if self._stream.isatty() else ""
-        # What the line before had more is wiped out.
+        # Spaces overwrite the rest of a longer line.
         self._write(start + text.ljust(len(self._shown)))
         self._shown = text
 
@@ -76,10 +76,8 @@ def progress_text(done: int, total: int | None, seconds: float) -> str:
         return f"{done} maps, {rate:.1f} maps/s"
     filled = WIDTH * done // total if total else WIDTH
     bar = "#" * filled + "." * (WIDTH - filled)
-    left = f", {_minutes((total - done) / rate)} left" if rate and done < total else ""
-    return f"[{bar}] {done}/{total} maps, {rate:.1f} maps/s{left}"
-
-
-def _minutes(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02}"
+    text = f"[{bar}] {done}/{total} maps, {rate:.1f} maps/s"
+    if not rate or done >= total:
+        return text
+    minutes, rest = divmod(round((total - done) / rate), 60)
+    return f"{text}, {minutes}:{rest:02} left"

@@ -1,81 +1,54 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Filters by the type names that stand in YAML.
+"""Filters by the type names in YAML.
 
-Third parties add theirs through the entry-point group `grid_map_filters_py.filters`: the name of
+Other packages add theirs through the entry-point group `grid_map_filters_py.filters`: the name of
 the entry point is the type, its object the filter class.
 """
 
 from grid_map_core_py.plugins import Registry
 
+from . import builtin
 from ._filter import Filter
-from .builtin import (
-    Bilateral,
-    BufferNormalizer,
-    ColorBlending,
-    ColorFill,
-    ColorMap,
-    Curvature,
-    Deletion,
-    Dilation,
-    Duplication,
-    Erosion,
-    GaussianBlur,
-    Inpaint,
-    LightIntensity,
-    MathExpression,
-    MeanInRadius,
-    MedianFill,
-    MinInRadius,
-    NormalColorMap,
-    NormalVectors,
-    Roughness,
-    SetBasicLayers,
-    SlidingWindowMathExpression,
-    Slope,
-    StepHeight,
-    Threshold,
-    Traversability,
-)
 
 BUILT_IN: dict[str, type[Filter]] = {
-    "gridMapCv/InpaintFilter": Inpaint,
-    "gridMapFilters/BilateralFilter": Bilateral,
-    "gridMapFilters/BufferNormalizerFilter": BufferNormalizer,
-    "gridMapFilters/ColorBlendingFilter": ColorBlending,
-    "gridMapFilters/ColorFillFilter": ColorFill,
-    "gridMapFilters/ColorMapFilter": ColorMap,
-    "gridMapFilters/CurvatureFilter": Curvature,
-    "gridMapFilters/DeletionFilter": Deletion,
-    "gridMapFilters/DilationFilter": Dilation,
-    "gridMapFilters/DuplicationFilter": Duplication,
-    "gridMapFilters/ErosionFilter": Erosion,
-    "gridMapFilters/GaussianBlurFilter": GaussianBlur,
-    "gridMapFilters/LightIntensityFilter": LightIntensity,
-    "gridMapFilters/MathExpressionFilter": MathExpression,
-    "gridMapFilters/MeanInRadiusFilter": MeanInRadius,
-    "gridMapFilters/MedianFillFilter": MedianFill,
-    "gridMapFilters/MinInRadiusFilter": MinInRadius,
-    "gridMapFilters/NormalColorMapFilter": NormalColorMap,
-    "gridMapFilters/NormalVectorsFilter": NormalVectors,
-    "gridMapFilters/RoughnessFilter": Roughness,
-    "gridMapFilters/SetBasicLayersFilter": SetBasicLayers,
-    "gridMapFilters/SlidingWindowMathExpressionFilter": SlidingWindowMathExpression,
-    "gridMapFilters/SlopeFilter": Slope,
-    "gridMapFilters/StepHeightFilter": StepHeight,
-    "gridMapFilters/ThresholdFilter": Threshold,
-    "gridMapFilters/TraversabilityFilter": Traversability,
+    "gridMapCv/InpaintFilter": builtin.Inpaint,
+    "gridMapFilters/BilateralFilter": builtin.Bilateral,
+    "gridMapFilters/BufferNormalizerFilter": builtin.BufferNormalizer,
+    "gridMapFilters/ColorBlendingFilter": builtin.ColorBlending,
+    "gridMapFilters/ColorFillFilter": builtin.ColorFill,
+    "gridMapFilters/ColorMapFilter": builtin.ColorMap,
+    "gridMapFilters/CurvatureFilter": builtin.Curvature,
+    "gridMapFilters/DeletionFilter": builtin.Deletion,
+    "gridMapFilters/DilationFilter": builtin.Dilation,
+    "gridMapFilters/DuplicationFilter": builtin.Duplication,
+    "gridMapFilters/ErosionFilter": builtin.Erosion,
+    "gridMapFilters/GaussianBlurFilter": builtin.GaussianBlur,
+    "gridMapFilters/LightIntensityFilter": builtin.LightIntensity,
+    "gridMapFilters/MathExpressionFilter": builtin.MathExpression,
+    "gridMapFilters/MeanInRadiusFilter": builtin.MeanInRadius,
+    "gridMapFilters/MedianFillFilter": builtin.MedianFill,
+    "gridMapFilters/MinInRadiusFilter": builtin.MinInRadius,
+    "gridMapFilters/NormalColorMapFilter": builtin.NormalColorMap,
+    "gridMapFilters/NormalVectorsFilter": builtin.NormalVectors,
+    "gridMapFilters/RoughnessFilter": builtin.Roughness,
+    "gridMapFilters/SetBasicLayersFilter": builtin.SetBasicLayers,
+    "gridMapFilters/SlidingWindowMathExpressionFilter": builtin.SlidingWindowMathExpression,
+    "gridMapFilters/SlopeFilter": builtin.Slope,
+    "gridMapFilters/StepHeightFilter": builtin.StepHeight,
+    "gridMapFilters/ThresholdFilter": builtin.Threshold,
+    "gridMapFilters/TraversabilityFilter": builtin.Traversability,
 }
 
 PREFIXES = ("gridMapFilters/", "gridMapCv/", "")
-"""What may stand before the name of a built-in filter; the last is the short form."""
+"""Prefixes of the name of a built-in filter; the last one is that of the short form."""
 
 
-def _aliases(type_name: str) -> list[str]:
-    """Return other spellings of a type: `gridMapFilters/XFilter`, `gridMapCv/XFilter`, `X`."""
+def _aliases(type_name: str) -> set[str]:
+    """Return the other spellings of a type `a/XFilter`, among them its short form `X`."""
     name = type_name.partition("/")[2]
-    spellings = [prefix + name if prefix else name.removesuffix("Filter") for prefix in PREFIXES]
-    return [spelling for spelling in spellings if spelling != type_name]
+    short = name.removesuffix("Filter")
+    return {prefix + (name if prefix else short) for prefix in PREFIXES} - {type_name}
 
 
 ALIASES: dict[str, type[Filter]] = {
@@ -86,7 +59,7 @@ ALIASES: dict[str, type[Filter]] = {
 
 
 class FilterRegistry(Registry[Filter]):
-    """Finds filters by their aliases too, and lists each of them once."""
+    """Finds filters by their aliases too, and lists each filter once."""
 
     @property
     def types(self) -> tuple[str, ...]:

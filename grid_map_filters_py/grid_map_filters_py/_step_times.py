@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How long the steps of a chain take."""
+"""Durations of the steps of a chain."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from ._config import StepConfig
 
 @dataclass
 class StepTime:
-    """How long one step took [ms]: for the last map, for the longest, and for all together."""
+    """Durations of one step [ms]: of the last map, the longest one, and the sum over all maps."""
 
     config: StepConfig
     runs: int = 0
@@ -33,7 +33,7 @@ class StepTime:
 
 
 class StepTimes:
-    """Collects the times of a chain over any number of maps; prints as a table.
+    """Collects the durations of the steps of a chain over many maps; prints as a table.
 
     It is an observer of chains. Iterating gives a `StepTime` for each step that has run, in the
     order of the chain.
@@ -55,7 +55,7 @@ class StepTimes:
         self._times: dict[tuple[int, str], StepTime] = {}
 
     def __call__(self, step: Step, seconds: float) -> None:
-        """Take note of a step that has run."""
+        """Add the duration of a step."""
         config = step.config
         time = self._times.setdefault((config.number, config.name), StepTime(config))
         time.add(1e3 * seconds)
@@ -68,37 +68,29 @@ class StepTimes:
 
     @property
     def last(self) -> float:
-        """Sum over the steps, each for the last map that it got [ms]."""
+        """Sum of the last durations of all steps [ms]."""
         return sum(time.last for time in self)
 
     @property
     def mean(self) -> float:
-        """Sum of the means of the steps [ms]."""
+        """Sum of the mean durations of all steps [ms]."""
         return sum(time.mean for time in self)
 
     def __str__(self) -> str:
         total = sum(time.total for time in self)
-        head = ("step", "type", "maps", "last ms", "mean ms", "max ms", "share")
-        return _table([head, *(_row(time, total) for time in self), self._sum()])
-
-    def _sum(self) -> tuple[str, ...]:
-        return ("sum", "", "", f"{self.last:.3f}", f"{self.mean:.3f}", "", "")
-
-
-def _row(time: StepTime, total: float) -> tuple[str, ...]:
-    milliseconds = (f"{value:.3f}" for value in (time.last, time.mean, time.longest))
-    share = f"{time.total / total:.0%}" if total else ""
-    return (time.config.name, time.config.type, str(time.runs), *milliseconds, share)
-
-
-def _table(rows: list[tuple[str, ...]]) -> str:
-    """Return rows with texts to the left (the first two columns) and numbers to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        padded = [
-            cell.ljust(width) if column < 2 else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(padded).rstrip())
-    return "\n".join(lines)
+        rows = [["step", "type", "maps", "last ms", "mean ms", "max ms", "share"]]
+        for time in self:
+            milliseconds = (f"{value:.3f}" for value in (time.last, time.mean, time.longest))
+            share = f"{time.total / total:.0%}" if total else ""
+            rows.append([time.config.name, time.config.type, str(time.runs), *milliseconds, share])
+        rows.append(["sum", "", "", f"{self.last:.3f}", f"{self.mean:.3f}", "", ""])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        # Texts are aligned to the left, numbers to the right.
+        lines = (
+            "  ".join(
+                cell.ljust(width) if column < 2 else cell.rjust(width)
+                for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        )
+        return "\n".join(line.rstrip() for line in lines)

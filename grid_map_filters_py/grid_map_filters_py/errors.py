@@ -1,13 +1,11 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every error of this package.
+"""The errors of this package, each below its base class::
 
-An error is also one of those above it::
-
-    GridMapError (grid_map_core_py)
-    └── FilterError
-        ├── FilterConfigError (ConfigError)    a chain that cannot be built
-        └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
+GridMapError (grid_map_core_py)
+└── FilterError
+    ├── FilterConfigError (ConfigError)    a chain that cannot be built
+    └── ExpressionError (ValueError)       an expression that cannot be read or evaluated
 """
 
 from grid_map_core_py.errors import ConfigError, GridMapError

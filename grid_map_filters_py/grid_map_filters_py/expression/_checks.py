@@ -1,10 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Finding what is wrong in an expression before any layer is known.
+"""Checks of an expression before any layer is known.
 
-Whatever depends on no name is evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails
-when the expression is built. A layer hides the function of the same name, so `mean(2, 3)` may be
-a cell of the layer `mean`: calls whose arguments could be an index are left for later.
+Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when the
+expression is built. A layer hides the function of the same name: `mean(2, 3)` may be a cell of the
+layer `mean`. So calls whose arguments could be an index are checked only with the layers.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ _DEEPEST = 150
 
 
 def check(root: Node) -> None:
-    """Raise a Fault for everything that is wrong whatever the layers are."""
+    """Raise a Fault for an error that does not depend on the layers."""
     _Checker().visit(root, indexing=False, depth=0)
 
 
@@ -29,7 +29,7 @@ class _Checker:
         self._evaluate = Interpreter(Matrices(), {}, "")
 
     def visit(self, node: Node, *, indexing: bool, depth: int) -> None:
-        """Check a subtree; `indexing` tells whether it stands in what may be an index."""
+        """Check a subtree; `indexing` is True inside of a possible index."""
         if depth > _DEEPEST:
             raise Fault("the expression is nested too deeply", position=node.position)
         if isinstance(node, End | All) and not indexing:
@@ -77,7 +77,7 @@ def _at(node: Node, action: Callable[[], object]) -> None:
 
 
 def _is_known(node: Node) -> bool:
-    """Tell whether the value is the same for all layers."""
+    """Return True if the value is the same for all layers."""
     if isinstance(node, Name | End | All):
         return False
     if isinstance(node, Call) and _may_be_index(node.arguments):

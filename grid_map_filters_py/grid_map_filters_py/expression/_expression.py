@@ -32,8 +32,8 @@ class Expression:
         text: the expression, for example `0.5 * slope ./ 0.6 + acos(normal_vectors_z)`.
 
     Raises:
-        ExpressionError: the text is not an expression, or cannot be right whatever the layers
-            are; the message shows the place.
+        ExpressionError: the text is not an expression, or is wrong for all layers; the message
+            shows the place.
 
     Example:
         >>> Expression("1 + 2 * [1, 2]")({})
@@ -127,10 +127,9 @@ class Expression:
             name: of the input layer in the expression, where it stands for the window.
             layer: (rows, columns), unwrapped (start index (0, 0)).
             window_size: odd number of cells along a side.
-            edge_handling: what a window is near the border. `inside`: only cells whose window is
-                entirely on the map are computed, the others are NaN. `crop`: the part on the map.
-                `empty`: the part outside is NaN. `mean`: the part outside is the mean of the finite
-                values of the part on the map.
+            edge_handling: how to treat windows that reach beyond the border. `inside`: their cells
+                are NaN. `crop`: they are the part on the map. `empty`: the part outside is NaN.
+                `mean`: the part outside is the mean of the finite values of the part on the map.
             compute_empty_cells: False leaves cells NaN where the input is NaN.
 
         Returns:

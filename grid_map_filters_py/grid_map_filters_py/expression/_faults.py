@@ -1,17 +1,17 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How a fault inside an expression becomes an error that points at its place."""
+"""Faults inside of expressions, and errors that point at their place."""
 
 from ..errors import ExpressionError
 
 
 class Fault(Exception):
-    """What is wrong, and where: known at once, or filled in by the node that is evaluated.
+    """An error in an expression; the node that is evaluated adds the position.
 
     Args:
         message: one line for the user.
-        position: column in the text.
-        argument: number of the function's argument that is to blame, while the column is unknown.
+        position: column in the text; None while unknown.
+        argument: index of the function's argument that caused the fault, if one did.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class Fault(Exception):
 
 
 def to_error(fault: Fault, text: str) -> ExpressionError:
-    """Show the message, the expression and a caret under the place."""
+    """Return an error with the message, the expression and a caret under the place."""
     line = "".join(" " if character.isspace() else character for character in text)
     caret = " " * (fault.position or 0) + "^"
     return ExpressionError(f"{fault.message}\n    {line}\n    {caret}")

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the operators and functions of the language compute.
+"""The operators and functions of the expression language.
 
-Everything here is written once, against a few primitives (`Algebra`), and so means the same for
-the matrices of a whole map and for the windows of all its cells.
+Each is written once, with the primitives of an `Algebra`. So it computes the same with whole layers
+and with the windows of all cells.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -25,7 +25,7 @@ V = TypeVar("V")
 
 SCALAR: Shape = (1, 1)
 LARGEST = 10**8
-"""Elements that a matrix made by an expression may have; more is a slip of the pen."""
+"""Maximum number of elements of a matrix that an expression makes."""
 CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 
 
@@ -33,7 +33,7 @@ CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
 class Fold:
     """A reduction: `map` every element, then `combine` them in any order.
 
-    `whole`, if given, does the same faster for all elements of an array at once, or gives NaN.
+    `whole`, if given, reduces a whole array faster, and returns NaN if there is nothing to reduce.
     """
 
     map: Callable[[Any], Any]
@@ -42,13 +42,13 @@ class Fold:
 
 
 class Algebra(Protocol[V]):
-    """The primitives that an evaluator supplies for its kind of values."""
+    """The primitive operations of an evaluator on its kind of values."""
 
     def constant(self, value: Plain) -> V:
         """Return a known number or matrix as a value."""
 
     def known(self, value: V) -> Plain:
-        """Return the number or matrix that `value` is; a Fault when it depends on a window."""
+        """Return `value` as a number or matrix; raise a Fault if it depends on a window."""
 
     def shape(self, value: V) -> Shape:
         """Return (rows, columns); a number is 1 x 1."""
@@ -73,7 +73,7 @@ class Algebra(Protocol[V]):
 
 
 def common_shape(shapes: Iterable[Shape]) -> Shape:
-    """Return the shape of an elementwise result; 1 x 1 goes with everything."""
+    """Return the shape of an elementwise result; 1 x 1 fits every shape."""
     larger = list(dict.fromkeys(shape for shape in shapes if shape != SCALAR))
     if len(larger) > 1:
         raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
@@ -108,14 +108,6 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
     return clean
 
 
-def _larger_magnitude(high: Any, low: Any) -> Any:
-    return np.where(np.abs(high) >= np.abs(low), high, low)
-
-
-def _nan_without(count: Any, values: Any) -> Any:
-    return np.where(np.equal(count, 0.0), np.nan, values)
-
-
 # --- operators ------------------------------------------------------------------------------------
 
 ARITHMETIC = {
@@ -123,8 +115,12 @@ ARITHMETIC = {
     ".+": np.add,
     "-": np.subtract,
     ".-": np.subtract,
+    "*": np.multiply,
     ".*": np.multiply,
+    "/": np.divide,
     "./": np.divide,
+    "^": np.power,
+    ".^": np.power,
 }
 COMPARISONS = {
     "<": np.less,
@@ -139,37 +135,19 @@ POWERS = ("^", ".^")
 
 def operate(algebra: Algebra[V], operator: str, left: V, right: V) -> V:
     """Apply a binary operator."""
-    if operator == "*":
-        return _multiply(algebra, left, right)
-    if operator == "/":
-        return _divide(algebra, left, right)
-    if operator in POWERS:
-        return _power(algebra, left, right)
-    return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator], left, right)
-
-
-def _multiply(algebra: Algebra[V], left: V, right: V) -> V:
     first, second = algebra.shape(left), algebra.shape(right)
-    if SCALAR in (first, second):
-        return algebra.elementwise(np.multiply, left, right)
-    if first[1] != second[0]:
-        raise Fault(
-            f"no matrix product of {describe(first)} and {describe(second)}; "
-            "use '.*' to multiply element by element"
-        )
-    return algebra.product(left, right)
-
-
-def _divide(algebra: Algebra[V], left: V, right: V) -> V:
-    if SCALAR not in (algebra.shape(left), algebra.shape(right)):
-        raise Fault("a matrix cannot be divided by a matrix; use './' for element by element")
-    return algebra.elementwise(np.divide, left, right)
-
-
-def _power(algebra: Algebra[V], left: V, right: V) -> V:
-    if isinstance(right, float) and right == 2.0:  # the same bits, many times faster
-        return algebra.elementwise(np.square, left)
-    return algebra.elementwise(np.power, left, right)
+    if operator in ("*", "/") and SCALAR not in (first, second):
+        if operator == "/":
+            raise Fault("a matrix cannot be divided by a matrix; use './' for element by element")
+        if first[1] != second[0]:
+            raise Fault(
+                f"no matrix product of {describe(first)} and {describe(second)}; "
+                "use '.*' to multiply element by element"
+            )
+        return algebra.product(left, right)
+    if operator in POWERS and isinstance(right, float) and right == 2.0:
+        return algebra.elementwise(np.square, left)  # same bits, many times faster
+    return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator], left, right)
 
 
 # --- reductions -----------------------------------------------------------------------------------
@@ -201,7 +179,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Reduction with one argument or an axis; element by element with a matrix."""
+    """Return a reduction with one argument or an axis, and elementwise with a matrix."""
 
     def reduce(algebra: Algebra[V], value: V, second: V | None = None) -> V:
         if isinstance(second, float) and second not in (0.0, 1.0):
@@ -229,7 +207,9 @@ def _mean_of_finites(algebra: Algebra[V], value: V) -> V:
 def _absmax(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
     """Return the extreme of largest magnitude with its sign, as EigenLab does."""
     high, low = algebra.fold(value, _axis(algebra, axis), MAXIMUM, MINIMUM)
-    return algebra.elementwise(_larger_magnitude, high, low)
+    return algebra.elementwise(
+        lambda one, other: np.where(np.abs(one) >= np.abs(other), one, other), high, low
+    )
 
 
 def _norm(algebra: Algebra[V], value: V) -> V:
@@ -273,10 +253,6 @@ def _size(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
 
 def _transpose(algebra: Algebra[V], value: V) -> V:
     return algebra.transpose(value)
-
-
-def _conjugate(_: Algebra[V], value: V) -> V:
-    return value
 
 
 def _maker(make: Callable[[int, int], NDArray[np.float32]]) -> Callable[..., Any]:
@@ -349,7 +325,9 @@ def of_finites(fold: Fold) -> Function:
 
     def reduce(algebra: Algebra[V], value: V) -> V:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)
-        return algebra.elementwise(_nan_without, count, result)
+        return algebra.elementwise(
+            lambda n, r: np.where(np.equal(n, 0.0), np.nan, r), count, result
+        )
 
     return Function(reduce, skips_nan=True)
 
@@ -394,7 +372,7 @@ FUNCTIONS = {
     "trace": Function(_trace),
     "transpose": Function(_transpose),
     "adjoint": Function(_transpose),
-    "conjugate": Function(_conjugate),
+    "conjugate": Function(lambda _, value: value),
     "zeros": Function(_maker(lambda rows, columns: np.zeros((rows, columns), np.float32)), most=2),
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),
     "eye": Function(_maker(lambda rows, columns: np.eye(rows, columns, dtype=np.float32)), most=2),

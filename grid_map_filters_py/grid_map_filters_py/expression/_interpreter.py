@@ -32,8 +32,8 @@ class Interpreter(Generic[V]):
     Args:
         algebra: the primitives for this kind of values.
         names: values of the names; they hide functions and constants of the same name.
-        available: the names that exist, as the user should read them in an error.
-        repeated: structures that occur more than once; their values are remembered.
+        available: the existing names, for error messages.
+        repeated: structures that occur more than once; their values are kept.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Interpreter(Generic[V]):
         """Evaluate `node`.
 
         Args:
-            node: what to evaluate.
+            node: root of the subtree.
             end: the value of `end`; None outside of an index.
 
         Raises:
@@ -74,13 +74,15 @@ class Interpreter(Generic[V]):
     def _evaluate(self, node: Node, end: int | None) -> V:
         match node:
             case Unary(operator=operator, operand=operand):
-                return self._signed(operator, self(operand, end))
+                value = self(operand, end)
+                minus = operator == "-"
+                return self._algebra.elementwise(np.negative, value) if minus else value
             case Binary(operator=operator, left=left, right=right):
                 return operate(self._algebra, operator, self(left, end), self(right, end))
             case Call():
                 return self._call(node, end)
             case Index(base=Name(name=name), arguments=arguments):
-                return self._index(self._indexed(name), arguments)
+                return self._index(self._name(name, "layer or function"), arguments)
             case Index(base=base, arguments=arguments):
                 return self._index(self(base, end), arguments)
             case Range():
@@ -91,34 +93,31 @@ class Interpreter(Generic[V]):
 
     def _leaf(self, node: Node, end: int | None) -> V:
         match node:
-            case Number(value=value):
-                return self._algebra.constant(value)
+            case Number(value=number):
+                return self._algebra.constant(number)
             case Name(name=name):
                 return self._name(name)
-            case End():
-                return self._algebra.constant(_inside_index(end))
-        raise Fault("':' alone stands only in an index")
+            case End() if end is not None:
+                return self._algebra.constant(float(end))
+        symbol = "'end'" if isinstance(node, End) else "':' alone"
+        raise Fault(f"{symbol} stands only in an index")
 
-    def _signed(self, sign: str, value: V) -> V:
-        return value if sign == "+" else self._algebra.elementwise(np.negative, value)
-
-    def _name(self, name: str) -> V:
+    def _name(self, name: str, kind: str = "layer") -> V:
         if name in self._names:
             return self._names[name]
         if name in CONSTANTS:
             return self._algebra.constant(CONSTANTS[name])
-        raise Fault(f"no layer {name!r}; available: {self._available}")
-
-    def _indexed(self, name: str) -> V:
-        if name in self._names or name in CONSTANTS:
-            return self._name(name)
-        hint = suggestion(name)
-        raise Fault(f"no layer or function {name!r}{hint}; available: {self._available}")
+        hint = "" if kind == "layer" else suggestion(name)
+        raise Fault(f"no {kind} {name!r}{hint}; available: {self._available}")
 
     def _call(self, call: Call, end: int | None) -> V:
         name, arguments = call.function, call.arguments
         if name in self._names:
-            return self._hidden(name, arguments)
+            try:
+                return self._index(self._names[name], arguments)
+            except Fault as fault:
+                message = f"{fault.message} (the layer {name!r} hides the function)"
+                raise Fault(message, position=fault.position) from None
         check_count(name, arguments)
         values = [self(argument, end) for argument in arguments]
         try:
@@ -127,13 +126,6 @@ class Interpreter(Generic[V]):
             blamed = fault.argument
             raise fault if blamed is None else fault.located(arguments[blamed].position) from None
         return result
-
-    def _hidden(self, name: str, arguments: tuple[Node, ...]) -> V:
-        try:
-            return self._index(self._names[name], arguments)
-        except Fault as fault:
-            message = f"{fault.message} (the layer {name!r} hides the function)"
-            raise Fault(message, position=fault.position) from None
 
     def _range(self, node: Range, end: int | None) -> V:
         start, stop = self._number(node.first, end), self._number(node.last, end)
@@ -159,7 +151,12 @@ class Interpreter(Generic[V]):
         blocks = [[self(node, end) for node in row] for row in rows]
         shapes = [[self._algebra.shape(block) for block in row] for row in blocks]
         for nodes, row in zip(rows, shapes, strict=True):
-            _check_row(nodes, row)
+            for node, shape in zip(nodes, row, strict=True):
+                if shape[0] != row[0][0]:
+                    raise Fault(
+                        f"this part has {shape[0]} rows, the first part of its row {row[0][0]}",
+                        position=node.position,
+                    )
         widths = [sum(shape[1] for shape in row) for row in shapes]
         for nodes, width in zip(rows, widths, strict=True):
             if width != widths[0]:
@@ -237,18 +234,3 @@ def suggestion(name: str) -> str:
     """Suggest a function that is spelled like `name`, in brackets."""
     close = difflib.get_close_matches(name, FUNCTIONS, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
-
-
-def _check_row(nodes: tuple[Node, ...], shapes: list[Shape]) -> None:
-    for node, shape in zip(nodes, shapes, strict=True):
-        if shape[0] != shapes[0][0]:
-            raise Fault(
-                f"this part has {shape[0]} rows, the first part of its row {shapes[0][0]}",
-                position=node.position,
-            )
-
-
-def _inside_index(end: int | None) -> float:
-    if end is None:
-        raise Fault("'end' stands only in an index")
-    return float(end)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation on whole matrices: numbers are Python floats, matrices are float32 arrays.
 
-Python floats take the type of the array they meet in every NumPy, so float32 stays float32.
-What the user owns (or what is remembered) is read-only; hence a writeable array is a temporary of
+A Python float takes the type of the array it is combined with, in NumPy 1 and 2: float32 stays
+float32. Arrays of the user and kept values are read-only. So a writeable array is a temporary of
 the evaluation, and the next operation may write its result into it.
 """
 
@@ -37,7 +37,7 @@ def apply(
 
 
 def _temporary(values: Sequence[Any], dtype: type[np.floating[Any]]) -> NDArray[Any] | None:
-    """Find an array that nobody needs any more; 1 x 1 may be smaller than the result."""
+    """Return a temporary of the evaluation to write into; 1 x 1 may be smaller than the result."""
     for value in values:
         if isinstance(value, np.ndarray) and value.flags.writeable and value.size > 1:
             return value if value.dtype == dtype else None
@@ -52,7 +52,7 @@ class Matrices:
         return value
 
     def known(self, value: Plain) -> Plain:
-        """Return the value itself: everything is known."""
+        """Return the value itself."""
         return value
 
     def shape(self, value: Plain) -> Shape:

@@ -6,7 +6,7 @@ It may where every use of the window ends in a reduction that skips NaN, and all
 keep NaN. Then all cells have windows of one size, and the border needs no treatment of its own.
 """
 
-from ._functions import ARITHMETIC, COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
+from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._nodes import Binary, Call, Name, Node, Number, Unary, children
 
 
@@ -51,7 +51,9 @@ def _keeps_missing(node: Node, name: str) -> bool:
         case Binary(operator=operator, left=left, right=right):
             return (
                 operator not in COMPARISONS
-                and (operator in ARITHMETIC or _is_number(left, name) or _is_number(right, name))
+                and (
+                    operator not in ("*", "/") or _is_number(left, name) or _is_number(right, name)
+                )
                 and _keeps_missing(left, name)
                 and _keeps_missing(right, name)
             )

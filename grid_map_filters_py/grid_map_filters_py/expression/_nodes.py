@@ -12,8 +12,8 @@ class Node:
 
     Args:
         position: the column that its errors point at.
-        structure: a number that is the same for parts that mean the same, so that an evaluator
-            can remember values by it.
+        structure: number of the part; equal parts have equal numbers, so that an evaluator computes
+            them once.
     """
 
     position: int

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""From the text of an expression to its syntax tree."""
+"""Parser: from the text of an expression to its syntax tree."""
 
 from collections.abc import Callable, Hashable
 from functools import cache
@@ -27,7 +27,7 @@ _HINTS = {
     "{": "unexpected '{': matrices are written [1, 2; 3, 4]",
 }
 
-# Terminals as a user would call them; one that is missing here is never listed.
+# Names of terminals in error messages; others are not listed there.
 _EXPECTED = {
     "NUMBER": "a value",
     "OPEN_INDEX": "an operator",
@@ -41,7 +41,7 @@ _EXPECTED = {
 
 _VALUE = ", expected a value"
 
-# What is meant by a terminal that stands where a value has just ended.
+# Likely mistakes, by the terminal that follows a complete value.
 _MISPLACED = {
     "COMPARE": "comparisons cannot be chained: write (a < b) .* (b < c)",
     "COLON": "a range has at most first:step:last",
@@ -100,8 +100,7 @@ def _wanted(accepted: set[str]) -> str:
 class _Builder(Transformer_NonRecursive):
     """Turns lark's tree into nodes and numbers their structures.
 
-    `end` is new every time, because it means something else in every index; so whatever contains
-    it is also unique.
+    `end` gets a new number every time, because its value depends on the index it stands in.
     """
 
     def __init__(self) -> None:
@@ -161,7 +160,7 @@ class _Builder(Transformer_NonRecursive):
 
 
 def _key(part: Any) -> Hashable:
-    """Return what tells structures apart: the number of a node, the value of anything else."""
+    """Return a key of the structure: the number of a node, any other value itself."""
     if isinstance(part, tuple):
         return tuple(map(_key, part))
     return part.structure if isinstance(part, Node) else part

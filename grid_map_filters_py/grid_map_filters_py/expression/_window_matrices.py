@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation on the windows of many cells at once.
 
-The value of a subexpression is a small matrix *per cell*. It is kept as a matrix of elements, where
-an element is a number, or a field: the array of that element's values in all cells. Elements are
-made when they are asked for and forgotten after use, so memory stays in the order of a layer
-whatever the size of the window. Fields are double precision, because windows of a high terrain
-differ by little; numbers are rounded to float32 as they are in C++.
+The value of a subexpression is a small matrix *per cell*. It is stored as a matrix of elements. An
+element is a number, or a field: an array with the values of this element in all cells. Elements are
+computed on demand and freed after use, so the memory is that of some layers for any window size.
+Fields have double precision, because the windows of high terrain differ by little; numbers are
+rounded to float32 as in C++.
 """
 
 import math
@@ -31,8 +31,8 @@ class WindowMatrix:
 
     Args:
         shape: (rows, columns) of the matrix.
-        at: returns element (row, column). A field that nobody else uses is writeable. It must not
-            refer to the matrix: memory in a cycle of references is not freed at once.
+        at: returns element (row, column). A field is writeable if nothing else refers to it. `at`
+            must not refer to the matrix: memory in reference cycles is not freed at once.
     """
 
     def __init__(self, shape: Shape, at: Callable[[int, int], Element]) -> None:
@@ -51,7 +51,7 @@ Value = Plain | WindowMatrix
 
 
 class SlidingWindow(WindowMatrix):
-    """The window of one array, or what is computed from it element by element.
+    """The window of one array.
 
     Args:
         source: (cells + rows - 1, cells + columns - 1) values under the windows of all cells.
@@ -65,7 +65,7 @@ class SlidingWindow(WindowMatrix):
         source.flags.writeable = False
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold along one axis after the other: rows + columns steps, not their product."""
+        """Fold along one axis after the other, in rows + columns steps (a separable filter)."""
         return [_fold_box(fold, self.source, self.shape) for fold in folds]
 
 
@@ -106,7 +106,7 @@ class DeviatingWindow(WindowMatrix):
 
 
 class SquaredDeviations(WindowMatrix):
-    """The squares of a sliding window minus a number per cell, as in a standard deviation."""
+    """Squares of a sliding window minus a number per cell, as in a standard deviation."""
 
     def __init__(self, deviations: DeviatingWindow) -> None:
         super().__init__(deviations.shape, lambda i, j: np.square(deviations.at(i, j)))
@@ -114,7 +114,7 @@ class SquaredDeviations(WindowMatrix):
         self._number = deviations.number.at(0, 0)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold; finite squares are summed up in rows + columns steps, not their product."""
+        """Fold; finite squares are summed up in rows + columns steps."""
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
@@ -127,9 +127,9 @@ class SquaredDeviations(WindowMatrix):
         return _fold_box(FINITE_COUNT, self._source, self.shape) * np.isfinite(self._number)
 
     def _sum(self) -> Element:
-        """Sum up around the mean of each column of the window, then of these around the number.
+        """Return the sum of squares, from the deviations around the mean of each column.
 
-        Nothing is subtracted that is much larger than the result.
+        This avoids cancellation: no subtrahend is much larger than the result.
         """
         count, mean, squares = self._columns()
         finite = np.isfinite(self._number)
@@ -147,7 +147,7 @@ class SquaredDeviations(WindowMatrix):
         return np.asarray(total * finite)
 
     def _columns(self) -> tuple[Field, Field, Field]:
-        """Return number, mean and squared deviations from it of a column's finite values."""
+        """Return count, mean and squared deviations of the finite values of each column."""
         height = self.shape[0]
         count, mean = (
             np.asarray(_fold_box(fold, self._source, (height, 1)))
@@ -166,11 +166,11 @@ class SquaredDeviations(WindowMatrix):
 
 
 class PaddedWindow(WindowMatrix):
-    """A matrix of which only a part has elements of its own; all others are the same.
+    """A matrix with a part of different elements, and the same element everywhere else.
 
     Args:
         window: the part.
-        padding: the value of every other element.
+        padding: the value of all other elements.
         corner: (row, column) of the part in the whole.
         shape: (rows, columns) of the whole.
     """
@@ -202,7 +202,7 @@ class PaddedWindow(WindowMatrix):
         ]
 
 
-# What a value gives that is combined so and so many times with itself.
+# Result of folding a value with itself `count` times.
 _REPEATED: dict[np.ufunc, Callable[[Any, int], Any]] = {
     np.add: lambda values, count: values * float(count),
     np.multiply: lambda values, count: np.power(values, float(count)),
@@ -212,7 +212,7 @@ _REPEATED: dict[np.ufunc, Callable[[Any, int], Any]] = {
 
 
 class WindowMatrices:
-    """The algebra of matrices per cell; what is the same in all cells stays a plain value."""
+    """The algebra of matrices per cell; values that are equal in all cells stay plain values."""
 
     def constant(self, value: Plain) -> Value:
         """Return the value itself."""
@@ -229,7 +229,7 @@ class WindowMatrices:
         return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
-        """Apply `function`; element by element only where there is no shorter way."""
+        """Apply `function`, by a shortcut if there is one, else to every element."""
         windows = [value for value in values if isinstance(value, WindowMatrix)]
         plain = [value for value in values if not isinstance(value, WindowMatrix)]
         if not windows:
@@ -245,7 +245,7 @@ class WindowMatrices:
     def _shortcut(
         self, function: Callable[..., Any], values: Sequence[Value]
     ) -> WindowMatrix | None:
-        """Find a way to compute less than every element for itself."""
+        """Return the result as a window that is faster to fold, None if there is none."""
         if all(isinstance(value, SlidingWindow | float) for value in values):
             return _slide(function, values)
         kinds = {type(value) for value in values if self.shape(value) != SCALAR}
@@ -276,7 +276,7 @@ class WindowMatrices:
         return PaddedWindow(window, padding, padded[0].corner, padded[0].shape)
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        """Reduce every cell's matrix; results are remembered."""
+        """Reduce every cell's matrix; results are kept."""
         if not isinstance(value, WindowMatrix):
             return list(_PLAIN.fold(value, axis, *folds))
         new = [fold for fold in folds if (axis, fold) not in value.folds]
@@ -326,7 +326,7 @@ class WindowMatrices:
 
 
 def accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
-    """Fold at most `count` elements, each of which is made only once."""
+    """Fold at most `count` elements; each is computed once."""
     totals: list[Any] = []
     for element in elements:
         mapped = [fold.map(element) for fold in folds]
@@ -372,7 +372,7 @@ def _fold_box(fold: Fold, source: Field, shape: Shape) -> Element:
 
 
 def _own(values: Any, count: int) -> Any:
-    """Return a copy to accumulate in; truth values are counted in the smallest sufficient type."""
+    """Return a copy to accumulate in; bool is counted in the smallest sufficient integer type."""
     if np.ndim(values) == 0:
         return float(values)
     return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
@@ -391,7 +391,7 @@ def _as_element(total: Any) -> Element:
 
 
 def _matrix(shape: Shape, at: Callable[[int, int], Element]) -> Value:
-    """Return a matrix of lazy elements; a single element is made at once and kept."""
+    """Return a matrix of lazy elements; a single element is computed at once and kept."""
     return _field(at(0, 0)) if shape == SCALAR else WindowMatrix(shape, at)
 
 
@@ -406,7 +406,7 @@ def _protect(element: Element) -> None:
 
 
 def _element(value: Value, row: int, column: int) -> Element:
-    """Return an element, of a 1 x 1 value for any place."""
+    """Return an element; a 1 x 1 value has the same element in all places."""
     if isinstance(value, float):
         return float(np.float32(value))
     if value.shape == SCALAR:
@@ -415,7 +415,7 @@ def _element(value: Value, row: int, column: int) -> Element:
 
 
 def _slide(function: Callable[..., Any], values: Sequence[Value]) -> SlidingWindow:
-    """Apply a function to the sources, which all lie under the same windows."""
+    """Apply a function to the sources of windows of the same cells."""
     shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
     return SlidingWindow(apply(function, list(map(_source, values)), np.float64), shape)
 

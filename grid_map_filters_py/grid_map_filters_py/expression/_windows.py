@@ -23,7 +23,7 @@ EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 # Cells that are computed together: fields of this size stay in the cache of one core.
 _BLOCK = 32768
 
-# Cells by which a window may be longer than the layer, for all of which memory is needed.
+# Cells by which a window may be longer than the layer; it limits the memory.
 _LARGEST_MARGIN = 1000
 
 _ALGEBRA = WindowMatrices()
@@ -59,9 +59,9 @@ def evaluate_over_windows(
 
 @dataclass(frozen=True)
 class _Span:
-    """Neighbouring cells along one axis, of whose windows the same part is on the map.
+    """Neighboring cells along one axis whose windows have the same part on the map.
 
-    The cells are `start` to `stop`, the part `first` to `last` of the window (ends excluded).
+    The cells are the half-open interval [start, stop), the part of the window is [first, last).
     """
 
     start: int
@@ -97,7 +97,7 @@ class _Evaluation:
     edge_handling: EdgeHandling
 
     def tiles(self) -> Iterator[tuple[_Span, _Span]]:
-        """Yield rectangles of cells with windows all alike, and small enough for the cache."""
+        """Yield rectangles of cells that fit the cache and whose windows have one shape."""
         rows, columns = (self._spans(length) for length in self.layer.shape)
         for row_span, column_span in product(rows, columns):
             step = max(1, _BLOCK // (row_span.stop - row_span.start))
@@ -116,7 +116,7 @@ class _Evaluation:
         return spans
 
     def check(self) -> None:
-        """Evaluate for no cell at all, so that a wrong expression fails where no window fits."""
+        """Evaluate without cells, so that a wrong expression fails even if no window fits."""
         if self.edge_handling == "inside":
             size = self.window_size
             self.number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
