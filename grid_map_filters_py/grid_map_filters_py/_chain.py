@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Size
@@ -150,8 +150,10 @@ class FilterChain:
 def _build(config: StepConfig) -> Filter:
     try:
         cls: Any = FILTERS[config.type]
-        is_filter = isinstance(cls, type) and is_dataclass(cls)
-        if not is_filter or not callable(made := build(cls, config.params)):
+        made: Any = None
+        if isinstance(cls, type) and is_dataclass(cls):
+            made = build(cls, config.params)
+        if not callable(made):
             raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
         for field in fields(made):
             if field.name.endswith("_layer") and field.default is MISSING:
@@ -160,7 +162,7 @@ def _build(config: StepConfig) -> Filter:
     # The message must name the filter, whatever a class of another package raises.
     except Exception as error:
         raise FilterConfigError(f"{config}: {message_of(error)}") from error
-    return made
+    return cast(Filter, made)
 
 
 def _read_only(grid_map: GridMap) -> GridMap:

@@ -8,8 +8,8 @@ import sys
 import time
 
 import pytest
-from conftest import Start
 
+from conftest import Start
 from grid_map_ros_py.testing import Process, wait_until
 
 INTERRUPTED_IMPORT = """

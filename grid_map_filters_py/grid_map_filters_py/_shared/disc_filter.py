@@ -21,9 +21,9 @@ class DiscFilter:
     """Base class of filters that make a layer from the disc around each cell.
 
     Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
-        radius: of the disc [m], 0 or more; the rim is inside.
+        input_layer: layer to filter.
+        output_layer: layer for the result.
+        radius: radius of the disc [m], 0 or more; the rim is inside.
     """
 
     input_layer: str
@@ -34,5 +34,5 @@ class DiscFilter:
         check_radius(self.radius)
 
     def disc(self, grid_map: GridMap) -> Disc:
-        """Return the disc on the cells of a map."""
+        """Return the disc in cells of a map."""
         return Disc(self.radius, grid_map.resolution, grid_map.size)

@@ -28,20 +28,20 @@ _PIECE = 2**16
 """Values that are sorted at a time."""
 
 _NETWORK_PIECE = 2**13
-"""Cells that go through a network at a time."""
+"""Cells that the network sorts at a time."""
 
 
 def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int) -> None:
-    """Write the upper median of the finite values in the square around a cell into some cells.
+    """Write the upper median of the finite values in the square around each chosen cell.
 
-    Of an even number of values it is the larger one of the two in the middle; NaN where no value is
-    finite.
+    The upper median of an even number of values is the larger one of the two in the middle. It is
+    NaN where no value is finite.
 
     Args:
         output: (rows, cols) in Fortran order; is written to.
-        layer: (rows, cols) in Fortran order; stays as it is.
-        cells: (rows, cols) in Fortran order; where to write.
-        half_width: the square has 2 half_width + 1 cells along a side; those on the map count.
+        layer: (rows, cols) in Fortran order.
+        cells: (rows, cols) bool in Fortran order; the chosen cells.
+        half_width: the square has 2 half_width + 1 cells along a side; it is cropped at the border.
     """
     # Wider squares than this hold no further cell.
     half_width = min(half_width, max(layer.shape) - 1)
@@ -81,7 +81,7 @@ def _middle_ranks(known: Mask, side: int) -> Ranks:
 
 
 def _side(padded: Values, ranks: Ranks) -> int:
-    """Return how many cells the windows have along a side."""
+    """Return the side of the windows in cells."""
     return int(padded.shape[0] - ranks.shape[0] + 1)
 
 
@@ -110,7 +110,7 @@ def _medians_by_network(padded: Values, ranks: Ranks) -> Values:
 
 
 def _sorted(values: Values) -> list[Values]:
-    """Return the rows of an array (n, m) so that they ascend in each column; uses it up."""
+    """Return the rows of an array (n, m), sorted within each column; overwrites the array."""
     rows = list(values)
     spare = np.empty_like(rows[0])
     for low, high in _comparators(len(rows)):
@@ -121,7 +121,7 @@ def _sorted(values: Values) -> list[Values]:
 
 
 def _comparators(count: int) -> Iterator[tuple[int, int]]:
-    """Yield the pairs that Batcher's merge exchange compares (Knuth, TAOCP 3, algorithm 5.2.2M)."""
+    """Yield the comparators of Batcher's merge exchange (Knuth, TAOCP 3, algorithm 5.2.2M)."""
     largest = 1 << (count - 1).bit_length() >> 1
     step = largest
     while step:
@@ -133,7 +133,7 @@ def _comparators(count: int) -> Iterator[tuple[int, int]]:
 
 
 def _pick(rows: list[Values], ranks: Ranks) -> Values:
-    """Return from each column the value in the row of this rank."""
+    """Return the value of each column in the row given by its rank."""
     picked = np.empty_like(rows[0])
     for rank in range(int(ranks.min()), int(ranks.max()) + 1):
         np.copyto(picked, rows[rank], where=ranks == rank)

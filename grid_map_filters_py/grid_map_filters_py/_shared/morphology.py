@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Extremes over the disc around every cell at once."""
+"""Gray-scale dilation and erosion by a disc."""
 
 import cv2
 import numpy as np
@@ -11,15 +11,15 @@ from ..parts._disc import Disc
 
 
 def highest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:
-    """Return for every cell the largest finite value in the disc around it, NaN where none is.
+    """Return the largest finite value in the disc around every cell, NaN if there is none.
 
-    It is the grey-scale dilation of the layer by the disc, blind to cells that are not finite and
-    to what lies beyond the border of the map.
+    This is the gray-scale dilation of the layer with the disc as structuring element. It ignores
+    cells that are not finite.
 
     Args:
         layer: (rows, cols).
-        disc: has the size of the layer.
-        fill: whether cells that are not finite in the layer get a value too.
+        disc: disc for the size of the layer.
+        fill: True also gives values to cells that are not finite in the layer.
 
     Returns:
         (rows, cols) float32 in Fortran order.
@@ -33,5 +33,5 @@ def highest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:
 
 
 def lowest_in_disc(layer: Layer, disc: Disc, *, fill: bool = True) -> Layer:
-    """Return for every cell the smallest finite value in the disc; see `highest_in_disc`."""
+    """Return the smallest finite value in the disc around every cell; see `highest_in_disc`."""
     return -highest_in_disc(-layer, disc, fill=fill)

@@ -18,13 +18,13 @@ Field = npt.NDArray[np.float64]
 Components = tuple[Field, Field, Field]
 
 _SMALLEST_SPREAD = 1e-8
-"""Variance [m^2] across a line of points below which they span no plane."""
+"""Variance [m^2] of points across a line; below this they define no plane."""
 
 _SMALLEST_GAP = 0.03
-"""Product of the relative gaps between eigenvalues below which the formula loses digits."""
+"""Product of the relative gaps between eigenvalues; below this the formula loses digits."""
 
 _SMALLEST_Z = 0.01
-"""z component of a normal below which the formula loses digits."""
+"""z component of a normal; below this the formula loses digits."""
 
 
 class Symmetric(NamedTuple):
@@ -39,9 +39,9 @@ class Symmetric(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """How many points discs have, and sums of their coordinates and of products of these.
+    """Number of points in discs, and sums of their coordinates and of products of these.
 
-    In cells from the centre of the disc, along rows, columns and downwards.
+    Coordinates are in cells from the center of the disc, along rows, along columns and downwards.
     """
 
     n: Flat
@@ -57,12 +57,12 @@ class Moments(NamedTuple):
 
 
 class Planes(NamedTuple):
-    """The planes that fit best to the points in discs.
+    """Least-squares planes through the points in discs.
 
     Attributes:
         normals: unit vectors, NaN where the layer is not finite.
-        covariances: of the points, times the square of their number [cells^2].
-        n: how many points there are.
+        covariances: covariances of the points, times the square of their number [cells^2].
+        n: number of points.
     """
 
     normals: Components
@@ -71,7 +71,7 @@ class Planes(NamedTuple):
 
 
 def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
-    """Return the normals of the planes that fit best to the points in a disc around each cell.
+    """Return the normals of least-squares planes through the points in a disc around each cell.
 
     The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
     fewer than three points are finite, or they lie on a line, it is the z axis.
@@ -92,7 +92,7 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
 
 
 def raster_normals(layer: Layer, resolution: float) -> Normals:
-    """Return the normals from the slopes between neighbouring cells.
+    """Return the normals from the slopes between neighboring cells.
 
     Slopes are central differences, also across an unknown cell, and one-sided beside one.
 
@@ -124,7 +124,7 @@ def flip_towards(normals: Normals, axis: int) -> Normals:
 
 
 def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
-    """Return how far the points in a disc around each cell lie off the plane of `area_normals`.
+    """Return the standard deviation of the points in a disc from the plane of `area_normals`.
 
     Args:
         layer: (rows, cols) heights [m] in map order; not finite where unknown.
@@ -132,14 +132,14 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
         resolution: side of a cell [m].
 
     Returns:
-        (rows, cols) standard deviations [m], of a sample: with n - 1 in place of n; NaN where the
-        disc has one point or the layer is not finite.
+        (rows, cols) sample standard deviations [m] (n - 1 in the denominator); NaN where the disc
+        has one point or the layer is not finite.
     """
     deviations = np.empty(layer.shape, np.float32, order="F")
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
         planes = _planes(layer, offset, tile)
-        # Those of the largest floats may be too large for one.
+        # Deviations of the largest floats may overflow.
         with np.errstate(over="ignore"):
             distances = resolution * tile.cells(_deviations(planes))
             deviations[tile.rows, tile.columns] = distances
@@ -147,10 +147,7 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
 
 
 def _side(layer: Layer) -> int:
-    """Return the cells along a side of what is computed together.
-
-    Then some twenty arrays stay in the cache, and far smaller than those of the map.
-    """
+    """Return a side of tiles [cells] with which some twenty arrays fit the cache."""
     return int(max(128, min(256, max(layer.shape) // 5)))
 
 
@@ -165,7 +162,7 @@ def _store(normals: Normals, tile: Tile, components: Components) -> None:
 
 
 def _raster_normals(layer: Layer, tile: Tile) -> Components:
-    """Return the flat components for a tile, as if the map went on with unknown cells."""
+    """Return the flat components for a tile; cells beyond the border are unknown."""
     heights = tile.cut(layer, np.float64)
     np.copyto(heights, np.nan, where=np.isinf(heights))
     # Rows run towards -x and columns towards -y: these are -dz/dx and -dz/dy.
@@ -182,14 +179,14 @@ def _raster_normals(layer: Layer, tile: Tile) -> Components:
 
 
 def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
-    """Return the slope towards the neighbour that lies so many rows and columns further."""
-    behind, ahead = (tile.neighbours(heights, s * rows, s * columns) for s in (-1, 1))
+    """Return the slope towards the neighbor at a distance in rows and columns."""
+    behind, ahead = (tile.neighbors(heights, s * rows, s * columns) for s in (-1, 1))
     slope = ahead - behind
     slope *= 0.5 / tile.disc.resolution
-    # Only few cells lie beside a hole.
+    # Only cells beside a hole are computed again; they are few.
     places = np.flatnonzero(np.isnan(slope))
-    centre = tile.neighbours(heights)[places]
-    from_behind, to_ahead = centre - behind[places], ahead[places] - centre
+    center = tile.neighbors(heights)[places]
+    from_behind, to_ahead = center - behind[places], ahead[places] - center
     slope[places] = np.where(np.isnan(to_ahead), from_behind, to_ahead) / tile.disc.resolution
     return slope
 
@@ -197,13 +194,13 @@ def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
 def _planes(layer: Layer, offset: float, tile: Tile) -> Planes:
     """Return the flat planes for a tile."""
     known, heights = tile.finite(layer, offset)
-    # In cells, so that all but the heights are whole numbers. Rows run towards -x and columns
-    # towards -y: with heights upside down all signs are right.
+    # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
+    # towards -y: with negative heights all signs are right.
     heights *= -1.0 / tile.disc.resolution
     moments = _moments(known, heights, tile)
     matrices, count = _covariance(moments), moments.n.astype(np.float64)
     smallest_spread = _SMALLEST_SPREAD / tile.disc.resolution**2
-    normals = _normals_of(matrices, count, tile.neighbours(known), smallest_spread)
+    normals = _normals_of(matrices, count, tile.neighbors(known), smallest_spread)
     return Planes(normals, matrices, count)
 
 
@@ -227,9 +224,9 @@ def _moments_across(
     Args:
         tile: whose discs.
         values: flat.
-        axis: along which the lines run; the distance is that along the other one.
-        orders: the powers, of 0 to 2.
-        moments: of the values times their distance along the lines.
+        axis: direction of the lines; the distance is along the other axis.
+        orders: the powers, from 0 to 2.
+        moments: sum up the values times their distance along the lines.
     """
     totals = [np.zeros(tile.count, values.dtype) for _ in orders]
     for distance, ahead, behind in tile.lines(values, axis, moments=moments):
@@ -251,21 +248,21 @@ def _normals_of(
 
     Args:
         matrices: covariances of the points in the discs.
-        count: how many points there are.
-        known: where a normal is wanted.
-        smallest_spread: of points that span a plane [cells^2].
+        count: number of points.
+        known: cells that get a normal.
+        smallest_spread: smallest variance of points that define a plane [cells^2].
     """
     spread = smallest_spread * count * count
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         vectors, doubtful = _smallest_eigenvectors(matrices)
     xx, xy, _, yy, _, _ = matrices
-    # The second eigenvalue is at least the smaller one of the points seen from above; it is large
-    # enough where the diagonal and the determinant of xx - spread, xy, yy - spread are positive.
+    # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That exceeds
+    # the spread where diagonal and determinant of xx - spread, xy, yy - spread are positive.
     doubtful |= (xx <= spread) | ((xx - spread) * (yy - spread) <= xy * xy)
     lone = count < 3
     doubtful &= known & ~lone
     places = np.flatnonzero(doubtful)
-    # LAPACK takes long to find that it has nothing to do.
+    # LAPACK takes long even for no matrices.
     if places.size:
         exact = _eigenvectors_or_upright(_as_matrices(matrices, places), spread[places])
         for component, values in zip(vectors, exact, strict=True):
@@ -294,7 +291,7 @@ def _deviations(planes: Planes) -> Field:
 
 
 def _eigenvectors_or_upright(matrices: Field, spread: Field) -> Field:
-    """Return (3, N) eigenvectors of the smallest eigenvalue; the z axis if the second is small."""
+    """Return (3, N) eigenvectors of the smallest eigenvalue; the z axis for points on a line."""
     values, vectors = np.linalg.eigh(matrices)
     upwards = np.copysign(1.0, vectors[:, 2, :1])
     spans_plane = values[:, 1, None] > spread[:, None]
@@ -322,8 +319,8 @@ def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
     factor. Its last column is taken.
 
     Returns:
-        The x, y and z components, and where they lost digits: those of vertical walls and of two
-        eigenvalues close together.
+        components: x, y and z.
+        doubtful: mask of vectors that lost digits: of vertical walls and close eigenvalues.
     """
     xx, xy, xz, yy, yz, zz = matrices
     smallest, doubtful = _smallest_eigenvalues(matrices)
@@ -332,7 +329,7 @@ def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
     x -= xz * b
     y -= yz * a
     z -= xy * xy
-    # The trace of the adjugate is the factor. Beside it a column of nothing but rounding is short.
+    # The factor is the trace of the adjugate. A column of rounding errors is short compared to it.
     factor = (a + b) * c
     factor -= xz * xz
     factor -= yz * yz
@@ -349,9 +346,9 @@ def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
 
 
 def _smallest_eigenvalues(matrices: Symmetric) -> tuple[Field, Mask]:
-    """Return the smallest eigenvalues of symmetric 3 x 3 matrices, and which are not exact.
+    """Return the smallest eigenvalues of symmetric 3 x 3 matrices, and a mask of inexact ones.
 
-    They are trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
+    They are the trigonometric roots of the characteristic polynomial (O. K. Smith, 1961).
     """
     xx, xy, xz, yy, yz, zz = matrices
     mean = xx + yy
@@ -389,11 +386,11 @@ def _smallest_eigenvalues(matrices: Symmetric) -> tuple[Field, Mask]:
 def _smallest_roots(cosine: Field) -> tuple[Field, Mask]:
     """Return the smallest t with 4 t^3 - 3 t = cosine, which is cos((acos(cosine) + 2 pi) / 3).
 
-    A step of Newton's method makes a number in double precision of one in single precision, where
-    the next root is not close by; that is several times as fast as cosines in double precision.
+    One step of Newton's method refines a root in single precision to double precision, unless the
+    next root is close; that is several times as fast as cosines in double precision.
 
     Returns:
-        t, and where it is not exact.
+        t, and a mask of the inexact ones.
     """
     angle = cosine.astype(np.float32)
     np.clip(angle, -1.0, 1.0, out=angle)

@@ -14,14 +14,14 @@ from .._filter import in_map_order
 from .._shared.disc_filter import check_radius
 from ..parts._disc import Disc
 
-# OpenCV has such a filter, but it spreads NaN, and its table of weights is as coarse as the layer's
-# range is wide: one outlier, and the edges are lost.
+# OpenCV's bilateral filter spreads NaN. Its table of weights divides the range of the layer into
+# equal steps, so that one outlier makes the steps too coarse for edges.
 
 _FAR = np.float32(12.0)
-"""Standard deviations from which on a value has next to no weight, 5e-32, and counts as missing."""
+"""Standard deviations beyond which a value counts as missing; its weight would be 5e-32."""
 
 _NOTHING = np.float32(1e-26)
-"""Standard deviations that are no more than what the missing values have added up to."""
+"""Standard deviations that missing values may add up to."""
 
 _PIECE = 2**15
 """Cells that are computed together, so that their temporaries stay in the cache."""
@@ -29,19 +29,19 @@ _PIECE = 2**15
 
 @dataclass(frozen=True, kw_only=True)
 class Bilateral:
-    """Smooth a layer, but not across its edges.
+    """Smooth a layer and keep its edges.
 
-    Every finite cell becomes the mean of the finite values in the disc around it, each weighted by
-    a Gaussian of its distance and one of its difference in value (C. Tomasi and R. Manduchi,
+    Every finite cell becomes the mean of the finite values in the disc around it, weighted by a
+    Gaussian of the distance and a Gaussian of the difference in value (C. Tomasi and R. Manduchi,
     "Bilateral filtering for gray and color images", ICCV 1998). Other cells are NaN.
 
     Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
+        input_layer: layer to filter.
+        output_layer: layer for the result.
         sigma_space: standard deviation of the Gaussian of distances [m].
         sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer:
             steps much higher than this stay sharp.
-        radius: of the disc [m]; without it 3 `sigma_space`.
+        radius: radius of the disc [m]; 3 `sigma_space` by default.
     """
 
     input_layer: str
@@ -63,7 +63,7 @@ class Bilateral:
         layer = grid_map[self.input_layer]
         reach = 3 * self.sigma_space if self.radius is None else self.radius
         disc = Disc(reach, grid_map.resolution, grid_map.size)
-        # What is missing has a value infinitely far away from all others.
+        # A missing value is infinitely far away from all others, so that its weight is 0.
         known = np.where(np.isfinite(layer), layer, np.float32(np.inf))
         margins = [(side // 2, side // 2) for side in disc.kernel.shape]
         padded = np.pad(known, margins, constant_values=np.inf)
@@ -76,21 +76,17 @@ class Bilateral:
         result[~np.isfinite(layer)] = np.nan
         return grid_map.with_layers({self.output_layer: result})
 
-    def _smooth(self, centre: Layer, around: Layer, disc: Disc) -> Layer:
-        """Return the means of the cells `centre`; `around` has the margins of a disc more."""
+    def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
+        """Return the means of the cells `center`; `around` holds them with the margin of a disc."""
         sigma = np.float32(self.sigma_range)
-        weights, total = np.zeros_like(centre), np.zeros_like(centre)
-        for (row, column), share in self._shares(disc):
-            neighbours = around[row : row + centre.shape[0], column : column + centre.shape[1]]
-            difference = np.clip((neighbours - centre) / sigma, -_FAR, _FAR)
-            weight = np.exp(np.float32(-0.5) * difference * difference) * share
+        weights, total = np.zeros_like(center), np.zeros_like(center)
+        distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
+        shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
+        for row, column in np.argwhere(shares):
+            neighbors = around[row : row + center.shape[0], column : column + center.shape[1]]
+            difference = np.clip((neighbors - center) / sigma, -_FAR, _FAR)
+            weight = np.exp(np.float32(-0.5) * difference * difference) * shares[row, column]
             weights += weight
             total += weight * difference
         total[np.abs(total) < _NOTHING * weights] = 0.0
-        return centre + sigma * total / weights
-
-    def _shares(self, disc: Disc) -> list[tuple[tuple[int, int], np.float32]]:
-        """Return the cells of a disc with their weight by distance."""
-        distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
-        shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
-        return [((row, column), shares[row, column]) for row, column in np.argwhere(shares)]
+        return center + sigma * total / weights

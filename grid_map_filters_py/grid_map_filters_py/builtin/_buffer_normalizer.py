@@ -11,8 +11,8 @@ from grid_map_core_py import GridMap
 class BufferNormalizer:
     """Reorder the data so that the start index is (0, 0).
 
-    A `FilterChain` shows all its filters such maps anyway; with this one among them it does not
-    restore the start index of its input in the end.
+    A `FilterChain` gives such maps to all filters. With this filter in the chain, the result does
+    not get the start index of the input again.
     """
 
     def __call__(self, grid_map: GridMap) -> GridMap:

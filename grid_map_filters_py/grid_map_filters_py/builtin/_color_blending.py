@@ -18,17 +18,17 @@ _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorBlending:
-    """Blend a layer of colours over another.
+    """Blend a layer of colors over another.
 
-    Where one of both has no colour, the other one is taken.
+    Where one layer has no color, the result is the color of the other one.
 
     Attributes:
-        background_layer: colours below.
-        foreground_layer: colours above.
-        blend_mode: "normal" mixes both; "hard_light" multiplies with dark colours of the foreground
+        background_layer: layer with the colors below.
+        foreground_layer: layer with the colors above.
+        blend_mode: "normal" mixes both; "hard_light" multiplies with dark colors of the foreground
             and screens with bright ones; "soft_light" is Pegtop's formula.
-        opacity: of what the mode gives over the background, from 0 to 1.
-        output_layer: the result goes there.
+        opacity: opacity of the blended color over the background, from 0 to 1.
+        output_layer: layer for the result.
     """
 
     background_layer: str

@@ -16,13 +16,13 @@ _NAN = np.float32(np.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorFill:
-    """Fill a layer with one colour.
+    """Fill a layer with one color.
 
     Attributes:
-        red, green, blue: from 0 to 1; values beyond are clamped.
-        mask_layer: only cells where this layer is finite get the colour, the others NaN; empty for
-            all cells.
-        output_layer: the result goes there.
+        red, green, blue: components of the color, clamped to [0, 1].
+        mask_layer: cells get the color where this layer is finite, and NaN elsewhere; all cells get
+            it if this is empty.
+        output_layer: layer for the result.
     """
 
     red: float

@@ -18,16 +18,16 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 
 @dataclass(frozen=True, kw_only=True)
 class ColorMap:
-    """Colour a layer by a ramp from one value and its colour to another; beyond both it is flat.
+    """Color a layer by a linear ramp between two values, each with a color.
 
-    Cells that are not finite have no colour.
+    Values beyond the ramp get the color of its end. Cells that are not finite have no color.
 
     Attributes:
-        input_layer: the layer to colour.
-        output_layer: the result goes there.
-        min_value: where the ramp begins. In YAML also `min: {value, color}` and `min/value`.
-        max_value: where it ends, above `min_value`.
-        min_color, max_color: red, green and blue there, from 0 to 1; values beyond are clamped.
+        input_layer: layer with the values.
+        output_layer: layer for the result.
+        min_value: first value of the ramp. In YAML also `min: {value, color}` and `min/value`.
+        max_value: last value of the ramp, above `min_value`.
+        min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].
     """
 
     input_layer: str

@@ -23,12 +23,12 @@ _PIECE = 2**15
 class Curvature:
     """Compute the curvature of a layer, positive on hilltops: minus its second differences.
 
-    At the border of the map the cell itself stands for the missing neighbour. A difference that
-    meets a cell that is not finite counts as 0; cells that are not finite themselves become NaN.
+    At the border of the map, the cell itself replaces the missing neighbor. A second difference
+    with a cell that is not finite counts as 0. Cells that are not finite become NaN.
 
     Attributes:
         input_layer: heights [m].
-        output_layer: the result goes there.
+        output_layer: layer for the result.
     """
 
     input_layer: str
@@ -48,16 +48,16 @@ class Curvature:
 
 def _of_lines(layer: Layer, lines: slice, resolution: float) -> Layer:
     """Return the curvature in some lines of a C-contiguous layer."""
-    # With the neighbours around them, as far as there are any.
+    # The lines with a margin of one cell, which repeats the border of the map.
     first, last = max(lines.start - 1, 0), min(lines.stop + 1, len(layer))
     above, below = first - lines.start + 1, lines.stop + 1 - last
     border = above, below, 1, 1
     heights = cv2.copyMakeBorder(layer[first:last], *border, cv2.BORDER_REPLICATE)
     width, flat = heights.shape[1], heights.ravel()
-    # Every cell, those of the border too, and its four neighbours.
+    # Every cell, with those of the margin, and its four neighbors.
     shifts = 0, -width, width, -1, 1
-    neighbours = [flat[width + shift : flat.size - width + shift] for shift in shifts]
-    return _curvature(neighbours, (-1 / resolution**2,)).reshape(-1, width)[:, 1:-1]
+    neighbors = [flat[width + shift : flat.size - width + shift] for shift in shifts]
+    return _curvature(neighbors, (-1 / resolution**2,)).reshape(-1, width)[:, 1:-1]
 
 
 @cell_function(takes=np.float32, gives=np.float32, numbers=1)

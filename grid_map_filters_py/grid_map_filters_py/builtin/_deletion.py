@@ -11,10 +11,10 @@ from .._filter import warn
 
 @dataclass(frozen=True, kw_only=True)
 class Deletion:
-    """Remove `layers`; warn of those that the map does not have.
+    """Remove layers, and warn about names of layers that the map does not have.
 
     Attributes:
-        layers: their names.
+        layers: names of the layers to remove.
     """
 
     layers: tuple[str, ...]

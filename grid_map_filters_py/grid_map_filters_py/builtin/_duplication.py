@@ -12,8 +12,8 @@ class Duplication:
     """Copy `input_layer` to `output_layer`.
 
     Attributes:
-        input_layer: the layer to copy.
-        output_layer: the copy.
+        input_layer: layer to copy.
+        output_layer: layer for the copy.
     """
 
     input_layer: str

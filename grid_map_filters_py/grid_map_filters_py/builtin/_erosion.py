@@ -16,8 +16,8 @@ class Erosion(DiscFilter):
     """Give every cell the smallest finite value in the disc of `radius` [m] around it.
 
     Attributes:
-        compute_empty_cells: give cells a value too that are not finite in the input, NaN where
-            their disc has none.
+        compute_empty_cells: also give values to cells that are not finite in the input; NaN where
+            their disc has no finite value.
     """
 
     compute_empty_cells: bool = False

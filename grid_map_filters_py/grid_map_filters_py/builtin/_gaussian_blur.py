@@ -20,19 +20,18 @@ from ..parts._disc import Disc, typical_value
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianBlur:
-    """Give every cell the mean of the finite values around it, weighted by a Gaussian.
+    """Smooth a layer by the mean of the finite values around each cell, weighted by a Gaussian.
 
-    The weights of the finite cells are scaled to a sum of 1 in every place (normalized convolution,
-    H. Knutsson and C.-F. Westin, 1993), so that neither holes nor the border pull the mean
-    anywhere.
+    In every cell, the weights of the finite values are scaled to a sum of 1 (normalized
+    convolution, H. Knutsson and C.-F. Westin, 1993), so that holes and borders add no bias.
 
     Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
+        input_layer: layer to filter.
+        output_layer: layer for the result.
         sigma: standard deviation of the Gaussian [m].
-        radius: how far the weights reach along x and along y [m]; without it 3 `sigma`.
-        compute_empty_cells: give cells a value too that are not finite in the input, NaN where none
-            is within reach.
+        radius: reach of the weights along x and along y [m]; 3 `sigma` by default.
+        compute_empty_cells: also give values to cells that are not finite in the input; NaN where
+            no finite value is within reach.
     """
 
     input_layer: str

@@ -21,16 +21,16 @@ from .._shared.disc_filter import check_radius
 class Inpaint:
     """Fill the cells of a layer that are not finite from their surroundings.
 
-    Uses the Navier-Stokes based method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV, on
-    floats: finite cells keep their value to the bit. A layer without a finite cell stays as it is.
-    Missing cells that touch, also at a corner, are one hole.
+    This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV. Finite
+    cells keep their bits. A layer without finite cells stays as it is. Missing cells that touch,
+    also at a corner, belong to one hole.
 
     Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
-        radius: of the neighbourhood that a filled cell is computed from [m], at least one cell.
-        enclosed_holes_only: leave holes alone that reach the border of the map.
-        max_hole_area: largest hole that is filled [m^2]; without it holes of any size are.
+        input_layer: layer to filter.
+        output_layer: layer for the result.
+        radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
+        enclosed_holes_only: do not fill holes that reach the border of the map.
+        max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 
     input_layer: str
@@ -59,7 +59,7 @@ class Inpaint:
         return grid_map.with_layers({self.output_layer: filled})
 
     def _choose(self, holes: Mask, resolution: float) -> Mask:
-        """Return where the holes are that shall be filled."""
+        """Return the mask of the holes to fill."""
         if not self.enclosed_holes_only and self.max_hole_area is None:
             return holes
         _, labels, sizes, _ = cv2.connectedComponentsWithStats(holes.T.astype(np.uint8))
@@ -69,7 +69,7 @@ class Inpaint:
         if self.enclosed_holes_only:
             for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
                 wanted[side] = False
-        # The first label is that of the cells that are no hole.
+        # Label 0 is that of all cells outside of holes.
         wanted[0] = False
         return np.asarray(wanted[labels].T)
 
@@ -79,22 +79,22 @@ def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
     lowest, highest = min_of_finites(layer), max_of_finites(layer)
     if lowest == highest:
         return np.full_like(layer, lowest)
-    # OpenCV weighs by gradients with thresholds that are made for grey values.
+    # OpenCV weighs by gradients, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
-    grey = elementwise(
+    gray = elementwise(
         lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer
     )
-    grey[holes] = 0.0
-    filled = _inpaint(grey, holes.astype(np.uint8), radius)
+    gray[holes] = 0.0
+    filled = _inpaint(gray, holes.astype(np.uint8), radius)
     return elementwise(
-        lambda greys: np.clip(greys, 0.0, 255.0, dtype=np.float64) / scale + lowest,
+        lambda grays: np.clip(grays, 0.0, 255.0, dtype=np.float64) / scale + lowest,
         np.float32,
         filled,
     )
 
 
 def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> Layer:
-    # On images with sides of one or two pixels OpenCV reads beyond the border.
+    # OpenCV reads beyond the border of images with sides of one or two pixels.
     margins = [(1, 1) if side < 3 else (0, 0) for side in image.shape]
     image, mask = np.pad(image, margins, mode="edge"), np.pad(mask, margins, mode="edge")
     filled = cv2.inpaint(

@@ -16,15 +16,14 @@ from ..parts._cell_function import Value, cell_function, is_finite
 
 @dataclass(frozen=True, kw_only=True)
 class LightIntensity:
-    """Shade a map in grey by how straight light falls onto its normals.
+    """Shade a map in gray, by the cosine between its normals and the direction to the light.
 
-    Cells without a normal have no colour.
+    Cells without a normal have no color.
 
     Attributes:
-        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
-        output_layer: the result goes there.
-        light_direction: x, y, z: where the light travels to, not where it comes from; of any length
-            but 0.
+        input_layers_prefix: prefix of the layers with the normals; `x`, `y` and `z` follow.
+        output_layer: layer for the result.
+        light_direction: x, y, z of the direction in which the light travels; of any length but 0.
     """
 
     input_layers_prefix: str
@@ -47,5 +46,5 @@ class LightIntensity:
 @cell_function(takes=np.float32, gives=np.uint32, numbers=3)
 def _shade(x: Value, y: Value, z: Value, towards: tuple[Value, ...]) -> Value:
     intensity = x * towards[0] + y * towards[1] + z * towards[2]
-    grey = FULL * intensity
-    return or_none(pack(grey, grey, grey), is_finite(intensity))
+    gray = FULL * intensity
+    return or_none(pack(gray, gray, gray), is_finite(intensity))

@@ -17,11 +17,11 @@ from ..expression import Expression
 class MathExpression:
     """Compute `output_layer` by a matrix expression over the layers of the map.
 
-    A scalar fills the layer; a matrix of another shape than the map's is an error.
+    A number fills the layer; a matrix must have the shape of the map.
 
     Attributes:
         expression: for example `0.5 * slope + roughness`.
-        output_layer: the result goes there.
+        output_layer: layer for the result.
     """
 
     expression: str

@@ -28,22 +28,22 @@ _TOLERANCE = 1e-9
 class MedianFill:
     """Fill holes with the median of the finite values in the square around each cell.
 
-    Of an even number of values the larger one of the two in the middle counts. The result has no
-    basic layers.
+    The median of an even number of values is the larger one of the two in the middle. The result
+    has no basic layers.
 
     Attributes:
-        input_layer: the layer to filter.
-        output_layer: the result goes there.
-        fill_hole_radius: half the width of the square [m], cut off to whole cells.
-        filter_existing_values: give finite cells that the mask allows their median too.
-        existing_value_radius: half the width of the square of these [m]; required with
+        input_layer: layer to filter.
+        output_layer: layer for the result.
+        fill_hole_radius: half the width of the square [m], rounded down to whole cells.
+        filter_existing_values: also replace finite cells of the mask by their median.
+        existing_value_radius: half the width of the square for finite cells [m]; required with
             `filter_existing_values`.
-        fill_mask_layer: where to fill: only cells where this layer is not 0 change. If the map does
-            not have it, it is computed: where the layer is finite, without what is thinner than 3
-            cells, grown and shrunk again; and added to the map as 0 and 1.
-        num_erode_dilation_iterations: by how many cells a computed mask grows and shrinks.
-        debug: also store a computed mask as it was before it grew.
-        debug_infill_mask_layer: where that goes; required with `debug`.
+        fill_mask_layer: mask: only cells where this layer is not 0 change. If the map does not have
+            it, it is computed and added to the map as 0 and 1: the finite cells without parts
+            thinner than 3 cells (opening), dilated and eroded again (closing).
+        num_erode_dilation_iterations: number of cells by which the closing dilates and erodes.
+        debug: also store the computed mask before the closing.
+        debug_infill_mask_layer: layer for that mask; required with `debug`.
     """
 
     input_layer: str
@@ -92,8 +92,8 @@ class MedianFill:
         return result
 
     def _compute_mask(self, known: Mask) -> tuple[Mask, dict[str, Layer]]:
-        """Return where to fill, and the layers that tell it."""
-        # A mask that has grown by the size of the map cannot grow further.
+        """Return the mask of cells to fill, and the layers to add."""
+        # After as many steps as the map has cells along a side, a mask cannot grow further.
         iterations = min(self.num_erode_dilation_iterations, max(known.shape))
         solid = cv2.morphologyEx(known.T.view(np.uint8), cv2.MORPH_OPEN, _BLOCK)
         grown = cv2.dilate(solid, _BLOCK, iterations=iterations)

@@ -15,7 +15,7 @@ from .._shared.morphology import lowest_in_disc
 class MinInRadius(DiscFilter):
     """Give every finite cell the smallest finite value in the disc of `radius` [m] around it.
 
-    The other cells become NaN.
+    Cells that are not finite become NaN.
     """
 
     @in_map_order

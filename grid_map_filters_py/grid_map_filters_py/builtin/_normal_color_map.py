@@ -16,13 +16,13 @@ _ONE, _HALF = np.float32(1), np.float32(127.5)
 
 @dataclass(frozen=True, kw_only=True)
 class NormalColorMap:
-    """Colour a map by its normals: red, green, blue are x, y, z taken from [-1, 1] to [0, 1].
+    """Color a map by its normals: red, green, blue are x, y, z mapped from [-1, 1] to [0, 1].
 
-    The colours of cells without a normal are NaN.
+    Cells without a normal have no color.
 
     Attributes:
-        input_layers_prefix: the normals are in the layers prefix + `x`, `y`, `z`.
-        output_layer: the result goes there.
+        input_layers_prefix: prefix of the layers with the normals; `x`, `y` and `z` follow.
+        output_layer: layer for the result.
     """
 
     input_layers_prefix: str

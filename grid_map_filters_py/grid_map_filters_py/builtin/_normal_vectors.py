@@ -19,14 +19,13 @@ class NormalVectors:
 
     Attributes:
         input_layer: heights [m].
-        output_layers_prefix: the normals go to the layers prefix + `x`, `y`, `z`.
+        output_layers_prefix: prefix of the layers for the normals; `x`, `y` and `z` follow.
         normal_vector_positive_axis: normals point to the positive side of this axis. In a parameter
             file of ROS write `'y'`: without quotes it means *true* there.
         algorithm: "area" fits a plane to the disc around each cell, "raster" takes the slopes to
-            the four neighbours.
-        radius: of the disc [m]; not positive means "raster".
-        parallelization_enabled, thread_number: accepted for files of the C++ filter, without
-            effect: all cells are computed at once.
+            the four neighbors.
+        radius: radius of the disc [m]; 0 or less means "raster".
+        parallelization_enabled, thread_number: parameters of the C++ filter, without effect.
     """
 
     input_layer: str

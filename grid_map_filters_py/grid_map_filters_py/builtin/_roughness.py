@@ -13,13 +13,13 @@ from .._shared.normals import plane_deviations
 
 @dataclass(frozen=True, kw_only=True)
 class Roughness(DiscFilter):
-    """Compute how far the points around a cell lie off the plane that fits them best [m].
+    """Compute the standard deviation of the points around a cell from their plane [m].
 
-    It is the standard deviation sqrt(sum d^2 / (n - 1)) of the distances d of the n finite points
-    in the disc to the plane through their mean, whose normal is that of `NormalVectors` with the
-    same disc: the roughness filter of traversability_estimation (M. Wermelinger et al.,
+    It is sqrt(sum d^2 / (n - 1)), with the distances d of the n finite points in the disc to the
+    plane through their mean. The normal of the plane is that of `NormalVectors` with the same disc.
+    This is the roughness filter of traversability_estimation (M. Wermelinger et al.,
     "Navigation planning for legged robots in challenging terrain", IROS 2016). It is NaN where the
-    input is not finite, and where a cell is alone in its disc.
+    input is not finite, and where the disc has no other finite cell.
 
     Attributes:
         input_layer: heights [m].

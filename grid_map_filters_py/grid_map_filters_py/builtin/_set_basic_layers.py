@@ -12,11 +12,11 @@ from .._filter import warn
 
 @dataclass(frozen=True, kw_only=True)
 class SetBasicLayers:
-    """Make `layers` the basic layers; warn of those that the map does not have.
+    """Set the basic layers, and warn about names of layers that the map does not have.
 
     Attributes:
-        layers: their names; may be none.
-        layer: the same by the name that C++ reads; exactly one of both is given.
+        layers: names of the basic layers; may be empty.
+        layer: the same under the name of the C++ filter; exactly one of both is required.
     """
 
     layers: tuple[str, ...] | None = None

@@ -18,13 +18,13 @@ class SlidingWindowMathExpression:
     """Compute a layer by an expression over the window around each cell; it must give a scalar.
 
     Attributes:
-        input_layer: its name stands for the window in the expression.
-        output_layer: the result goes there.
+        input_layer: layer to filter; its name is that of the window in the expression.
+        output_layer: layer for the result.
         expression: for example `meanOfFinites(elevation)`.
-        compute_empty_cells: give cells a value too that are NaN in the input.
-        edge_handling: what becomes of a window that does not fit: "inside" leaves the cell NaN,
-            "crop" takes the part on the map, "empty" pads with NaN, "mean" with the mean of the
-            window's finite values.
+        compute_empty_cells: also give values to cells that are NaN in the input.
+        edge_handling: treatment of windows that reach beyond the border: "inside" makes the cell
+            NaN, "crop" uses the part on the map, "empty" pads with NaN, "mean" with the mean of
+            the finite values of the window.
         window_size: side of the window in cells, odd.
         window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
     """
@@ -52,17 +52,15 @@ class SlidingWindowMathExpression:
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
+        cells = self.window_size
+        if self.window_length is not None:
+            cells = math.floor(self.window_length / grid_map.resolution + 0.5)
+            cells += 1 - cells % 2
         result = self._parsed.over_windows(
             self.input_layer,
             grid_map[self.input_layer],
-            self._cells(grid_map.resolution),
+            cells,
             self.edge_handling,
             compute_empty_cells=self.compute_empty_cells,
         )
         return grid_map.with_layers({self.output_layer: result})
-
-    def _cells(self, resolution: float) -> int:
-        if self.window_length is None:
-            return self.window_size
-        cells = math.floor(self.window_length / resolution + 0.5)
-        return cells if cells % 2 else cells + 1

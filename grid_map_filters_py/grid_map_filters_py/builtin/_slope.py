@@ -12,23 +12,23 @@ from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order
 from .._shared.disc_filter import check_radius
-from .._shared.normals import Normals, area_normals, raster_normals
+from .._shared.normals import area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slope:
     """Compute the angle between the surface and the horizontal [rad], in [0, pi / 2].
 
-    It is the angle between the normal and the z axis, atan(hypot(x, y) / |z|): what acos(|z|) is,
-    without the digits that this loses on gentle slopes.
+    It is the angle between the normal and the z axis, atan(hypot(x, y) / |z|). This equals
+    acos(|z|), but keeps its digits on gentle slopes.
 
     Attributes:
         input_layer: heights [m] that the normals are computed from.
-        input_layers_prefix: instead of `input_layer`: the normals are in the layers prefix + `x`,
-            `y`, `z`.
-        output_layer: the result goes there.
-        radius: of the disc around each cell that a plane is fitted to [m]; 0 takes the slopes to
-            the four neighbours.
+        input_layers_prefix: instead of `input_layer`: prefix of the layers with the normals; `x`,
+            `y` and `z` follow.
+        output_layer: layer for the result.
+        radius: radius of the disc around each cell to which a plane is fitted [m]; 0 uses the
+            slopes to the four neighbors.
     """
 
     input_layer: str | None = None
@@ -45,18 +45,14 @@ class Slope:
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
-        x, y, z = self._normals(grid_map)
-        slope = elementwise(_slope, np.float32, x, y, z)
-        return grid_map.with_layers({self.output_layer: slope})
-
-    def _normals(self, grid_map: GridMap) -> Normals:
         if self.input_layers_prefix is not None:
             x, y, z = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
-            return x, y, z
-        heights = grid_map[self.input_layer or ""]
-        if self.radius:
-            return area_normals(heights, self.radius, grid_map.resolution)
-        return raster_normals(heights, grid_map.resolution)
+        elif self.radius:
+            heights = grid_map[self.input_layer or ""]
+            x, y, z = area_normals(heights, self.radius, grid_map.resolution)
+        else:
+            x, y, z = raster_normals(grid_map[self.input_layer or ""], grid_map.resolution)
+        return grid_map.with_layers({self.output_layer: elementwise(_slope, np.float32, x, y, z)})
 
 
 def _slope(x: Layer, y: Layer, z: Layer) -> Layer:

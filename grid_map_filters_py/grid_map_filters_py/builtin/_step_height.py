@@ -22,9 +22,10 @@ from ..parts._disc import Disc, tiles
 class StepHeight:
     """Compute the height of the steps around each cell [m].
 
-    With one window it is the difference between the highest and the lowest finite cell of a disc,
-    at finite cells. With two, as in the step filter of traversability_estimation (M. Wermelinger et
-    al., "Navigation planning for legged robots in challenging terrain", IROS 2016), it is
+    With one window, it is the difference between the highest and the lowest finite cell of a disc,
+    at finite cells. With two windows, as in the step filter of traversability_estimation
+    (M. Wermelinger et al., "Navigation planning for legged robots in challenging terrain",
+    IROS 2016), it is
 
         min(1, n / critical_cell_number) * h,
 
@@ -33,12 +34,12 @@ class StepHeight:
 
     Attributes:
         input_layer: heights [m].
-        output_layer: the result goes there.
-        radius: of the disc [m], 0 or more; the rim is inside.
-        second_window_radius: of the second disc [m]; together with `critical_value`. Every cell
-            with a finite one in it gets a value.
+        output_layer: layer for the result.
+        radius: radius of the disc [m], 0 or more; the rim is inside.
+        second_window_radius: radius of the second disc [m]; requires `critical_value`. Every cell
+            with a finite difference in this disc gets a value.
         critical_value: height above which a difference counts as a step [m].
-        critical_cell_number: how many cells make a step.
+        critical_cell_number: number of cells that make a step.
     """
 
     input_layer: str

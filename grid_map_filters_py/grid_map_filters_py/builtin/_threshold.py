@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, Mask
 from grid_map_core_py.errors import ConfigError
 
 
@@ -16,13 +15,13 @@ class Threshold:
     """Set cells of a layer to a value where a layer is below or above a threshold.
 
     Attributes:
-        layer: short for a condition and an output layer of this name.
-        condition_layer: instead of `layer`: compared with the threshold, in double precision; cells
-            that are not finite never pass.
-        output_layer: instead of `layer`: written to; both must exist.
+        layer: name of both the condition layer and the output layer.
+        condition_layer: instead of `layer`: layer that is compared with the threshold, in double
+            precision; cells that are not finite never pass.
+        output_layer: instead of `layer`: existing layer in which cells are set.
         lower_threshold: cells below it are set.
-        upper_threshold: cells above it are set; exactly one of both thresholds is given.
-        set_to: value for these cells; may be `.nan` or `.inf`.
+        upper_threshold: cells above it are set; exactly one of both thresholds is required.
+        set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 
     layer: str | None = None
@@ -43,12 +42,10 @@ class Threshold:
         condition = grid_map[self.layer or self.condition_layer or ""]
         output_layer = self.layer or self.output_layer or ""
         result = grid_map[output_layer].copy("F")
-        with np.errstate(over="ignore"):
-            result[self._passes(condition) & np.isfinite(condition)] = self.set_to
-        return grid_map.with_layers({output_layer: result})
-
-    def _passes(self, condition: Layer) -> Mask:
         lower, upper = self.lower_threshold, self.upper_threshold
         compare, threshold = (np.greater, upper) if lower is None else (np.less, lower)
-        # Without the signature the threshold would be rounded to the float32 of the layer.
-        return np.asarray(compare(condition, np.asarray(threshold), signature="dd->?"))
+        # Without the signature, the threshold would be rounded to the float32 of the layer.
+        passes = compare(condition, np.asarray(threshold), signature="dd->?")
+        with np.errstate(over="ignore"):
+            result[passes & np.isfinite(condition)] = self.set_to
+        return grid_map.with_layers({output_layer: result})

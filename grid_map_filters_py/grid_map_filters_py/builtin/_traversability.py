@@ -15,17 +15,17 @@ from grid_map_core_py.plugins import check
 
 @dataclass(frozen=True, kw_only=True)
 class Traversability:
-    """Compute how easy a cell is to pass, from 0 (not at all) to 1, by what makes it hard.
+    """Compute the traversability of cells, from 0 (impassable) to 1.
 
     It is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over layers such
     as slope, step height and roughness (M. Wermelinger et al., "Navigation planning for legged
-    robots in challenging terrain", IROS 2016). Where a value is not finite it is NaN.
+    robots in challenging terrain", IROS 2016). It is NaN where a value is not finite.
 
     Attributes:
-        input_layers: what makes a cell hard to pass.
-        output_layer: the result goes there.
-        critical_values: per layer, the value from which on a cell cannot be passed.
-        weights: per layer; only their ratios matter. Without them all layers weigh alike.
+        input_layers: layers with costs such as slope, step height and roughness.
+        output_layer: layer for the result.
+        critical_values: per layer, the smallest value with which a cell cannot be passed.
+        weights: weight per layer; only their ratios matter. Equal by default.
     """
 
     input_layers: tuple[str, ...]

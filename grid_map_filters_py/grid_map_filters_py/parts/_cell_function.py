@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Functions of the values of one cell, applied to all cells of a map.
 
-Such a function is written once, with operators, `choose` and `clamp`, and computes with numbers as
-well as with arrays. Where numba is installed it becomes a loop over the cells, compiled when a
-filter that needs it is built. NumPy, which passes through memory once per operator, gives the same
-bits in several times the time: it does the work where numba is missing, piece by piece.
+A function is written once, with operators, `choose` and `clamp`, and computes with numbers as well
+as with arrays. If numba is installed, it is compiled to a loop over the cells as soon as a filter
+needs it. Without numba, NumPy computes the same bits, piece by piece and several times slower,
+because it passes through memory once per operator.
 """
 
 import functools
@@ -22,14 +22,14 @@ from grid_map_core_py.arrays import Layer, elementwise
 from .._filter import warn
 
 Value: TypeAlias = Any
-"""A number of one cell, or an array with the numbers of many cells."""
+"""A number of one cell, or an array with the numbers of all cells."""
 
 _ZERO = np.float32(0)
 
 _compiling = threading.Lock()
 
 _LIKE_NUMPY = {"error_model": "numpy"}
-"""Divisions by 0 are no errors."""
+"""Options of numba: division by 0 gives an infinity or NaN."""
 
 
 def choose(condition: Value, yes: Value, no: Value) -> Value:
@@ -38,21 +38,21 @@ def choose(condition: Value, yes: Value, no: Value) -> Value:
 
 
 def clamp(value: Value, lowest: np.float32, highest: np.float32) -> Value:
-    """Return a value that is brought into bounds; the lowest for NaN."""
+    """Return a value clamped to [lowest, highest]; NaN becomes the lowest."""
     return choose(value > lowest, choose(value < highest, value, highest), lowest)
 
 
 def is_finite(value: Value) -> Value:
-    """Tell whether a float is neither NaN nor infinite."""
+    """Return True where a float is neither NaN nor infinite."""
     return value - value == _ZERO
 
 
 _helpers: list[Callable[..., Value]] = [clamp, is_finite]
-"""Functions that numba has still to be told of."""
+"""Functions that are not registered with numba yet."""
 
 
 def helper(function: Callable[..., Value]) -> Callable[..., Value]:
-    """Allow functions of cells to call this one; for use as a decorator."""
+    """Allow cell functions to call this function; for use as a decorator."""
     _helpers.append(function)
     return function
 
@@ -62,14 +62,14 @@ class CellFunction:
 
     Args:
         function: takes one value per layer, and last a tuple of numbers that are the same for all
-            cells. Constants in it must be float32 or uint32 like the values: a Python number would
+            cells. Its constants must be float32 or uint32 like the values: a Python number would
             widen the result.
-        takes: type of the values: float32, or uint32 for colours as bits.
-        gives: type of the result, one of both as well.
-        numbers: length of the tuple; the numbers are float32.
+        takes: type of the values: float32, or uint32 for the bits of colors.
+        gives: type of the result: float32 or uint32.
+        numbers: length of the tuple of float32 numbers.
 
     Attributes:
-        layers: how many layers it takes.
+        layers: number of layers that the function takes.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class CellFunction:
         self.layers = len(inspect.signature(function).parameters) - 1
 
     def prepare(self) -> None:
-        """Compile the function now, which takes up to a second, and not with the first map."""
+        """Compile the function, which takes up to a second, before the first map comes."""
         one_cell = np.zeros(1, self.takes)
         self((one_cell,) * self.layers, (0.0,) * self.numbers)
 
@@ -96,8 +96,8 @@ class CellFunction:
         """Return the layer of the function's results.
 
         Args:
-            layers: as many as the function takes, of one shape, in Fortran order.
-            numbers: the tuple that it takes last.
+            layers: arrays of one shape in Fortran order, one per argument of the function.
+            numbers: last argument of the function.
 
         Returns:
             float32 whose bits are the results, in the shape of the layers, in Fortran order.
@@ -124,8 +124,8 @@ class CellFunction:
 
     @functools.cached_property
     def _loop(self) -> Callable[..., None] | None:
-        # From Python 3.12 on several threads may come here at once, one of which must not compile
-        # while another one is still telling numba of a helper.
+        # Since Python 3.12, several threads may come here at once. None may compile before all
+        # helpers are registered.
         with _compiling:
             numba = _numba()
             if numba is None:
@@ -138,40 +138,40 @@ class CellFunction:
 def cell_function(
     *, takes: npt.DTypeLike, gives: npt.DTypeLike, numbers: int = 0
 ) -> Callable[[Callable[..., Value]], CellFunction]:
-    """Return the decorator that makes a `CellFunction`; see there for the arguments."""
+    """Return the decorator that makes a `CellFunction`, with the arguments of that class."""
     return lambda function: CellFunction(function, takes, gives, numbers)
 
 
 def _numba() -> Any:
-    """Return numba, which knows our helpers; None where it is missing, broken or turned off."""
+    """Return numba with all helpers registered; None if it is missing, broken or turned off."""
     try:
         import numba
         from numba.extending import overload, register_jitable
     except ImportError:
         return None
-    # One that was built for another NumPy, or lacks a library, raises SystemError, AttributeError,
-    # OSError, ...
+    # A numba that was built for another NumPy, or lacks a library, raises SystemError,
+    # AttributeError, OSError, ...
     except Exception as error:
         warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
         return None
-    # Its loops would run in Python.
+    # With DISABLE_JIT, loops would run in Python.
     if getattr(numba.config, "DISABLE_JIT", False):
         return None
-    _replace_choose(overload)
+    _compile_choose(overload)
     while _helpers:
         register_jitable(**_LIKE_NUMPY)(_helpers.pop())
     return numba
 
 
 @functools.cache
-def _replace_choose(overload: Callable[..., Any]) -> None:
-    """Let `choose` take one of both where there is but one cell."""
-    # Numba compares their signatures, without types here, with the arguments of `choose`.
+def _compile_choose(overload: Callable[..., Any]) -> None:
+    """Give `choose` a version for single cells."""
+    # Numba compares the signatures with that of `choose`, without annotations.
     one_of_both = lambda condition, yes, no: yes if condition else no  # noqa: E731
     overload(choose)(lambda condition, yes, no: one_of_both)  # noqa: ARG005
 
 
-# Numba can neither make the number of arguments a variable nor take them from a list.
+# Numba supports neither a variable number of arguments nor arguments from a list.
 
 
 def _over_1(function: Callable[..., Value]) -> Callable[..., None]:

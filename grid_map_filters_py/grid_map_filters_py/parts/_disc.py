@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sums over the disc around every cell at once.
 
-The disc is closed: a cell centre within 1e-9 m of the rim is inside. Beyond the border of the map
+The disc is closed: a cell center within 1e-9 m of the rim is inside. Beyond the border of the map
 there is no data.
 
-No sum is made by subtracting one running sum from another, so that a huge value spoils only the
-discs that hold it.
+Sums are never differences of running sums (as in an integral image), so that a huge value spoils
+only the discs that contain it.
 """
 
 import math
@@ -79,10 +79,10 @@ class Disc:
 
 @dataclass(frozen=True)
 class Tile:
-    """A rectangle of cells and all that the discs around them cover.
+    """A rectangle of cells with the margin that the discs around them cover.
 
-    The values of a tile lie in a flat array, line after line. In it all cells have the same
-    neighbour at the same distance: one slice, whatever the size of the tile, and no inner loops.
+    The values of a tile are in a flat array, column after column. There the neighbors of all cells
+    at one distance are a single slice, so that no loop over rows is needed.
 
     Args:
         disc: around every cell.
@@ -95,7 +95,7 @@ class Tile:
 
     @cached_property
     def strides(self) -> Size:
-        """Distance in the flat array from a row and from a column to the next."""
+        """Steps in the flat array from one row to the next, and from one column to the next."""
         return 1, self.rows.stop - self.rows.start + 2 * self.disc.reach[0]
 
     @cached_property
@@ -106,15 +106,16 @@ class Tile:
     def finite(
         self, layer: Layer, offset: float, dtype: npt.DTypeLike = np.float64
     ) -> tuple[Flat, Flat]:
-        """Return where a layer is finite, and its differences to `offset`, 0 where it is not.
+        """Return a mask of the finite cells, and their differences to `offset`.
 
         Args:
             layer: (rows, cols) of the whole map.
             offset: see `typical_value`.
-            dtype: of the differences.
+            dtype: type of the differences.
 
         Returns:
-            flat bool and `dtype`.
+            finite: flat bool.
+            differences: flat `dtype`, 0 in cells that are not finite.
         """
         values = self.cut(layer, dtype)
         known = np.isfinite(values)
@@ -142,33 +143,33 @@ class Tile:
         lines[columns, rows] = layer[on_map[0], on_map[1]].T
         return flat
 
-    def neighbours(self, values: Flat, rows: int = 0, columns: int = 0) -> Flat:
-        """Return for every cell the one that lies so many rows and columns further, as flat view.
+    def neighbors(self, values: Flat, rows: int = 0, columns: int = 0) -> Flat:
+        """Return a flat view of the neighbors of all cells at a distance.
 
         Args:
-            values: flat, including what is around the tile.
-            rows, columns: within the reach of the disc; 0 gives the cells themselves.
+            values: flat, with the margin of the tile.
+            rows, columns: distance, within the reach of the disc; 0 gives the cells themselves.
         """
         (row_reach, column_reach), (_, stride) = self.disc.reach, self.strides
         first = row_reach + rows + (column_reach + columns) * stride
         return values[first : first + self.count]
 
     def cells(self, sums: Flat) -> npt.NDArray[Any]:
-        """Return the (rows, cols) view of flat sums that holds those of the cells of the tile."""
+        """Return the sums of the cells of the tile, a (rows, cols) view of flat sums."""
         return sums.reshape(-1, self.strides[1]).T[: self.rows.stop - self.rows.start]
 
     def lines(self, values: Flat, axis: int, *, moments: bool = False) -> Iterator[Lines]:
-        """Yield sums over the lines that the discs consist of, from the rim to the centre.
+        """Yield sums over the lines of the discs, from the rim to the center.
 
         Args:
-            values: flat.
-            axis: along which the lines run, 0 for rows.
+            values: flat, with the margin of the tile.
+            axis: direction of the lines, 0 for rows.
             moments: sum up the values times their distance from the middle of the line instead.
 
         Yields:
-            A distance of lines from the centre in cells, flat sums over the lines at this distance
-            on the positive and on the negative side, which are the same for the distance 0. The
-            sums are to be used at once: the arrays are written into afterwards.
+            distance: of the line from the center [cells].
+            ahead, behind: flat sums over the lines at this distance on both sides of the center;
+                the same for distance 0. The next step overwrites them.
         """
         along, across = self.strides[axis], self.strides[1 - axis]
         widths = self.disc.half_widths[axis]
@@ -177,7 +178,7 @@ class Tile:
         line = np.zeros_like(inner) if moments else inner.copy()
         width = 0
         for distance in reversed(range(len(widths))):
-            # Towards the centre lines get longer, and begin as those before them.
+            # Towards the center, lines get longer: only their ends are added.
             for width in range(width + 1, widths[distance] + 1):  # noqa: B020
                 ahead = values[margin + width * along :][: line.size]
                 behind = values[margin - width * along :][: line.size]
@@ -199,8 +200,8 @@ class Tile:
         return total
 
     def counts(self, known: Flat) -> Flat:
-        """Return how many values in the disc around every cell are True, as flat integers."""
-        # The smallest type is by far the fastest.
+        """Return the number of True values in the disc around every cell, as flat integers."""
+        # The smallest integer type is by far the fastest.
         smallest = np.min_scalar_type(np.count_nonzero(self.disc.kernel))
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
 
@@ -210,29 +211,25 @@ def tiles(disc: Disc, side: int = 256) -> Iterator[Tile]:
 
     Args:
         disc: around every cell.
-        side: of a tile at most, in cells. The arrays of a tile should stay in the cache of one
-            core; larger tiles overlap less, by what lies within reach of two.
+        side: maximum side of a tile [cells]. The arrays of a tile should fit the cache of one core;
+            the margins of larger tiles overlap less.
     """
-    # Or with large discs too much would be computed twice.
+    # With large discs, margins of small tiles would take most of the time.
     side = max(side, 8 * max(disc.reach))
-    for rows, columns in product(*(_even_parts(length, side) for length in disc.size)):
+    lengths = [math.ceil(length / math.ceil(length / side)) for length in disc.size]
+    for rows, columns in product(*map(slices, disc.size, lengths)):
         yield Tile(disc, rows, columns)
 
 
-def _even_parts(length: int, longest: int) -> Iterator[slice]:
-    return slices(length, math.ceil(length / math.ceil(length / longest)))
-
-
 def typical_value(layer: Layer) -> float:
-    """Return about the median of the finite values, 0 if there are none.
+    """Return the approximate median of the finite values, 0 if there are none.
 
-    Sums of differences to it keep their precision on a layer that lies 1000 m up, whatever
-    outliers it has.
+    Sums of differences to it keep their precision on terrain at 1000 m, also with outliers.
     """
     flat = layer.ravel("K")
     sample = flat[:: flat.size // 1000 + 1]
     known = sample[np.isfinite(sample)]
     if not known.size:
         known = flat[np.isfinite(flat)]
-    # In single precision the mean of two huge numbers would be infinite.
+    # In single precision, the mean of two huge numbers would be infinite.
     return float(np.median(known.astype(np.float64))) if known.size else 0.0
