@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_demo_report`: collects what the filters demo publishes and reports on it.
+"""Node `grid_map_demo_report`: collects the output of the filters demo and reports on it.
 
 Waits for some messages on every topic, writes two pictures, prints a table and ends.
 The exit code is 0 only if every topic delivered in time.
@@ -48,11 +48,11 @@ SHOWN = {
     "/surface_normals": Marker,
     "/map_region": Marker,
 }
-"""What the visualization publishes."""
+"""Topics of the visualization."""
 
 
 class IncompleteDemoError(NodeFailedError):
-    """A topic of the demo has not delivered what it should."""
+    """A topic of the demo has not delivered its messages."""
 
 
 class DemoReportNode(Node):

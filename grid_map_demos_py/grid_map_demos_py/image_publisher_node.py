@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `image_publisher`: publishes an image file, again and again.
+"""Node `image_publisher`: publishes an image file at a fixed rate.
 
-The file is read anew each time, so that what a drawing program saves is seen at once. It may have 8
-or 16 bits or floats per channel, be gray or colored, and have an alpha channel.
+The node reads the file each time, so changes of the file appear at once. The image may have 8 or 16
+bits or floats per channel, be gray or colored, and have an alpha channel.
 """
 
 import array
@@ -39,7 +39,7 @@ ENCODING_OF = {
 
 
 def read_image(path: Path) -> core.Image:
-    """Return the pixels (rows, cols, channels) of a file, as they are in it; colors are BGR.
+    """Return the pixels (rows, cols, channels) of an image file, unchanged; colors are BGR.
 
     Raises:
         ConfigError: the file cannot be read, or is no image that a message can hold.
@@ -79,7 +79,7 @@ def to_message(pixels: core.Image) -> Image:
 
 
 class ImagePublisherNode(Node):
-    """Publishes what the file holds at the moment."""
+    """Publishes the current content of an image file."""
 
     def __init__(self) -> None:
         super().__init__("image_publisher")
@@ -118,7 +118,7 @@ class ImagePublisherNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(ImagePublisherNode)
 
 

@@ -98,7 +98,7 @@ class ImageToGridmapDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(ImageToGridmapDemoNode)
 
 

@@ -99,7 +99,7 @@ def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -
 
 
 class Quality(NamedTuple):
-    """How good an interpolation was: absolute errors [m], and the time of a query [us]."""
+    """Absolute errors of an interpolation [m], and the time of a query [us]."""
 
     mean_error: float
     max_error: float
@@ -131,7 +131,7 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 
 
 class InterpolationDemoNode(Node):
-    """Publishes a world as it is, as it was sampled and as it was interpolated."""
+    """Publishes a true surface, its samples, and their interpolation."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_interpolation_demo")
@@ -188,7 +188,7 @@ def _read_geometry(
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(InterpolationDemoNode)
 
 

@@ -46,7 +46,7 @@ def by_index(grid_map: GridMap) -> None:
 
 
 def by_place(grid_map: GridMap) -> None:
-    """Count the cells as they lie in memory."""
+    """Count the cells in the order of memory."""
     random, larger = grid_map["random"].ravel("K"), grid_map["larger"].ravel("K")
     for place in range(larger.size):
         larger[place] = max(larger[place], random[place])

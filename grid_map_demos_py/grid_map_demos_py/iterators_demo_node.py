@@ -62,7 +62,7 @@ REGION_PAUSE = 1.0
 
 
 class Step(NamedTuple):
-    """What there is to see after the map has changed."""
+    """A step of the demonstration: the map after a change."""
 
     pause: float
     """Seconds until the next step."""
@@ -158,7 +158,7 @@ class IteratorsDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(IteratorsDemoNode)
 
 

@@ -65,7 +65,7 @@ class MoveDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(MoveDemoNode)
 
 

@@ -168,7 +168,7 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
 
 
 class NormalFilterComparisonDemoNode(Node):
-    """Publishes a surface with its normals as they are and as two algorithms find them."""
+    """Publishes a surface with its true normals and those of two algorithms."""
 
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")
@@ -224,7 +224,7 @@ class NormalFilterComparisonDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(NormalFilterComparisonDemoNode)
 
 

@@ -25,7 +25,7 @@ BINARY, FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
 
 @dataclass
 class Octomap:
-    """What a file holds, with the fields of `octomap_msgs/Octomap`, which need not be installed."""
+    """An octomap from a file, with the fields of `octomap_msgs/Octomap`; no message class."""
 
     header: Header
     binary: bool

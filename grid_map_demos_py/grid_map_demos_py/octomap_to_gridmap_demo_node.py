@@ -30,7 +30,7 @@ PERIOD = 10.0
 """Seconds from one request to the next."""
 
 PATIENCE = 1.0
-"""Seconds from one look for the service to the next, as long as it is not there."""
+"""Period of looking for a missing service [s]."""
 
 REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octomap_path'"
 
@@ -123,7 +123,7 @@ class OctomapToGridmapDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(OctomapToGridmapDemoNode)
 
 

@@ -22,7 +22,7 @@ from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 from .star import HEIGHT, star_map
 
 LARGEST_WIDTH = 200
-"""From the middle of the first pixel of the kernel to that of the last."""
+"""Distance between the centers of the first and the last pixel of the kernel."""
 
 ALPHA_THRESHOLD = 0.3
 """Cells that are less opaque than this after the blur have no value."""
@@ -73,7 +73,7 @@ class OpencvDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(OpencvDemoNode)
 
 

@@ -20,7 +20,7 @@ PATIENCE = 5.0
 POLL_PERIOD = 0.05
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""What asks a group to stop."""
+"""Signals that ask a process group to stop."""
 
 
 class ProcessGroup:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the filters demo tells about itself, as text."""
+"""Text report of the filters demo."""
 
 import statistics
 from collections.abc import Iterable, Mapping

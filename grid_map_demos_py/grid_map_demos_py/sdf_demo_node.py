@@ -31,7 +31,7 @@ from grid_map_ros_py.nodes import (
 
 FIELDS = ("x", "y", "z", "intensity")
 MARGIN = 0.1
-"""How far the field reaches beyond the heights [m]."""
+"""Margin of the field above and below the heights [m]."""
 
 MOST_LEVELS = 10_000
 MOST_NODES = 20_000_000
@@ -127,7 +127,7 @@ class SdfDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(SdfDemoNode)
 
 

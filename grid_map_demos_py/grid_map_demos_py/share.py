@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where files are: those of this package, and those that users name."""
+"""Paths of files of this package and of files that users name."""
 
 from pathlib import Path
 

@@ -11,10 +11,10 @@ from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
 from grid_map_core_py.errors import ConfigError
 
 METRES_PER_POST = 84.0
-"""Of the elevation model: 3 arc seconds at 36.6 degrees of latitude, averaged over x and y."""
+"""Resolution of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
 
 EXAGGERATION = 2.0
-"""Of the heights, so that a robot finds some of the slopes too steep."""
+"""Factor on the heights, so that some slopes are too steep for a robot."""
 
 HOLES = 120
 LARGEST_HOLE = 6.0

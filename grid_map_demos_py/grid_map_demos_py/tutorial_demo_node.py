@@ -99,7 +99,7 @@ def root_mean_square(values: Layer) -> float:
 
 
 class TutorialDemoNode(Node):
-    """Publishes a wave, what noise makes of it, and what a filter makes of that."""
+    """Publishes a wave, the wave with noise, and the filtered wave."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
@@ -150,7 +150,7 @@ class TutorialDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(TutorialDemoNode)
 
 

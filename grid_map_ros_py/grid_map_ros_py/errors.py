@@ -15,7 +15,7 @@ __all__ = ["BagError", "MessageError", "NodeFailedError", "RequestError"]
 
 
 class MessageError(GridMapError, ValueError):
-    """A message, or a value meant for one, does not hold what it must.
+    """A message, or a value for a message, contradicts itself or the requirements.
 
     Attributes:
         field: path of the field in the message, such as `data[0].layout.dim[1].size`.
@@ -38,7 +38,7 @@ class BagError(GridMapError):
 
     Attributes:
         path: the file or folder.
-        reason: what is wrong with it.
+        reason: the problem.
     """
 
     def __init__(self, path: object, reason: str) -> None:
@@ -55,4 +55,4 @@ class NodeFailedError(GridMapError):
 
 
 class RequestError(GridMapError):
-    """A request to a server is refused, for the reason that the error tells."""
+    """A request to a server is refused; the text gives the reason."""

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Tests of nodes: real processes, and a peer that talks to them over DDS.
 
-All processes that one test process starts share a ROS domain with its peers and with nobody else.
+All processes that one test process starts share a ROS domain with its peers only.
 """
 
 import atexit
@@ -62,7 +62,7 @@ def reserved_domain() -> tuple[int, socket.socket]:
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
-    """Return a ROS domain that nobody has, and a lock that keeps others out until it is closed.
+    """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
 
     The lock is a port, as ROS's own test tools use it to keep out of each other's domains; it falls
     when the process ends.
@@ -82,7 +82,7 @@ def reserve_domain() -> tuple[int, socket.socket]:
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
-    """Return the environment of processes that see each other and nobody else.
+    """Return an environment for processes that see only each other.
 
     Args:
         domain: one of `reserve_domain`; None means that of all tests of this process.
@@ -102,7 +102,7 @@ def wait_until(
     step: Callable[[], object] = lambda: time.sleep(0.02),
     timeout: float = TIMEOUT,
 ) -> None:
-    """Do `step` until the condition holds; fail after `timeout` seconds, naming what it was."""
+    """Do `step` until the condition holds; fail with `what` after `timeout` seconds."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain for {what}"
@@ -113,7 +113,7 @@ class Process:
     """A process whose output is collected while it runs.
 
     Attributes:
-        lines: what it has written so far, standard output and error together.
+        lines: its output so far, standard output and error together.
     """
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
@@ -132,7 +132,7 @@ class Process:
 
     @property
     def text(self) -> str:
-        """What it has written so far."""
+        """Output of the process so far."""
         return "".join(self.lines)
 
     @property
@@ -142,7 +142,7 @@ class Process:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended yet."""
+        """True until the process ends."""
         return self._popen.poll() is None
 
     def send(self, number: signal.Signals) -> None:
@@ -213,7 +213,7 @@ class Peer:
         return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 
     def publish(self, topic: str, message: Any, qos: QoSProfile | int | None = None) -> None:
-        """Publish a message, once somebody listens; without `qos` latched as a map."""
+        """Publish a message when the topic has a subscriber; without `qos` latched as a map."""
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(
                 type(message), topic, qos or map_qos()

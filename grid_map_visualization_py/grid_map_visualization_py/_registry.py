@@ -44,7 +44,7 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
     """Return the visualization that a parameter file describes.
 
     Args:
-        name: what the user calls it; for messages only.
+        name: its name in the parameter file, for messages.
         config: `type`, a name in the registry, and `params`, its parameters by name.
 
     Raises:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a visualization is."""
+"""Protocol of visualizations."""
 
 from typing import Any, ClassVar, Protocol
 

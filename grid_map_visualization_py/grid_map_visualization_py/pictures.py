@@ -135,7 +135,7 @@ def plot_3d(
         ax: Matplotlib axes of the projection "3d"; None means new ones.
         color_layer: gives the colors; empty means the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
-        exaggeration: factor on the heights for the eye and the light; the axis tells true heights.
+        exaggeration: factor on the drawn heights; the labels of the axis are true heights.
         max_cells: thin out larger maps to at most so many cells; 0 means never.
 
     Returns:
@@ -247,7 +247,7 @@ def save_picture(
     style: Literal["flat", "surface", "relief"] = "flat",
     **options: Any,
 ) -> None:
-    """Write a picture of a map to a PNG file, which appears complete or not at all.
+    """Write a picture of a map to a PNG file, atomically.
 
     Args:
         grid_map: the map.
@@ -290,7 +290,7 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
 
 
 def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
-    """Return what tells Matplotlib which value has which color."""
+    """Return the mapping from values to colors for Matplotlib."""
     colors: Colormap = matplotlib.colormaps[scale.color_map]
     return ScalarMappable(
         Normalize(*scale.bounds(values)), colors.reversed() if scale.invert else colors

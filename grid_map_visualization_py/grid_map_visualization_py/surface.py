@@ -99,7 +99,7 @@ class Surface:
 
     @cached_property
     def valid(self) -> Mask:
-        """Which cells (columns, rows) have a height."""
+        """Mask (columns, rows) of the cells with a finite height."""
         return np.isfinite(self.values(self.height_layer))
 
     @cached_property

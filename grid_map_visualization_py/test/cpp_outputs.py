@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the C++ nodes published, message by message, as it was serialized."""
+"""Serialized messages that the C++ nodes published."""
 
 import gzip
 from pathlib import Path

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the C++ node published for a map is published here too, to the last bit."""
+"""Messages for a map equal those of the C++ node bit by bit."""
 
 from typing import Any
 

@@ -23,7 +23,7 @@ from grid_map_visualization_py._registry import BUILT_IN
 
 MODULE = "grid_map_visualization_py._executables.grid_map_visualization"
 BOUND = 0.300000012
-"""Of layers in the golden cases; 0.3 in single precision."""
+"""Resolution of the golden maps: 0.3 in single precision."""
 
 PARAMETERS: dict[str, dict[str, Any]] = {
     "point_cloud": {"layer": "elevation"},
@@ -67,7 +67,7 @@ OUTPUTS = {name: {"type": name, "params": params} for name, params in PARAMETERS
 
 
 def golden() -> tuple[GridMap, dict[str, Any]]:
-    """Return a moved map and what the C++ converters make of it."""
+    """Return a moved map and the messages that the C++ converters make from it."""
     path = Path(__file__).parent / "golden" / "converters.json.gz"
     content = json.loads(gzip.decompress(path.read_bytes()))
     (case,) = [case for case in content["cases"] if case["map"] == "C_15x11_moved"]

@@ -79,7 +79,7 @@ class Browser:
 
     Attributes:
         tab: Playwright's page.
-        errors: what the browser complained about.
+        errors: error messages of the browser.
     """
 
     def __init__(self, tab: object) -> None:
@@ -90,7 +90,7 @@ class Browser:
         tab.on("pageerror", lambda error: self.errors.append(str(error)))
 
     def picture(self) -> np.ndarray:
-        """Return what the scene looks like, (rows, columns, 3) red, green, blue."""
+        """Return a picture of the scene, (rows, columns, 3) red, green, blue."""
         box = self.tab.locator("canvas").first.bounding_box()
         # At the top, notices lie over the scene.
         clip = {**box, "y": box["y"] + 190, "height": box["height"] - 190}

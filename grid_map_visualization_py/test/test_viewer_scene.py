@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the web viewer shows of a map, without a browser."""
+"""Scenes of the web viewer, without a browser."""
 
 import io
 import json

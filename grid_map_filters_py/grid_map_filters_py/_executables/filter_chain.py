@@ -219,7 +219,7 @@ def _plain(value: Any) -> Any:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(FilterChainNode)
 
 

@@ -52,7 +52,7 @@ def _qos(duration: float) -> QoSProfile:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(GridMapLoaderNode)
 
 

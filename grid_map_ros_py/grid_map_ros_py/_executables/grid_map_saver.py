@@ -68,7 +68,7 @@ class GridMapSaverNode(Node):
 
 
 def main() -> int:
-    """Run the node until it is told to stop, or has saved a map; return the exit code."""
+    """Run the node until an interrupt, or until it has saved a map; return the exit code."""
     return run(GridMapSaverNode)
 
 

@@ -152,7 +152,7 @@ def _read_topic(node: Node, name: str, default: str, description: str) -> str:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(GridMapServerNode)
 
 

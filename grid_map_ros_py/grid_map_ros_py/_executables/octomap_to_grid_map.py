@@ -132,7 +132,7 @@ def _service_type() -> Any:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(OctomapToGridMapNode)
 
 

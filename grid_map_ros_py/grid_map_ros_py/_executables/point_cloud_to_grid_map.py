@@ -81,7 +81,7 @@ DESCRIPTIONS = {
     "max_range": "points farther from there are left out [m]",
     "statistics_period": "time between two lines of statistics in the log [s]; 0 for none",
 }
-"""What `ros2 param describe` shows of the parameters."""
+"""Descriptions of the parameters, shown by `ros2 param describe`."""
 
 POSE_QUEUE = 100
 """Poses come faster than clouds are fused."""
@@ -237,7 +237,7 @@ def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(PointCloudToGridMapNode)
 
 

@@ -49,7 +49,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Cloud:
-    """A cloud that was read: where and when it was taken, what it holds, when it came [s]."""
+    """A decoded cloud: frame, time stamp, points, and time of arrival [s]."""
 
     frame_id: str
     stamp: int
@@ -64,7 +64,7 @@ class CloudMapper:
 
     Attributes:
         rolling_map: the map.
-        poses: tells where clouds belong.
+        poses: source of the poses of clouds.
         report: is told why a cloud was dropped.
         fields: names of the fields of clouds that become layers besides the heights.
         follow: whether the map moves with the robot.

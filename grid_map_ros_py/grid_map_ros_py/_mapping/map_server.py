@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Map server: holds a map, hands out parts of it, and loads and saves it by request."""
+"""Map server: holds a map, returns parts of it, and loads and saves it by request."""
 
 from collections.abc import Sequence
 from pathlib import Path

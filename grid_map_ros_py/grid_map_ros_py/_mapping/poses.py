@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where a robot and its sensor were when a cloud was taken."""
+"""Poses of the robot and its sensor at the time of a cloud."""
 
 import math
 from bisect import bisect_left
@@ -21,7 +21,7 @@ Matrix: TypeAlias = npt.NDArray[np.float64]
 """(4, 4) rotation and translation [m]."""
 
 NORM_TOLERANCE = 1e-2
-"""By which the norm of a quaternion may miss 1: more than rounding makes, less than a mistake."""
+"""Tolerance of the norm of a quaternion: above rounding errors, below mistakes."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Placement:
 
 
 class Poses(Protocol):
-    """What tells where clouds belong."""
+    """Source of the poses of clouds."""
 
     @property
     def waits_for(self) -> str:
-        """What is missing when `place` returns None, in words."""
+        """Name of the missing pose or transform when `place` returns None."""
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
         """Return where a cloud of that frame and time [ns] belongs, or None if not known yet.
@@ -76,7 +76,7 @@ class PoseHistory:
     Args:
         map_frame: the frame that poses have to be in.
         sensor: from the frame of the clouds to that of the robot.
-        limit: so many poses are remembered.
+        limit: number of poses that are remembered.
     """
 
     def __init__(self, map_frame: str, sensor: Matrix | None = None, limit: int = 1000) -> None:
@@ -88,7 +88,7 @@ class PoseHistory:
 
     @property
     def waits_for(self) -> str:
-        """Which pose is missing, in words."""
+        """Description of the missing pose."""
         if not self._stamps:
             return "poses"
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
@@ -96,7 +96,7 @@ class PoseHistory:
     def add(self, message: Any) -> None:
         """Take a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        One that is earlier than the last one means that time began anew: all others are forgotten.
+        A pose earlier than the last one means that time was reset: all other poses are dropped.
 
         Raises:
             MessageError: it is in another frame, or its numbers are no pose.

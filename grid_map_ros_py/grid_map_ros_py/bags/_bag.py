@@ -6,7 +6,7 @@ New bags are folders with `metadata.yaml` and one MCAP or sqlite3 file, as `ros2
 ROS 2 Jazzy leaves them. Bags with files of either format are read, split or not, and single files.
 Neither rclpy nor message packages are needed; MCAP needs the package `mcap`.
 
-The time of a message in a new bag is that of its map, unless another one is given.
+The time of a message in a new bag is the time of its map by default.
 """
 
 import bisect
@@ -59,7 +59,7 @@ def save_to_bag(
 ) -> None:
     """Write maps to a new bag.
 
-    The bag appears complete or not at all: an interrupted save leaves the old bag, if there was
+    The bag is written atomically: an interrupted save leaves the old bag, if there was
     one.
 
     Args:
@@ -91,7 +91,7 @@ class BagWriter:
     The bag is in its place when the context ends. After an exception there is no bag, or the old
     one.
 
-    Args and errors are those of `save_to_bag`.
+    Arguments and errors: see `save_to_bag`.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class BagWriter:
         Args:
             topic: topic of the map in the bag.
             grid_map: the map.
-            time: time of the message [ns]; None means that of the map.
+            time: time of the message [ns]; None means the time of the map.
             layers: names of the layers to write; None means all.
         """
         self._check_topic(topic)
@@ -247,7 +247,7 @@ def bag_maps(
 ) -> Iterator[GridMap]:
     """Yield the maps on a topic in time order, each read when it is asked for.
 
-    Args and errors are those of `load_from_bag`.
+    Arguments and errors: see `load_from_bag`.
     """
     names = _once(layers)
     with BagReader(path, topic) as bag:
@@ -347,7 +347,7 @@ class BagReader:
     Each record is read when it is accessed, and not decoded. Close the reader, or use it as a
     context manager.
 
-    Args and errors are those of `load_from_bag`.
+    Arguments and errors: see `load_from_bag`.
 
     Attributes:
         topic: the topic.

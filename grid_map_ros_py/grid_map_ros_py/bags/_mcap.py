@@ -211,7 +211,7 @@ class McapFile:
         return getattr(self._records, _RECORDS[code]).read(stream)
 
     def _unpacked(self, offset: int) -> memoryview:
-        """Return the content of the chunk at an offset; that of the last one is kept."""
+        """Return the content of the chunk at an offset; the last chunk is cached."""
         if self._chunk is None or self._chunk[0] != offset:
             code, body = self._source.record_at(offset)
             if code != _CHUNK:
@@ -246,7 +246,7 @@ class McapFile:
 def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
     """Return decompressed data, at most one byte more than `size`.
 
-    Memory grows with the data that comes out, whatever the header of the data claims.
+    Memory grows with the decompressed data, not with the size in its header.
     """
     if compression == "lz4":
         stream = package("lz4.frame", path).open(io.BytesIO(data))
@@ -341,6 +341,6 @@ class McapWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is; what the disk has no room for is lost."""
+        """Close the file without finishing it."""
         with suppress(OSError):
             self._file.close()

@@ -60,7 +60,7 @@ class SqliteWriter:
         self._database.close()
 
     def abandon(self) -> None:
-        """Close the file as it is."""
+        """Close the file without finishing it."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the files of bags have in common, whatever their format."""
+"""Common interface of the files of bags."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,7 +46,7 @@ class Storage(Protocol):
 
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
-    """Raise one `BagError` for whatever goes wrong with a file."""
+    """Turn every error of reading or writing a file into a `BagError`."""
     try:
         yield
     except GridMapError:

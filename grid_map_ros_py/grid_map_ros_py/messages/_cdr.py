@@ -169,7 +169,7 @@ class Deferred:
 
 
 class _Packing:
-    """Numbers of one size that follow each other; `codes` are those of `struct`."""
+    """Consecutive numbers of one size; `codes` are format characters of `struct`."""
 
     def __init__(self, codes: str) -> None:
         self.alignment = struct.calcsize("<" + codes[0])
@@ -294,7 +294,7 @@ class _Codec(Protocol):
 
 
 class _Number:
-    """A number; `code` is that of `struct` and of `array`."""
+    """A number; `code` is its format character in `struct` and `array`."""
 
     def __init__(self, code: str) -> None:
         self.code = code
@@ -516,7 +516,7 @@ def _codec(kind: str, field: str, *, is_known: bool) -> _Codec:
 
 
 def _order(buffer: memoryview) -> str:
-    """Return the order of bytes that the header of a message tells."""
+    """Return the byte order from the header of a message."""
     if len(buffer) < len(_HEADER):
         raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
     number = int.from_bytes(buffer[:2])
@@ -562,6 +562,6 @@ def _write(codec: _Codec, writer: _Writer, value: Any, name: str) -> None:
 
 
 def _inside(name: str, error: MessageError) -> MessageError:
-    """Return an error of a field as that of the message or sequence that holds it."""
+    """Return the error of a field with the path of its message or sequence."""
     separator = "." if error.field and not error.field.startswith("[") else ""
     return MessageError(f"{name}{separator}{error.field}", error.expected, error.found)

@@ -25,11 +25,11 @@ BLOCK = 8192
 """Cells that are worked on at once."""
 
 COVERED = 1.0
-"""What `from_grid_cells` puts into the cells of a message."""
+"""Value of the cells of a message in the layer of `from_grid_cells`."""
 
 
 def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> "GridCells":
-    """Return the cells whose value is finite and lies between two bounds.
+    """Return the cells whose value is finite and between two bounds.
 
     The message holds one Python object per cell, about a microsecond each: to publish a large map,
     `to_serialized_grid_cells` is faster.
@@ -137,7 +137,7 @@ def _without_cells(grid_map: GridMap) -> "GridCells":
 
 
 def _side(message: "GridCells", resolution: float | None) -> float:
-    """Return the side of a cell, which must be that of the cells in the message."""
+    """Return the side of a cell, checked against the message."""
     width = check_positive("cell_width", message.cell_width)
     side = as_written(width) if resolution is None else as_number(resolution, "resolution")
     held = as_written(as_float32("resolution", side))

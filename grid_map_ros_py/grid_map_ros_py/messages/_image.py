@@ -135,7 +135,7 @@ def from_image(
 ) -> GridMap:
     """Return a map with one layer that holds the grey values of an image.
 
-    Frame and time are those of the message.
+    Frame and time come from the message.
 
     Args:
         message: the image, of any encoding. Rows may be padded and numbers big-endian. Colours

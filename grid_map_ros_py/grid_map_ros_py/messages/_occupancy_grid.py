@@ -28,7 +28,7 @@ PIECE = 1 << 15
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
-"""What the 256 bytes mean; those of negative numbers come last."""
+"""Layer value of each of the 256 byte values, negative numbers last."""
 
 
 def to_occupancy_grid(
@@ -66,7 +66,7 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Return a map with one layer that holds the values of an occupancy grid.
 
-    -1 becomes NaN, all other values stay as they are. The resolution is a float32 in the message;
+    -1 becomes NaN; other values are unchanged. The resolution is a float32 in the message;
     the map gets the float64 that is written alike (0.1 for the 0.1 of the sender).
 
     Args:

@@ -100,7 +100,7 @@ def octomap_to_points(
 ) -> Points:
     """Return the centres (N, 3) x, y, z [m] of all occupied voxels.
 
-    Args and errors are those of `from_octomap`.
+    Arguments and errors: see `from_octomap`.
     """
     leaves = _leaves(message)
     if not leaves:

@@ -30,20 +30,20 @@ Voxel = npt.NDArray[np.int32]
 """(3,) x, y, z of a voxel, counted from the corner of the root."""
 
 DEPTH = 16
-"""Of a voxel."""
+"""Depth of a voxel in the tree."""
 
 VOXELS = 2**DEPTH
 """Along a side of the root."""
 
 MOST_VOXELS = 2**23
-"""That leaves are taken apart into; a few bytes may claim all the memory there is."""
+"""Maximum number of voxels; a few bytes of a message could claim any amount of memory."""
 
 NODE_TYPES = {
     "OcTree": np.dtype([("value", "<f4"), ("children", "u1")]),
     "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
     "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
 }
-"""What a node of a full tree holds, by the name of the tree's class."""
+"""Data type of a node in a full tree, by the class of the tree."""
 
 _CHILDREN = np.arange(8)
 _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)

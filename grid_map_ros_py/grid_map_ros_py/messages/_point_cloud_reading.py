@@ -160,7 +160,7 @@ def read_columns(
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
-    """Return what the layers of fields are called: mostly as the fields."""
+    """Return the names of the layers of fields: mostly as the fields."""
     names = {field.name: field.name for field in message.fields}
     for color in ("rgb", "rgba"):
         if color in names and COLOR_LAYER not in names.values():
@@ -169,7 +169,7 @@ def layer_names(message: "PointCloud2") -> dict[str, str]:
 
 
 def check_layout(message: "PointCloud2") -> None:
-    """Raise `MessageError` unless all fields and points lie within the data of a cloud."""
+    """Raise `MessageError` unless all fields and points are inside the data of a cloud."""
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
     for index, field in enumerate(message.fields):
@@ -243,7 +243,7 @@ def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[
 
 
 def _view(message: "PointCloud2", first: "PointField", shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    """Return (N, *shape) numbers of every point, which lie side by side from a field on."""
+    """Return (N, *shape) adjacent numbers of every point, starting at a field."""
     rows, dtype = (message.height, message.width), TYPES[first.datatype]
     if not message.height * message.width:
         return np.empty((0, *shape), dtype)

@@ -115,7 +115,7 @@ def to_triangle_list_marker(
 ) -> "Marker":
     """Return the area of a polygon as a marker of triangles, as `Polygon.triangulate` cuts it.
 
-    Args and errors are those of `to_line_marker`. There is one color per triangle.
+    Arguments and errors: see `to_line_marker`. There is one color per triangle.
     """
     marker = _marker(frame_id, timestamp)
     marker.type = marker.TRIANGLE_LIST

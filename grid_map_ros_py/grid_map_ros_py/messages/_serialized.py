@@ -82,7 +82,7 @@ def from_serialized_message(
 
 
 class ReceivedMap:
-    """A serialized map message, of which no more is decoded than somebody asks for.
+    """A serialized map message that decodes only the requested layers.
 
     All but `data` raises MessageError if the bytes are no map message, or if what is asked for
     makes no sense.
@@ -136,7 +136,7 @@ class ReceivedMap:
         unwrap: bool = True,
         copy: bool = True,
     ) -> GridMap:
-        """Return the map, or some of its layers; args and errors are those of `from_message`."""
+        """Return the map, or some of its layers; arguments and errors: see `from_message`."""
         return from_message(
             self._message,
             layers,

@@ -96,7 +96,7 @@ def read_parameter_tree(
 def check_topic(node: "Node", name: str, topic: str) -> str:
     """Return `topic`, the value of a parameter, if the node can publish or subscribe to it.
 
-    For topics that a node does not use as long as nobody listens.
+    For topics that a node uses only while an output has a subscriber.
 
     Raises:
         ConfigError: it cannot; the message names the parameter.

@@ -29,7 +29,7 @@ WAKE_PERIOD = 0.1
 
 
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
-    """Create a node, spin it until the process is told to stop, and return the exit code.
+    """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
     For the `main` of an executable, in its main thread. Interrupts and requests to terminate take
     effect between two callbacks. rclpy's own handlers shut ROS down at once: what is being made,
@@ -56,7 +56,7 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
 
 class _Signals:
-    """Takes note of the first signal; a second one breaks off whatever goes on."""
+    """Records the first signal; a second one interrupts the program."""
 
     def __init__(self) -> None:
         self.has_come = False

@@ -16,11 +16,11 @@ from ._qos import map_qos
 
 
 class LatchedSubscription:
-    """Calls back with the last message of a topic and all that follow.
+    """Calls back with the last message of a topic and all later messages.
 
     A transient local subscription gets the message that was published before it, but does not
-    connect to volatile publishers. So it asks for that message first, and does without once it
-    meets such a publisher.
+    connect to volatile publishers. The subscription is transient local first, and becomes volatile
+    when it meets a volatile publisher.
 
     Args:
         node: the node that subscribes.
@@ -103,9 +103,9 @@ class LatchedSubscription:
 
 
 class MapSubscription(LatchedSubscription):
-    """Calls back with the last map of a topic and all that follow, as they were received.
+    """Calls back with the last map of a topic and all later maps, as received.
 
-    The callback decodes what it needs, if it needs the map at all: nothing is converted before.
+    Nothing is decoded in advance: the callback decodes the layers that it needs.
 
     Args:
         node: the node that subscribes.

@@ -27,7 +27,7 @@ class TfPoses:
     Args:
         node: listens to `/tf` and `/tf_static`.
         map_frame: frame of the map.
-        robot_frame: frame of the robot; empty for that of the cloud.
+        robot_frame: frame of the robot; empty for the frame of the cloud.
 
     Raises:
         MissingPackageError: tf2 is not installed.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_visualization`: publishes a map as whatever its listeners ask for."""
+"""Node `grid_map_visualization`: publishes a map in the forms that its subscribers ask for."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -96,7 +96,7 @@ class Output:
 
     Args:
         node: the node that publishes.
-        name: the topic, and what the user calls the visualization.
+        name: name of the topic and of the visualization.
         visualization: makes the messages.
         on_match: called when a listener came or went.
 
@@ -193,7 +193,7 @@ def _text(error: Exception) -> str:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(GridMapVisualizationNode)
 
 

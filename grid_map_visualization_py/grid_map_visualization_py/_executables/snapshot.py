@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Executable `snapshot`: a picture of the next map of a topic, or of a map in a bag.
 
-`snapshot --help` tells the options. The picture appears complete or not at all. The exit code is 0
+`snapshot --help` lists the options. The picture is written atomically. The exit code is 0
 only if it was written.
 """
 

@@ -88,7 +88,7 @@ def _read_settings(node: Node) -> Settings:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(WebViewerNode)
 
 

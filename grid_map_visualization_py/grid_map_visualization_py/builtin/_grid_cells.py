@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cells whose value lies between two thresholds."""
+"""Cells whose value is between two thresholds, as `nav_msgs/GridCells`."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from grid_map_ros_py.messages import to_serialized_grid_cells
 
 @dataclass(frozen=True, kw_only=True)
 class GridCellsVisualization:
-    """Show the cells of a layer whose finite value lies between two thresholds, both included.
+    """Show the cells of a layer whose value is finite and between two thresholds, both included.
 
     Attributes:
         layer: the layer to look at.

@@ -26,7 +26,7 @@ def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
     Args:
         mesh: with at least one face; the vertices stay counted from its origin.
         shaded: let lights fall on it.
-        opacity: below 1, what is behind shines through.
+        opacity: below 1 the surface is translucent.
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits keep dark colors apart, and rows of vertices must be whole multiples of four bytes.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How colors become light, and light colors on a screen."""
+"""Conversion between screen colors and linear light."""
 
 from functools import cache
 

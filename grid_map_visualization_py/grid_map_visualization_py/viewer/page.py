@@ -32,7 +32,7 @@ FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps that stand at the top of the list."""
 
 MODES = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
-"""How the page calls the modes of `Coloring`."""
+"""Names of the modes of `Coloring` on the page."""
 
 NO_LAYER = "(no map yet)"
 NO_VECTORS = "(none)"
@@ -51,7 +51,7 @@ AMBIENT = 0.3
 """The part of the light on level ground that comes from everywhere."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Where the rest comes from."""
+"""Ambient light."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
@@ -90,12 +90,12 @@ class Page:
 
     @property
     def is_watched(self) -> bool:
-        """Whether somebody looks at the page."""
+        """True while a browser shows the page."""
         return bool(self._server.get_clients())
 
     @property
     def is_paused(self) -> bool:
-        """Whether somebody wants no new maps."""
+        """True while a user has paused the updates."""
         return bool(self._paused.value)
 
     @property
@@ -314,7 +314,7 @@ class Place:
 
     @property
     def is_visible(self) -> bool:
-        """Whether it is shown."""
+        """True while this place is visible."""
         return bool(self._frame.visible)
 
     @is_visible.setter

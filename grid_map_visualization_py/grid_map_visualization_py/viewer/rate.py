@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How often maps come, and how long ago the last one came."""
+"""Rate of incoming maps, and age of the last one."""
 
 import math
 from collections import deque

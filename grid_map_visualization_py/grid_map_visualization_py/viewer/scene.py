@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the page shows of a map: arrays for a browser, of a map and settings."""
+"""Scene of a map for the browser: arrays made from a map and settings."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from .settings import AXES, Settings
 Points = npt.NDArray[np.float32]
 
 LIFT = 0.02
-"""By which part of the spacing lines lie above the surface, so as not to drown in it."""
+"""Height of lines above the surface, as a fraction of the spacing, so that they stay visible."""
 
 SAME_VIEW = 0.001
 """Views differ if a place differs by more than this part of the reach."""
@@ -87,7 +87,7 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """From where, (3,), and at what, (3,), to look [m]."""
+    """Camera position (3,) and target (3,) [m]."""
 
     start: Positions
     target: Positions
@@ -103,13 +103,13 @@ class View:
         return float(np.linalg.norm(self.offset))
 
     def is_like(self, other: "View") -> bool:
-        """Whether there is no difference to be seen."""
+        """Return whether two views look the same."""
         tolerance = SAME_VIEW * self.reach
         starts, targets = self.start - other.start, self.target - other.target
         return bool(max(np.abs(starts).max(), np.abs(targets).max()) <= tolerance)
 
     def loses(self, other: "View") -> bool:
-        """Whether what the other view shows lies beside this one, or is far too large or small."""
+        """Return whether the other view shows another place, or a very different scale."""
         # Heights may be wrong for a moment, and nobody wants to be taken to and fro.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / SAME_SCALE < other.reach / self.reach < SAME_SCALE

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What to show of a map, and how."""
+"""Settings of the web viewer: layers, colors, vectors and scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which of the page's places for maps is shown.
+"""Double buffering of the displayed map.
 
-A browser takes a moment to load a surface, and would show a hole meanwhile. So every map is loaded
-into a hidden place first and takes its turn later.
+A browser takes a moment to load a surface. Each map is therefore loaded into a hidden place first,
+and shown when it is ready.
 """
 
 from itertools import count

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the page says, as HTML. Names come from messages, so everything is escaped."""
+"""Texts of the page, as HTML. Names come from messages, so all text is escaped."""
 
 import math
 from collections.abc import Iterable

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as they come, on the page as it is set."""
+"""Viewer: shows incoming maps with the settings of the page."""
 
 import time
 from collections.abc import Callable
