@@ -19,7 +19,7 @@ NAMES = [package.name for package in PYTHON_PACKAGES]
 LIBRARIES = {
     "grid_map_core_py": {"numpy", "opencv-python-headless", "PyYAML", "scipy"},
     "grid_map_filters_py": {"grid_map_core_py", "lark"},
-    "grid_map_ros_py": {"grid_map_core_py"},
+    "grid_map_ros_py": {"grid_map_core_py", "mcap"},
     "grid_map_visualization_py": {"grid_map_ros_py"},
     "grid_map_demos_py": {"grid_map_filters_py", "grid_map_visualization_py"},
 }
