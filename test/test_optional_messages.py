@@ -79,7 +79,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import from_costmap, to_costmap
-from grid_map_ros_py.messages import deserialize, serialize
+from grid_map_ros_py.messages import serialize
 
 costs = np.arange(256).reshape(32, 8).astype(np.float32)
 costs[31, 7] = np.nan
@@ -87,7 +87,7 @@ sent = GridMap((1.6, 0.4), 0.05, (3.0, -2.0), {"cost": costs}, frame_id="map", t
 message = to_costmap(sent, "cost")
 assert type(message) is Costmap
 received = deserialize_message(serialize_message(message), Costmap)
-assert received == message == deserialize(serialize(message), Costmap)
+assert received == message == deserialize_message(serialize(message), Costmap)
 assert_maps_equal(from_costmap(received, "cost"), sent)
 print(sorted(received.data) == list(range(256)), received.data[0], received.metadata.layer)
 """

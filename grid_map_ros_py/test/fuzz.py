@@ -51,7 +51,7 @@ from grid_map_ros_py import (
     to_serialized_message,
 )
 from grid_map_ros_py._mapping.poses import PoseHistory
-from grid_map_ros_py.messages import deserialize, serialize, view
+from grid_map_ros_py.messages import serialize, view
 
 LONGEST = 10.0
 """Seconds that a reader may take, on a busy machine."""
@@ -162,9 +162,7 @@ def targets() -> list[Target]:
         result.append(Target(name, seeds, read))
         data = tuple(serialize(seed) for seed in seeds)
         result.append(
-            Target(
-                f"{name} in CDR", data, lambda d, kind=kind, read=read: read(deserialize(d, kind))
-            )
+            Target(f"{name} in CDR", data, lambda d, kind=kind, read=read: read(view(d, kind)))
         )
     result.append(
         Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message)

@@ -29,6 +29,7 @@ from bags import (
 from cpp_recordings import bits, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import MissingPackageError
@@ -47,7 +48,7 @@ from grid_map_ros_py import (
     save_to_bag,
 )
 from grid_map_ros_py.bags._metadata import GRID_MAP_TYPE
-from grid_map_ros_py.messages import deserialize, to_serialized_message
+from grid_map_ros_py.messages import to_serialized_message
 from grid_map_ros_py.messages._definition import DEFINITION, TYPE_HASH
 
 typesys = pytest.importorskip("rosbags.typesys")
@@ -457,7 +458,7 @@ def test_a_recording_that_is_written_again_is_the_same(name, tmp_path):
     with BagReader(tmp_path / "again") as again, BagReader(DATA / name) as reader:
         for ours, theirs in zip(again, reader, strict=True):
             assert ours.time == theirs.time
-            messages = (deserialize(one.data, GridMapMessage) for one in (ours, theirs))
+            messages = (deserialize_message(one.data, GridMapMessage) for one in (ours, theirs))
             assert bits(next(messages)) == bits(next(messages))
 
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Messages become the bytes that rclpy makes of them, and are read as rclpy reads them."""
 
-import array
 import importlib
 import struct
 from typing import Any
@@ -27,7 +26,7 @@ from visualization_msgs.msg import InteractiveMarker, Marker
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.messages import deserialize, serialize, serialize_view, view
+from grid_map_ros_py.messages import serialize, serialize_view, view
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 
@@ -191,9 +190,6 @@ def values(kind: Any) -> st.SearchStrategy[Any]:
 def test_every_message_is_read_as_rclpy_reads_it(message_type, data):
     message = data.draw(messages(message_type))
     raw = serialize_message(message)
-    read = deserialize(raw, message_type)
-    expected = deserialize_message(raw, message_type)
-    assert bits(read) == bits(expected)
     assert_encodes(serialize(message), message, at_the_end=len(raw))
     assert serialize_view(view(raw, message_type), message_type) == serialize(message)
 
@@ -205,13 +201,13 @@ def test_every_message_that_is_cut_off_is_refused(message_type, data):
     raw = serialize(data.draw(messages(message_type)))
     length = data.draw(st.integers(0, len(raw) - 1))
     with pytest.raises(MessageError) as refused:
-        deserialize(raw[:length], message_type)
+        view(raw[:length], message_type)
     assert refused.value.field
 
 
 def test_a_cut_off_message_of_nothing_but_numbers_is_named():
     with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, found 20$"):
-        deserialize(serialize(Point())[:-4], Point)
+        view(serialize(Point())[:-4], Point)
 
 
 @settings(max_examples=15)
@@ -219,15 +215,8 @@ def test_a_cut_off_message_of_nothing_but_numbers_is_named():
 @given(data=st.data())
 def test_big_endian_messages_are_read_like_little_endian_ones(message_type, data):
     message = data.draw(messages(message_type))
-    raw = big_endian(message)
-    assert bits(deserialize(raw, message_type)) == bits(deserialize_message(raw, message_type))
-
-
-def test_values_have_the_types_that_rclpy_gives_them():
-    message = deserialize(serialize_message(Imu()), Imu)
-    assert message.orientation_covariance.dtype == np.float64
-    message.orientation_covariance[0] = 1.0
-    assert deserialize(serialize_message(PointCloud2()), PointCloud2).data == array.array("B")
+    read = serialize_view(view(big_endian(message), message_type), message_type)
+    assert read == serialize(message)
 
 
 def test_a_view_shares_the_memory_of_the_bytes():
@@ -253,7 +242,7 @@ def test_a_view_of_read_only_bytes_is_read_only():
 )
 def test_other_encodings_are_refused_by_name(header, found):
     with pytest.raises(MessageError) as error:
-        deserialize(header + bytes(8), Empty)
+        view(header + bytes(8), Empty)
     expected = "encoding: expected plain CDR (0x0000 or 0x0001)"
     assert str(error.value) == f"{expected}, found {found}"
 
@@ -275,7 +264,7 @@ def test_other_encodings_are_refused_by_name(header, found):
 def test_what_is_wrong_is_named_with_its_place(spoil, text):
     raw = serialize(PLACES)
     with pytest.raises(MessageError) as error:
-        deserialize(spoil(raw), Places)
+        view(spoil(raw), Places)
     assert str(error.value) == text.replace("m\xffp", "m\\xffp").replace("m\x00p", "m\\x00p")
 
 
@@ -300,14 +289,14 @@ PLACES = Places()
 
 
 def test_a_text_of_no_bytes_at_all_is_empty():
-    assert deserialize(b"\0\1\0\0" + bytes(12), Header).frame_id == ""
+    assert view(b"\0\1\0\0" + bytes(12), Header).frame_id == ""
 
 
 def test_more_values_than_a_sequence_may_have_are_refused():
     raw = bytearray(serialize(SolidPrimitive(type=1, dimensions=[1.0, 2.0, 3.0])))
     raw[8:12] = struct.pack("<I", 4)
     with pytest.raises(MessageError, match="dimensions: expected at most 3 values, found 4"):
-        deserialize(raw + bytes(8), SolidPrimitive)
+        view(raw + bytes(8), SolidPrimitive)
 
 
 def test_unknown_types_are_refused_by_name():
@@ -317,7 +306,7 @@ def test_unknown_types_are_refused_by_name():
             return {"text": "wstring"}
 
     with pytest.raises(MessageError, match=r"Wide\.text: expected a type .*'wstring'"):
-        deserialize(bytes(12), Wide)
+        view(bytes(12), Wide)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages."""
 
-from ._cdr import deserialize, serialize, serialize_view, view
+from ._cdr import serialize, serialize_view, view
 from ._costmap import OCCUPANCIES, from_costmap, to_costmap
 from ._grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
 from ._grid_map import from_message, to_message
@@ -35,7 +35,6 @@ __all__ = [
     "ReceivedMap",
     "add_color_layer_from_image",
     "add_layer_from_image",
-    "deserialize",
     "from_costmap",
     "from_grid_cells",
     "from_image",

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
 
-`serialize` and `deserialize` work for every message type and give the same bytes as rclpy.
-Publishers accept the bytes in place of a message, which saves one Python object per element: rclpy
-takes a second for a marker with 280 000 points.
+`serialize` works for every message type and gives the bytes of rclpy. Publishers accept them in
+place of a message, which saves one Python object per element: rclpy takes a second for a marker
+with 280 000 points.
 
-`view` and `serialize_view` also save the copies: a view has the attributes of a message, but its
-sequences of numbers are NumPy arrays that share the memory of the bytes.
+`view` reads bytes without copies: it has the attributes of a message, and its sequences of numbers
+are NumPy arrays that share the memory of the bytes. `serialize_view` is the way back.
 
 Lengths in the bytes are checked against the bytes that remain. Damaged bytes raise one
 `MessageError` that names the field, and take no more memory than a small multiple of their size.
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from io import SEEK_CUR, BytesIO
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import Any, Protocol, TypeAlias, TypeGuard, TypeVar, cast
+from typing import Any, Protocol, TypeAlias, TypeGuard, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,6 @@ import numpy.typing as npt
 from ..errors import MessageError
 from ._definition import FIELDS_BY_TYPE
 from ._packages import messages_of
-
-Message = TypeVar("Message")
 
 MessageType: TypeAlias = "type | str"
 """Class of a message, or a name in `FIELDS_BY_TYPE`, for which no message package is needed."""
@@ -73,16 +71,16 @@ _TYPE = re.compile(
     r"|string(<(?P<length>\d+)>)?"
     r"|(?P<package>\w+)/(?P<name>\w+)"
 )
-"""Types that are no numbers, as the classes of messages write them."""
+"""Types other than numbers, as `get_fields_and_field_types` of a message class writes them."""
 
 _OBJECTS = "?c"
-"""Numbers that messages keep in lists; sequences of all others are arrays."""
+"""Codes of values that messages keep in lists; sequences of all others are arrays."""
 
 _NONE: Mapping[str, npt.NDArray[Any]] = {}
 
 
 def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> bytes:
-    """Return a message in CDR, with some of its sequences taken from arrays.
+    """Return the CDR bytes of a message, with some of its sequences taken from arrays.
 
     Args:
         message: any ROS message; the values of the fields in `arrays` are ignored.
@@ -91,7 +89,7 @@ def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> b
 
     Raises:
         AttributeError: the message has no such field.
-        MessageError: a text is not valid Unicode, or a field is of a type that is not known
+        MessageError: a text is not valid Unicode, or the type of a field is not supported
             (wstring).
     """
     for name in arrays:
@@ -101,26 +99,34 @@ def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> b
     return writer.joined()
 
 
-def deserialize(data: Buffer, message_type: type[Message]) -> Message:
-    """Return the message in CDR bytes, as rclpy would.
+def view(data: Buffer, message_type: MessageType) -> Any:
+    """Return an object with the attributes of a message, whose arrays share memory with the bytes.
 
-    Bytes that follow the message are ignored: rclpy itself leaves some there.
+    Messages in it are such objects, too. Sequences and arrays of numbers are NumPy arrays; those of
+    little-endian bytes are not copied, and keep the memory of the bytes alive. Bytes that follow a
+    message are ignored: rclpy itself leaves some there.
 
     Args:
         data: the bytes, little- or big-endian.
-        message_type: class of the message.
+        message_type: class of the message; "grid_map_msgs/GridMap" needs no message package.
 
     Raises:
         MessageError: the bytes end too early, a length or a text makes no sense, the encoding is
-            not plain CDR, or a field is of a type that is not known (wstring). The error names the
+            not plain CDR, or the type of a field is not supported (wstring). The error names the
             field.
     """
-    message: Message = _read(data, message_type, as_views=False)
-    return message
+    codec = _struct(message_type)
+    try:
+        return codec.read(_Reader(data))
+    except MessageError as error:
+        if error.field:
+            raise
+        # The numbers of a point are read at once, so that none of them can be named.
+        raise _inside(codec.name, error) from None
 
 
 def serialize_view(view: Any, message_type: MessageType) -> bytes:
-    """Return in CDR what has the attributes of a message: see `view`. Arrays are copied once.
+    """Return the CDR bytes of an object with the attributes of a message; arrays are copied once.
 
     Raises:
         MessageError: as for `serialize`.
@@ -128,28 +134,6 @@ def serialize_view(view: Any, message_type: MessageType) -> bytes:
     writer = _Writer()
     _struct(message_type).write(writer, view)
     return writer.joined()
-
-
-def view(data: Buffer, message_type: MessageType) -> Any:
-    """Return an object with the attributes of a message, whose arrays share memory with the bytes.
-
-    Messages in it are such objects, too. Sequences and arrays of numbers are NumPy arrays; those of
-    little-endian bytes are not copied, and keep the memory of the bytes alive.
-
-    Args and errors are those of `deserialize`.
-    """
-    return _read(data, message_type, as_views=True)
-
-
-def _read(data: Buffer, message_type: MessageType, *, as_views: bool) -> Any:
-    codec = _struct(message_type)
-    try:
-        return codec.read(_Reader(data, as_views=as_views))
-    except MessageError as error:
-        if error.field:
-            raise
-        # The numbers of a point are read at once, and none of them is to blame.
-        raise _inside(codec.name, error) from None
 
 
 @dataclass(frozen=True)
@@ -182,10 +166,10 @@ _COUNT = _Packing("I")
 
 
 class _Writer:
-    """Collects pieces of a message, each aligned to its own size as CDR demands."""
+    """Pieces of a message, each aligned to its own size as CDR demands."""
 
     def __init__(self) -> None:
-        # A number is the length of a gap for deferred values.
+        # An integer is the length of a gap for deferred values.
         self._pieces: list[bytes | memoryview | int] = [_HEADER]
         self._size = 0
         self._deferred: list[tuple[int, np.dtype[Any], Deferred]] = []
@@ -232,17 +216,15 @@ class _Writer:
 
 
 class _Reader:
-    """The bytes of a message, and how far they are read.
+    """Bytes of a message, and the position up to which they are read.
 
     Attributes:
-        order: of the bytes in a number, as in `struct`.
-        as_views: make views instead of messages.
+        order: byte order of numbers, as in `struct`.
     """
 
-    def __init__(self, data: Buffer, *, as_views: bool) -> None:
+    def __init__(self, data: Buffer) -> None:
         buffer = memoryview(data).cast("B")
         self.order = _order(buffer)
-        self.as_views = as_views
         self._data = buffer[len(_HEADER) :]
         self._size = len(self._data)
         self._end = 0
@@ -312,12 +294,12 @@ class _Number:
     def write(self, writer: _Writer, value: Any) -> None:
         writer.add(self._packing.pack(value), self.smallest)
 
-    def build(self, values: Iterator[Any], _as_views: bool) -> Any:
+    def build(self, values: Iterator[Any]) -> Any:
         """Return the next of the numbers that were read at once."""
         return next(values)
 
     def read_array(self, reader: _Reader, count: int) -> npt.NDArray[Any]:
-        """Return numbers that follow each other, in the order of bytes of this machine."""
+        """Return consecutive numbers in native byte order."""
         if count == 0:
             return np.empty(0, self.code)
         data = reader.take(count * self.smallest, self.smallest)
@@ -366,10 +348,7 @@ class _Sequence:
 
     def read(self, reader: _Reader) -> Any:
         count = reader.count(self.bound, self.item.smallest)
-        if not _is_numeric(self.item):
-            return _read_items(self.item, reader, count)
-        values = self.item.read_array(reader, count)
-        return values if reader.as_views else _to_array(values, self.item.code)
+        return _read_items(self.item, reader, count)
 
     def write(self, writer: _Writer, value: Any) -> None:
         writer.count(len(value))
@@ -388,10 +367,7 @@ class _Array:
         return self.count * self.item.smallest
 
     def read(self, reader: _Reader) -> Any:
-        if not _is_numeric(self.item):
-            return _read_items(self.item, reader, self.count)
-        values = self.item.read_array(reader, self.count)
-        return values if reader.as_views else values.copy()
+        return _read_items(self.item, reader, self.count)
 
     def write(self, writer: _Writer, value: Any) -> None:
         if len(value) != self.count:
@@ -403,15 +379,14 @@ class _Struct:
     """A message.
 
     Attributes:
-        name: of its type.
-        fields: their names and what reads and writes them.
-        codes: those of all its numbers, if it consists of numbers of one size, as points and poses
-            do; they are read and written at once. Otherwise empty.
-        paths: of all that is no message, such as `position.x`.
+        name: name of its type.
+        fields: names and codecs of its fields.
+        codes: `struct` codes of all its numbers if it consists of numbers of one size, as points
+            and poses do; they are read and written at once. Otherwise empty.
+        paths: paths of its numbers and texts, such as `position.x`.
     """
 
     def __init__(self, message_type: Any) -> None:
-        self._message_type = message_type
         if isinstance(message_type, str):
             self.name, types = message_type, FIELDS_BY_TYPE[message_type]
         else:
@@ -439,7 +414,7 @@ class _Struct:
 
     def read(self, reader: _Reader) -> Any:
         if self._packing:
-            return self.build(iter(reader.numbers(self._packing)), reader.as_views)
+            return self.build(iter(reader.numbers(self._packing)))
         if not self.fields:
             reader.take(1)
         values = {}
@@ -448,7 +423,7 @@ class _Struct:
                 values[name] = codec.read(reader)
             except MessageError as error:
                 raise _inside(name, error) from None
-        return self._made(values, reader.as_views)
+        return SimpleNamespace(**values)
 
     def write(
         self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
@@ -467,19 +442,9 @@ class _Struct:
             else:
                 _write(codec, writer, getattr(value, name), name)
 
-    def build(self, values: Iterator[Any], as_views: bool) -> Any:
+    def build(self, values: Iterator[Any]) -> Any:
         """Return the message made of the next of the numbers that were read at once."""
-        made = {name: build(values, as_views) for name, build in self._builders}
-        return self._made(made, as_views)
-
-    def _made(self, values: Mapping[str, Any], as_views: bool) -> Any:
-        if as_views:
-            return SimpleNamespace(**values)
-        message = self._message_type()
-        # The constructor would copy arrays once more.
-        for name, value in values.items():
-            setattr(message, name, value)
-        return message
+        return SimpleNamespace(**{name: build(values) for name, build in self._builders})
 
 
 def _common_codes(codecs: Sequence[_Codec]) -> str:
@@ -530,13 +495,9 @@ def _is_numeric(item: _Codec) -> TypeGuard[_Number]:
     return isinstance(item, _Number) and not item.is_object
 
 
-def _to_array(values: npt.NDArray[Any], code: str) -> "array.array[Any]":
-    result = array.array(code)
-    result.frombytes(values.data.cast("B") if values.size else b"")
-    return result
-
-
-def _read_items(item: _Codec, reader: _Reader, count: int) -> list[Any]:
+def _read_items(item: _Codec, reader: _Reader, count: int) -> Any:
+    if _is_numeric(item):
+        return item.read_array(reader, count)
     items = []
     for index in range(count):
         try:
