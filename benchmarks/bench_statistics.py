@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whole layers as arrays: their statistics and their arithmetic."""
+"""Benchmarks of statistics and arithmetic on whole layers."""
 
 import numpy as np
 import pytest

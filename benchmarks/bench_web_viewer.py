@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the web viewer sends to the browser, and what it does for a click."""
+"""Benchmarks of the web viewer: data for the browser, and the work of a click."""
 
 import numpy as np
 from terrain import terrain

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Times of ours beside those of C++, each in units of a yardstick taken around it."""
+"""Times of this library beside times of C++, each in units of a yardstick taken around it."""
 
 import json
 import statistics
@@ -61,7 +61,7 @@ class Measurement:
     """Runs an operation in blocks between yardsticks, as the set-up of pytest-benchmark's rounds.
 
     Args:
-        operation: what is timed.
+        operation: the timed operation.
         prepare: makes its arguments anew for every round, which is not timed.
     """
 

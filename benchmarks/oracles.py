@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Slow and simple versions of what is timed, for single cells."""
+"""Slow and simple versions of the timed operations, for single cells."""
 
 import numpy as np
 
@@ -30,6 +30,6 @@ def normal_of(points: np.ndarray) -> np.ndarray:
 
 
 def window(layer: np.ndarray, cell: tuple[int, int], size: int) -> np.ndarray:
-    """Return the part of a window around a cell that lies on the map."""
+    """Return the part of a window around a cell that is inside the map."""
     rows, columns = (slice(max(0, place - size // 2), place + size // 2 + 1) for place in cell)
     return layer[rows, columns].astype(np.float64)

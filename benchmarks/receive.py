@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How many maps reach a callback in another process, how late, and what it costs.
+"""Measure how many maps reach a callback in another process, how late, and at which cost.
 
     python3 benchmarks/receive.py [--seconds 10]
 
@@ -49,7 +49,7 @@ def qos(depth: int) -> QoSProfile:
 
 
 class Publisher(Node):
-    """Publishes maps, once somebody listens; their timestamps are the time of publishing."""
+    """Publishes maps when it has a subscriber; their timestamps are the time of publishing."""
 
     def __init__(self, cells: int, rate: float, count: int, depth: int) -> None:
         super().__init__("publisher")

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How fast is one core here, now?
+"""Yardstick: the current speed of one core.
 
 The same number was taken beside the C++ timings. Dividing by it makes times comparable that were
 not taken on the same machine or not at the same hour.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The documentation is true: what it says to run works, links lead somewhere, tables are right.
+"""Commands and snippets of the documentation work, links resolve, tables equal the code.
 
 How blocks are run:
     python  all of a page in one namespace and one scratch folder; a `text output` block holds what
@@ -224,14 +224,14 @@ def source_of_maps(domain: int | None = None) -> Iterator[Process]:
 
 
 def message_type(listener: Peer, topic: str) -> type:
-    """Wait until somebody offers a topic, and return its type."""
+    """Wait until a topic has a publisher, and return its type."""
     offered: dict[str, list[str]] = {}
 
     def look() -> bool:
         offered.update(listener.node.get_topic_names_and_types())
         return topic in offered
 
-    listener.wait_until(look, f"somebody who offers {topic}")
+    listener.wait_until(look, f"a publisher of {topic}")
     package, _, name = offered[topic][0].split("/")
     found: type = getattr(importlib.import_module(f"{package}.msg"), name)
     return found

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The figures of the page on conventions are those that their script draws, and show the truth."""
+"""The figures of the page about conventions show how cells lie, and come from their script."""
 
 import sys
 from pathlib import Path

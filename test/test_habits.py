@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The checks can fail: each finds what it is there to find."""
+"""Each check of `make check` finds the mistake that it is made for."""
 
 import os
 import shutil

@@ -30,10 +30,10 @@ DEFINITIONS = {
         "std_msgs/Float32MultiArray[] data\nuint16 outer_start_index\nuint16 inner_start_index\n"
     ),
 }
-"""Those of ROS 1, where the header is a part of the info."""
+"""Message definitions of ROS 1, where the header is part of the info."""
 
 TIME = "builtin_interfaces/msg/Time"
-"""There is another `Time`, in std_msgs."""
+"""Full name of the type; std_msgs has another `Time`."""
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ ROSDEP_KEYS = {
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
 OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
-"""Optional modules, imported when needed; an error says what to install if one is missing."""
+"""Optional modules, imported on use; if one is missing, an error names the remedy."""
 
 
 def by_name(path: Path) -> str:
@@ -100,7 +100,7 @@ def test_all_packages_carry_one_version(package):
 
 
 def test_map_message_has_the_type_hash_of_cpp():
-    """The hash stands in bags that C++ nodes recorded; it covers all fields, nested ones too."""
+    """The hash is from bags that C++ nodes recorded; it covers all fields, nested ones too."""
     folder = ROOT / "install/grid_map_msgs/share/grid_map_msgs/msg"
     hashes = {
         entry["type_name"]: entry["hash_string"]

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A machine that cannot work is told in one sentence what to change, before anything is done."""
+"""If a prerequisite is missing, the set-up refuses in one sentence before it does anything."""
 
 import shutil
 from pathlib import Path

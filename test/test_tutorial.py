@@ -76,7 +76,7 @@ def sections() -> Iterator[list[Block]]:
 
 
 class Newcomer:
-    """One who does what the page says, in an empty home."""
+    """A reader who follows the page, in an empty home."""
 
     def __init__(self, folder: Path, listener: Peer) -> None:
         self.clone = clone(folder / "clone")
@@ -86,7 +86,7 @@ class Newcomer:
         self.environ = {**environment(), "HOME": str(self.home), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def follow(self, blocks: list[Block]) -> None:
-        """Do what a section says; in its end all programs are interrupted."""
+        """Run the blocks of a section, and interrupt all its programs at the end."""
         with ExitStack() as programs:
             while blocks:
                 block, *blocks = blocks
@@ -135,7 +135,7 @@ class Newcomer:
 
 @pytest.fixture(scope="module")
 def newcomer(tmp_path_factory) -> Iterator[Newcomer]:
-    """One who has followed the page to its end."""
+    """A reader who has followed the page to its end."""
     with peer() as listener:
         someone = Newcomer(tmp_path_factory.mktemp("tutorial"), listener)
         for blocks in sections():

@@ -51,7 +51,7 @@ ADDED_TO_ROS = (
 
 
 def setup(outer: Mapping[str, str], ros: bool) -> str:
-    """Make `.venv` unless it is there, and return the fingerprint of what it was made of."""
+    """Make `.venv` if it is missing, and return the fingerprint of its inputs."""
     fill = _add_to_ros if ros else _install_ros
     options = ["--system-site-packages"] if ros else []
     _ensure_venv(VENV, _wanted(ros), outer, options, lambda: fill(outer))
@@ -151,7 +151,7 @@ def _point_cmake_here() -> None:
 
 
 def _add_to_ros(outer: Mapping[str, str]) -> None:
-    """Add the tools that are missing, holding whatever is installed at the version it has."""
+    """Add the missing tools, and keep installed packages at their version."""
     installed = {dist.name: dist.version for dist in importlib.metadata.distributions()}
     known = {str(name).lower() for name in installed}
     missing = [name for name in ADDED_TO_ROS if name.lower() not in known]

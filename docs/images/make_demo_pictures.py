@@ -39,7 +39,7 @@ DPI = 80
 
 
 def tutorial_demo() -> Figure:
-    """Draw what noise makes of the wave, and what the filter makes of that."""
+    """Draw the wave, the wave with noise, and the filtered wave."""
     random = np.random.default_rng(1)
     grid_map = tutorial.make_map()
     tutorial.add_wave(grid_map, 0.35)
@@ -118,7 +118,7 @@ def opencv_demo() -> Figure:
 
 
 def resolution_change_demo() -> Figure:
-    """Draw the star, in cells as it is made and in smaller and larger ones."""
+    """Draw the star in its original cells, and in smaller and larger ones."""
     figure, axes = new_figure(1, 3, (7.0, 4.0))
     star = star_map("elevation", 0.03)
     for ax, side in zip(axes, (0.03, 0.01, 0.09), strict=True):
@@ -138,7 +138,7 @@ def octomap_to_gridmap_demo() -> Figure:
 
 
 def interpolation_demo() -> Figure:
-    """Draw the steepest world as it is, and how far off three methods are."""
+    """Draw the steepest surface, and the errors of three methods."""
     length = np.array([4.0, 4.0])
     fine, world = GridGeometry(length, 0.04), interpolation.WORLDS["Gauss"]
     data = interpolation.sampled(world, GridGeometry(length, 0.2))

@@ -92,7 +92,7 @@ class View:
         )
 
     def cells(self, grid_map: GridMap, words: Callable[[tuple[int, int]], tuple[str, str]]) -> None:
-        """Draw the cells of a map where they lie, with a word and a color for each index."""
+        """Draw the cells of a map at their positions, with a word and a color for each index."""
         side = self.scale * grid_map.resolution
         for index in ((i, j) for i in range(grid_map.size[0]) for j in range(grid_map.size[1])):
             x, y = self.place(grid_map.get_position(index))

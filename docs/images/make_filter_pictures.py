@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw the pictures of the pages on filters: what the chain on each page makes of a map.
+"""Draw the pictures of the pages on filters: a map before and after the chain of the page.
 
     python3 docs/images/make_filter_pictures.py [FOLDER]
 
@@ -82,7 +82,7 @@ def rgb(layer: str) -> Draw:
 
 
 def buffer(layer: str) -> Draw:
-    """Return what draws a layer as it lies in the circular buffer."""
+    """Return a function that draws a layer as stored in the circular buffer."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         picture = {"cmap": colored("gist_earth"), "vmin": -0.6, "vmax": 1.0}
@@ -196,7 +196,7 @@ PREPARATION = [
 
 @dataclass(frozen=True)
 class Picture:
-    """What is drawn of the maps before and after the chain on the page of a filter."""
+    """Layers to draw before and after the chain on the page of a filter."""
 
     before: Draw = field(default_factory=lambda: shaded("elevation"))
     after: Draw = field(default_factory=lambda: shaded("result"))

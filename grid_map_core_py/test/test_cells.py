@@ -198,7 +198,7 @@ def test_spiral_cells_are_the_disc_sorted_from_the_inside_out(grid_map, fraction
 
 
 def test_large_spiral_begins_like_small_one():
-    """It is sorted; the others are cut out of one that is kept."""
+    """A large spiral is sorted once; smaller ones are cut from the cached one."""
     grid_map = GridMap((30, 2), 0.1)
     few, many = (pairs(spiral_cells(grid_map, (0.0, 0.13), radius)) for radius in (12.0, 13.0))
     assert 4000 < len(few) < len(many) < 6000

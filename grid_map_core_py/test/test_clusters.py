@@ -46,7 +46,7 @@ def as_sets(labels) -> list[frozenset[int]]:
     st.data(),
 )
 def test_clusters_equal_those_flooded_by_hand(points, tolerance, data):
-    """On a lattice, where many steps are exactly as long as the tolerance and points coincide."""
+    """Points on a lattice: many distances equal the tolerance, and points coincide."""
     groups = data.draw(arrays.arrays(np.int64, len(points), elements=st.integers(0, 2)))
     labels = euclidean_clusters(points, groups, tolerance)
     assert as_sets(labels) == clusters_by_hand(points, groups, tolerance)

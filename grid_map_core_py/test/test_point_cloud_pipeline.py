@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""From raw point clouds to elevation as upstream's grid_map_pcl does it."""
+"""`PointCloudPipeline` makes the same elevation from raw clouds as `grid_map_pcl`."""
 
 import time
 import tracemalloc

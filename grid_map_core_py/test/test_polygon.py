@@ -91,7 +91,7 @@ def test_is_inside_equals_cpp(case):
 
 @each_polygon
 def test_offset_inward_equals_cpp(case):
-    """Where no vertices coincide and there is an area; C++ divides by the sine of an angle of 0."""
+    """Select polygons with area and distinct vertices; C++ divides by the sine of an angle of 0."""
     polygon = Polygon(case["vertices"])
     for offset in case["offset_inward"]:
         if len(polygon) and not encloses_area(case):
@@ -128,7 +128,7 @@ def test_triangulate_equals_cpp(case):
 
 @each_polygon
 def test_inequality_constraints_equal_cpp(case):
-    """Where C++ has defined results; it solves singular systems for coinciding vertices."""
+    """Select cases that C++ defines; it solves singular systems for coinciding vertices."""
     polygon, expected = Polygon(case["vertices"]), case.get("inequality_constraints")
     if not encloses_area(case):
         with pytest.raises(GeometryError, match="expected a polygon with an area"):

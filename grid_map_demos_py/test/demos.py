@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tests of all demos do."""
+"""Helpers for the tests of all demos."""
 
 import json
 import os

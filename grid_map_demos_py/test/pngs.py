@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 COLOR_TYPES = {1: 0, 3: 2, 4: 6}
-"""Of PNG, by number of channels: gray, red-green-blue, and the same with alpha."""
+"""Color types of PNG by number of channels: gray, red-green-blue, both also with alpha."""
 
 
 def write_png(path: Path, pixels: np.ndarray) -> None:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Completion in real shells, and what it completes."""
+"""Completion in real shells."""
 
 import os
 import shutil

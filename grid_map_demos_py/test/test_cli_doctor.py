@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the doctor finds on machines that are well, ill, and without ROS."""
+"""Findings of the doctor on complete, broken and ROS-free machines."""
 
 import json
 from pathlib import Path

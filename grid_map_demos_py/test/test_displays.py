@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Configurations of RViz and Foxglove: they show what the demos publish, with stock displays."""
+"""Configurations of RViz and Foxglove: they show the topics of the demos with standard displays."""
 
 import json
 from collections.abc import Iterator

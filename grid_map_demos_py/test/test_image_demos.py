@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the demos of images do, without ROS running."""
+"""The image demos, without ROS running."""
 
 import math
 import struct

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How well methods find a surface between its samples."""
+"""Errors of interpolation methods between the samples of a surface."""
 
 import math
 
@@ -82,7 +82,7 @@ def test_table_ranks_finer_methods_better_on_smooth_surfaces():
 
 
 def published(*arguments: str) -> tuple[list[GridMap], str]:
-    """Return the maps of the three topics and what the demo has written."""
+    """Return the maps of the three topics and the output of the demo."""
     with peer() as other:
         for topic in TOPICS:
             other.listen(topic, GridMapMessage)

@@ -29,7 +29,7 @@ each_region = pytest.mark.parametrize("title", REGIONS)
 
 @cache
 def scenes() -> dict[str, list[tuple[Step, np.ndarray]]]:
-    """Return the steps by title, each with the layer as it is then."""
+    """Return the steps by title, each with the layer at that step."""
     grid_map = make_map()
     found: dict[str, list[tuple[Step, np.ndarray]]] = {}
     for step in show_everything(grid_map):

@@ -62,7 +62,7 @@ def is_carried(message: Any) -> bool:
 
 
 def assert_stayed(grid_map: GridMap, original: GridMap) -> None:
-    """Check that the values are those that were there before; what has left once stays lost."""
+    """Check that the values equal those before the move; what has left once stays lost."""
     values = grid_map["layer"].ravel("F")
     known = np.isfinite(values)
     positions = grid_map.get_positions()

@@ -123,7 +123,7 @@ def test_area_beats_raster_with_noise_and_both_fit_without():
 
 
 def published(*arguments: str) -> tuple[GridMap, str]:
-    """Return the second map of the demo and what it has written."""
+    """Return the second map of the demo and its output."""
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node(f"grid_map_demos_py.{MODULE}", *arguments) as demo:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The tutorial demo: its layers are those that C++ has recorded, noise aside."""
+"""The layers of the tutorial demo equal the C++ recording, except for noise."""
 
 from pathlib import Path
 

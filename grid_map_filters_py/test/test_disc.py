@@ -26,7 +26,7 @@ def offsets_in_disc(radius: float, size: tuple[int, int]) -> list[tuple[int, int
 
 
 def sums_over(values, offsets):
-    """For every cell the sum of the values that lie so far away and on the map."""
+    """Return for every cell the sum of the values at an offset, inside the map."""
     rows, columns = values.shape
     padded = np.pad(values, [(rows, rows), (columns, columns)])
     return sum(padded[rows + i : 2 * rows + i, columns + j : 2 * columns + j] for i, j in offsets)

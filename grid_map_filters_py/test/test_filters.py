@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What holds for every filter; what one of them computes is tested in a file of its own."""
+"""Properties of all filters; each filter has a test file for its results."""
 
 from pathlib import Path
 

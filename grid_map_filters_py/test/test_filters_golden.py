@@ -186,7 +186,7 @@ def test_nothing_was_left_out():
 
 @pytest.mark.parametrize("case", cases("deviates"))
 def test_a_deliberate_deviation_is_the_same_on_a_moved_map(case):
-    """Where C++ is wrong its moved maps differ; ours must not."""
+    """Results on moved maps equal those on unmoved maps where C++ deviates."""
     description = golden()["maps"][case["map"]]
     moved = to_map(description)
     unmoved = moved.copy()

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How much memory filters need beside their input and their output."""
+"""Peak memory of filters beside their input and output."""
 
 import gc
 import tracemalloc

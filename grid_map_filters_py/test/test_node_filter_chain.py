@@ -471,7 +471,7 @@ def test_filters_are_added_replaced_and_removed_while_maps_flow(parameters, othe
 
 
 def test_an_empty_list_in_the_file_can_be_filled(tmp_path, other_side):
-    """It has no type there, as an empty mapping of parameters has none."""
+    """An empty list in a parameter file has no type in ROS."""
     path = tmp_path / "parameters.yaml"
     tidy = {"name": "tidy", "type": "gridMapFilters/DeletionFilter", "params": {"layers": []}}
     content = {"grid_map_filters": {"ros__parameters": {"filters": {"filter1": tidy}}}}

@@ -107,7 +107,7 @@ def test_maps_that_fail_are_collected_if_asked():
 
 
 def test_records_are_loaded_one_by_one_and_those_that_cannot_be_are_failures():
-    """As a reader of recordings does: it yields what it has not decoded."""
+    """Yield undecoded records, as a reader of bags does."""
     records = [(10, "1.5"), (20, "broken"), (30, "3.5")]
     failures: list[Failure] = []
     results = filter_maps(

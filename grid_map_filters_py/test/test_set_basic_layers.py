@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which layers are basic."""
+"""The filter `SetBasicLayers`."""
 
 import pytest
 from filter_cases import run, terrain

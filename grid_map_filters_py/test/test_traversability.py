@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is left of critical values, weighted; alone and at the end of a chain."""
+"""The filter `Traversability`, alone and at the end of a chain."""
 
 import math
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the C++ converters make of given maps, from `golden/`."""
+"""Messages that the C++ converters made from given maps, from `golden/`."""
 
 import gzip
 import json

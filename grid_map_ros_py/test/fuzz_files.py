@@ -16,7 +16,7 @@ from grid_map_core_py.files import load_images, load_npz, save_images, save_npz
 from grid_map_ros_py import bag_maps, save_to_bag
 
 FOLDER = tempfile.TemporaryDirectory()
-"""Of all files; it goes when the process ends."""
+"""Folder of all files; removed when the process ends."""
 
 
 def targets() -> list[tuple[str, tuple[bytes, ...], Callable[[bytes], Any]]]:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Which tests compare the numbers of the C++ converters, and that none of them went empty."""
+"""Every number of the C++ converters is compared by a test."""
 
 from pathlib import Path
 

@@ -28,7 +28,7 @@ from grid_map_ros_py.testing import Peer, peer, running_node, start_node
 MODULE = "grid_map_ros_py._executables.point_cloud_to_grid_map"
 SIDE = 0.5
 SIGHT = 1.2
-"""How far the robot sees along each axis [m]."""
+"""Range of the sensor along each axis [m]."""
 
 Arguments = Callable[..., list[str]]
 

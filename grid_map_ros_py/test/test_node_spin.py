@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""How an executable ends."""
+"""Exit codes and messages of executables."""
 
 import re
 import signal

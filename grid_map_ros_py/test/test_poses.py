@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Where robot and sensor are, from messages and in between."""
+"""Poses of robot and sensor, from messages and interpolated."""
 
 import math
 import sys

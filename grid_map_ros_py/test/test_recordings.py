@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the C++ nodes published goes through ours and comes out the same."""
+"""Recordings of the C++ nodes survive a round trip through the conversions."""
 
 from typing import Any
 

@@ -125,7 +125,7 @@ class Browser:
         self.tab.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
 
     def values(self) -> dict[str, str]:
-        """Return all rows of tables on the page; of those of one name, the first."""
+        """Return the rows of all tables on the page by name; the first of equal names."""
         cells = self.tab.locator("td").all_inner_texts()[::-1]
         return dict(zip(cells[1::2], cells[::2], strict=True))
 
