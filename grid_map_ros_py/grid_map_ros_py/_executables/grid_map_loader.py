@@ -19,27 +19,27 @@ from ..nodes._qos import map_qos
 from ..nodes._spin import run
 
 LONGEST = 1e9
-"""Seconds; beyond, there is no difference to forever."""
+"""Longest lifespan [s] that a parameter may ask for."""
 
 
 class GridMapLoaderNode(Node):
-    """Loads a map, publishes it once, and keeps it for those who come late."""
+    """Loads a map and publishes it latched."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_loader")
-        about = "the bag, a folder or a single file"
+        about = "folder or file of the bag"
         path = read_parameter(self, "file_path", str, description=about)
-        about = "topic in the bag; empty where it has a single topic of maps"
+        about = "topic in the bag; empty means the only topic with maps"
         bag_topic = read_parameter(self, "bag_topic", str, "/grid_map", description=about)
-        about = "the map goes there"
+        about = "topic of the map"
         topic = read_parameter(self, "publish_topic", str, "/grid_map", description=about)
         check_topic(self, "publish_topic", topic)
-        about = "how long those who come late get the map [s]; 0 for as long as the node runs"
+        about = "time for which late subscribers get the map [s]; 0 means while the node runs"
         qos = _qos(read_parameter(self, "duration", float, 0.0, description=about))
         grid_map = load_from_bag(path, bag_topic or None, unwrap=False)
         self._publisher = self.create_publisher(GridMapMessage, topic, qos)
         self._publisher.publish(to_serialized_message(grid_map))
-        self.get_logger().info(f"publishes {grid_map} of {path} on {topic}")
+        self.get_logger().info(f"publishes {grid_map} from {path} on {topic}")
 
 
 def _qos(duration: float) -> QoSProfile:

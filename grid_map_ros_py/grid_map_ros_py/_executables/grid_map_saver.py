@@ -20,31 +20,29 @@ from ..nodes._throttle import LogThrottle
 
 
 class GridMapSaverNode(Node):
-    """Saves the first map that it receives, or each."""
+    """Saves the first map that it receives, or every map."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
         self._throttle = LogThrottle()
-        about = "folder of the bag, which is replaced if there is one"
+        about = "folder of the bag; an existing bag is replaced"
         self._path = read_parameter(self, "file_path", str, description=about)
-        about = "maps come from here"
+        about = "topic of the maps"
         topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
-        about = "topic in the bag; empty for the one the maps come from"
+        about = "topic in the bag; empty means `grid_map_topic`"
         bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
         self._topic = bag_topic or self.resolve_topic_name(topic)
-        about = (
-            "save every map in place of the one before, and go on, instead of ending with the first"
-        )
+        about = "save every map, each replacing the last one, instead of ending after the first"
         self._continuous = read_parameter(self, "continuous", bool, False, description=about)
         about = "file format of the bag: `mcap` or `sqlite3`, which `loadFromBag` in C++ reads"
         self._storage = read_parameter(self, "storage", str, "mcap", description=about)
         about = "compression of the bag: `none`, or with `mcap` also `lz4` or `zstd`"
         self._compression = read_parameter(self, "compression", str, "none", description=about)
-        # Before anybody waits for a map in vain.
+        # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)
         self._subscription = MapSubscription(self, topic, self._on_map)
-        self.get_logger().info(f"saves {topic} to {self._path}")
+        self.get_logger().info(f"saves maps of {topic} to {self._path}")
 
     def _bag(self) -> BagWriter:
         return BagWriter(self._path, storage=self._storage, compression=self._compression)

@@ -3,14 +3,14 @@
 """Node `grid_map_server`: holds a map, publishes it latched and offers it by services.
 
 Services:
-    ~/get_grid_map: `grid_map_msgs/GetGridMap`, the map or a part of it.
-    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, its size, resolution and place.
-    ~/set_grid_map: `grid_map_msgs/SetGridMap`, another map.
-    ~/load_map: `grid_map_msgs/ProcessFile`, the last map of a bag.
-    ~/save_map: `grid_map_msgs/ProcessFile`, the map to a bag.
+    ~/get_grid_map: `grid_map_msgs/GetGridMap`, returns the map or a part of it.
+    ~/get_grid_map_info: `grid_map_msgs/GetGridMapInfo`, returns its size, resolution and place.
+    ~/set_grid_map: `grid_map_msgs/SetGridMap`, replaces the map.
+    ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
+    ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.
 
-A request that cannot be granted is logged, and changes nothing. Its answer is a map without layers
-and with a resolution of 0, or `success: false`.
+A request that fails is logged and changes nothing. The response is a map without layers and with a
+resolution of 0, or `success: false`.
 """
 
 import sys
@@ -47,7 +47,7 @@ class GridMapServerNode(Node):
         check(storage in STORAGES, "storage", f"one of {', '.join(STORAGES)}", storage)
         self._server = MapServer(_read_directory(self), storage)
         self._throttle = LogThrottle()
-        about = "every map that it takes goes there"
+        about = "topic of the map, published whenever it changes"
         topic = _read_topic(self, "output_topic", "/grid_map", about)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         self._begin()
@@ -56,15 +56,15 @@ class GridMapServerNode(Node):
         self.get_logger().info(f"serves {self._publisher.topic_name}")
 
     def _begin(self) -> None:
-        about = "bag whose last map it begins with; empty for none"
+        about = "bag whose last map is loaded at the start; empty means none"
         path = read_parameter(self, "file_path", str, "", description=about)
-        about = "topic in that bag; empty where it has a single topic of maps"
+        about = "topic in that bag; empty means the only topic with maps"
         topic = read_parameter(self, "bag_topic", str, "", description=about)
         if path:
             self._take(load_from_bag(path, topic or None, unwrap=False))
 
     def _subscribe(self) -> None:
-        topic = _read_topic(self, "input_topic", "", "maps come from here, too; empty for none")
+        topic = _read_topic(self, "input_topic", "", "topic of maps to serve; empty means none")
         if not topic:
             return
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
@@ -82,13 +82,13 @@ class GridMapServerNode(Node):
             self.create_service(kind, f"~/{name}", callback)
 
     def _take(self, grid_map: GridMap) -> None:
-        # What cannot be published is not taken.
+        # Serialize first: a map that cannot be published must not replace the last one.
         data = to_serialized_message(grid_map)
         self._server.grid_map = grid_map
         self._publisher.publish(data)
 
     def _attempt(self, what: str, action: Callable[[], None]) -> bool:
-        """Tell whether an action succeeded; log why not."""
+        """Return whether an action succeeds, and log why it does not."""
         try:
             action()
         except GridMapError as error:
@@ -140,7 +140,7 @@ class GridMapServerNode(Node):
 
 
 def _read_directory(node: Node) -> Path | None:
-    about = "bags are loaded and saved below it by request; empty refuses both"
+    about = "directory below which requests load and save bags; empty refuses them"
     path = read_parameter(node, "directory", str, "", description=about)
     check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
     return Path(path) if path else None

@@ -10,10 +10,11 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._octomap import from_octomap
+from ..messages._packages import messages_of
 from ..messages._serialized import to_serialized_message
 from ..nodes._parameters import check_topic, read_parameter, read_positive
 from ..nodes._qos import map_qos
@@ -21,19 +22,19 @@ from ..nodes._spin import run
 from ..nodes._subscription import LatchedSubscription
 from ..nodes._throttle import LogThrottle
 
-REMEDY = "install ros-jazzy-octomap-msgs and source ROS"
+NAME = "octomap_to_grid_map"
 
 
 class OctomapToGridMapNode(Node):
     """Converts every octomap of a topic or a service."""
 
     def __init__(self) -> None:
-        super().__init__("octomap_to_grid_map")
+        super().__init__(NAME)
         self._throttle = LogThrottle()
-        topic = _read_topic(self, "grid_map_topic", "/grid_map", "the map goes there")
+        topic = _read_topic(self, "grid_map_topic", "/grid_map", "topic of the map")
         about = "name of the layer of heights"
         self._layer = read_parameter(self, "layer", str, "elevation", description=about)
-        about = "side of a cell [m]; 0 for that of the voxels"
+        about = "side of a cell [m]; 0 means the side of a voxel"
         self._resolution = read_parameter(self, "resolution", float, 0.0, description=about) or None
         self._min_bound = _read_bound(self, "min", "less")
         self._max_bound = _read_bound(self, "max", "more")
@@ -42,18 +43,20 @@ class OctomapToGridMapNode(Node):
         self.get_logger().info(f"publishes the octomaps of {source} on {topic}")
 
     def _listen(self) -> str:
-        """Subscribe, or ask the service from time to time; return where octomaps come from."""
-        about = "octomaps come from here, binary or full"
+        """Subscribe, or call the service periodically; return the name of topic or service."""
+        about = "topic of the octomaps, binary or full"
         topic = _read_topic(self, "octomap_topic", "/octomap_binary", about)
-        about = "`octomap_msgs/GetOctomap` service to ask for octomaps instead; empty for the topic"
+        about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"
         service = read_parameter(self, "octomap_service_topic", str, "", description=about)
-        about = "how often it is asked [s]"
+        about = "time between two calls of the service [s]"
         period = read_positive(self, "octomap_service_period", 10.0, description=about)
         if not service:
-            self._subscription = LatchedSubscription(self, _octomap_type(), topic, self._receive)
+            octomap = messages_of("octomap_msgs", NAME).Octomap
+            self._subscription = LatchedSubscription(self, octomap, topic, self._receive)
             return topic
         check_topic(self, "octomap_service_topic", service)
-        self._client = self.create_client(_service_type(), service)
+        self._service = messages_of("octomap_msgs", NAME, "srv").GetOctomap
+        self._client = self.create_client(self._service, service)
         self._answer: Any = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(period, self._ask, clock=steady)
@@ -70,7 +73,7 @@ class OctomapToGridMapNode(Node):
         if not self._client.service_is_ready():
             self._warn(f"the service {self._client.srv_name} is not there")
         elif self._answer is None or self._answer.done():
-            self._answer = self._client.call_async(_service_type().Request())
+            self._answer = self._client.call_async(self._service.Request())
             self._answer.add_done_callback(self._receive_answer)
 
     def _receive_answer(self, answer: Any) -> None:
@@ -104,31 +107,14 @@ def _read_topic(node: Node, name: str, default: str, description: str) -> str:
 
 
 def _read_bound(node: Node, end: str, beyond: str) -> list[float]:
-    """Return the bounds at one end of the three axes; NaN for none."""
-    about = "voxels whose centre has {} {} are left out [m]; `.nan` for no bound"
+    """Return the bounds at one end of the three axes; NaN means no bound."""
+    about = "voxels whose center has {} {} are left out [m]; `.nan` means no bound"
     return [
         read_parameter(
             node, f"{end}_{axis}", float, math.nan, description=about.format(beyond, axis)
         )
         for axis in "xyz"
     ]
-
-
-def _octomap_type() -> type:
-    try:
-        from octomap_msgs.msg import Octomap
-    except ImportError as error:
-        raise MissingPackageError("octomap_msgs", "octomap_to_grid_map", REMEDY) from error
-    found: type = Octomap
-    return found
-
-
-def _service_type() -> Any:
-    try:
-        from octomap_msgs.srv import GetOctomap
-    except ImportError as error:
-        raise MissingPackageError("octomap_msgs", "octomap_to_grid_map", REMEDY) from error
-    return GetOctomap
 
 
 def main() -> int:

@@ -43,55 +43,53 @@ RELIABILITIES = {
     "reliable": ReliabilityPolicy.RELIABLE,
 }
 DESCRIPTIONS = {
-    "input_topic": "clouds come from here",
-    "output_topic": "the map goes there",
+    "input_topic": "topic of the clouds",
+    "output_topic": "topic of the map",
     "input_reliability": (
-        "`best_effort` hears every publisher; `reliable` asks for clouds that got lost "
-        "again, and hears reliable publishers only"
+        "`best_effort` receives from every publisher; `reliable` requests lost clouds again, and "
+        "receives from reliable publishers only"
     ),
-    "queue_size": "clouds that are kept while they wait for the node or for a pose",
-    "publish_rate": (
-        "how often the map is published if it has changed [Hz]; 0 for after every cloud"
-    ),
+    "queue_size": "maximum number of clouds that wait for the node or for a pose",
+    "publish_rate": "rate at which a changed map is published [Hz]; 0 means after every cloud",
     "map_frame": "frame of the map",
     "resolution": "side of a cell [m]",
     "length": "side lengths of the map along x and y [m]",
-    "position": "centre of the map at first [m]",
-    "robot_centric": "the map moves with the robot, else it stays",
+    "position": "initial center of the map [m]",
+    "robot_centric": "whether the map moves with the robot",
     "pose_source": (
-        "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` is `tf` where"
+        "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` means `tf` where"
         " tf2 is installed, else `odometry`"
     ),
-    "pose_topic": "poses of the robot in the map frame come from here, unless from tf",
-    "pose_timeout": "clouds wait for their poses so long [s]",
-    "robot_frame": "whose place the map follows, with tf; empty for the frame of the cloud",
-    "sensor_xyz": "place of the sensor in the frame of the robot [m], without tf",
-    "sensor_rpy": "its roll, pitch and yaw there [rad], without tf",
+    "pose_topic": "topic of the poses of the robot in the map frame; not used with tf",
+    "pose_timeout": "maximum time a cloud waits for its pose [s]",
+    "robot_frame": "frame that the map follows, with tf; empty means the frame of the cloud",
+    "sensor_xyz": "position of the sensor in the frame of the robot [m], without tf",
+    "sensor_rpy": "roll, pitch and yaw of the sensor in that frame [rad], without tf",
     "layer": "name of the layer of heights",
-    "fusion": "`max`, `min`, `mean` or `last` of the clouds",
+    "fusion": "how clouds are combined: `max`, `min`, `mean` or `last`",
     "reduction": (
-        "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or "
-        "`last`; plays no part in the fusion `mean`"
+        "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or `last`; not "
+        "used with the fusion `mean`"
     ),
-    "max_count": "for the fusion `mean`: points that the past counts for at most; 0 for all",
-    "fields": "further fields of the clouds that become layers",
-    "min_height": "points below are left out [m], map frame",
-    "max_height": "points above are left out [m], map frame",
-    "min_range": "points nearer to the origin of their own frame, the sensor, are left out [m]",
-    "max_range": "points farther from there are left out [m]",
-    "statistics_period": "time between two lines of statistics in the log [s]; 0 for none",
+    "max_count": "for the fusion `mean`: largest weight of the past, in points; 0 means no limit",
+    "fields": "additional fields of the clouds that become layers",
+    "min_height": "lower points are left out [m], map frame",
+    "max_height": "higher points are left out [m], map frame",
+    "min_range": "points nearer to the sensor, the origin of their frame, are left out [m]",
+    "max_range": "points farther from the sensor are left out [m]",
+    "statistics_period": "time between two lines of statistics in the log [s]; 0 means none",
 }
-"""Descriptions of the parameters, shown by `ros2 param describe`."""
+"""Descriptions of the parameters, as `ros2 param describe` shows them."""
 
 POSE_QUEUE = 100
-"""Poses come faster than clouds are fused."""
+"""Depth of the pose subscription: poses arrive faster than clouds are fused."""
 
 WAIT_PERIOD = 0.05
-"""Seconds after which to look again for the poses of clouds that wait."""
+"""Time between two attempts to find the poses of waiting clouds [s]."""
 
 
 class PointCloudToGridMapNode(Node):
-    """Subscribes to clouds and poses, and publishes the map that they make."""
+    """Subscribes to clouds and poses, and publishes the fused map."""
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
@@ -106,9 +104,10 @@ class PointCloudToGridMapNode(Node):
         self._publish_rate = _read_not_negative(self, "publish_rate", 0.0)
         if self._publish_rate > 0:
             self.create_timer(1 / self._publish_rate, self._publish, clock=self._steady)
-        self._report_statistics(_read_not_negative(self, "statistics_period", 0.0))
+        if period := _read_not_negative(self, "statistics_period", 0.0):
+            self.create_timer(period, self._log_statistics, clock=self._steady)
         self.create_timer(WAIT_PERIOD, self._work, clock=self._steady)
-        # Serialized clouds are read where they are, without a copy.
+        # Raw clouds are read without a copy.
         self.create_subscription(
             PointCloud2, topic, self._on_cloud, self._read_input_qos(), raw=True
         )
@@ -158,7 +157,7 @@ class PointCloudToGridMapNode(Node):
         return source
 
     def _read_poses(self, map_frame: str) -> Poses:
-        """Return what tells where clouds belong; all parameters of it are declared."""
+        """Return the source of poses; the parameters of all sources are declared."""
         topic = _read(self, "pose_topic", str, "/odom")
         robot_frame = _read(self, "robot_frame", str, "")
         xyz = _read_numbers(self, "sensor_xyz", [0.0, 0.0, 0.0])
@@ -179,10 +178,6 @@ class PointCloudToGridMapNode(Node):
         reliability = _read(self, name, str, "best_effort")
         check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
         return QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
-
-    def _report_statistics(self, period: float) -> None:
-        if period > 0:
-            self.create_timer(period, self._log_statistics, clock=self._steady)
 
     # --- messages ---------------------------------------------------------------------------------
 
@@ -237,7 +232,7 @@ def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
 
 
 def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
+    """Run the node until it is told to stop; return the exit code."""
     return run(PointCloudToGridMapNode)
 
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Clouds that wait for their poses, and then go into a rolling map."""
+"""Fusion of point clouds into a rolling map, each as soon as its pose is known."""
 
 import math
 import time
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 
 from ..messages._cdr import view
+from ..messages._packages import messages_of
 from ..messages._point_cloud_reading import read_columns
 from ..messages._time import from_stamp
 from .poses import Placement, Poses, transformed
@@ -25,13 +25,13 @@ from .poses import Placement, Poses, transformed
 
 @dataclass
 class Statistics:
-    """What became of the clouds so far.
+    """Counts of clouds.
 
     Attributes:
-        fused: clouds that are in the map.
-        dropped: clouds that could not be used.
-        points: points of the clouds that are in the map.
-        seconds: what it took to place and fuse them [s].
+        fused: number of clouds in the map.
+        dropped: number of clouds that could not be used.
+        points: number of points of the fused clouds.
+        seconds: time spent on placing and fusing them [s].
     """
 
     fused: int = 0
@@ -49,31 +49,39 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Cloud:
-    """A decoded cloud: frame, time stamp, points, and time of arrival [s]."""
+    """A cloud that waits for its pose.
+
+    Attributes:
+        frame_id: frame of the points.
+        stamp: time of the cloud [ns].
+        points: (N, 3) x, y, z [m].
+        columns: (N,) values of further layers.
+        received: time of arrival on the mapper's clock [s].
+    """
 
     frame_id: str
     stamp: int
     points: npt.NDArray[Any]
     columns: Mapping[str, npt.NDArray[Any]]
-    came: float
+    received: float
 
 
 @dataclass
 class CloudMapper:
-    """Brings clouds from their own frames into a map, as soon as their poses are known.
+    """Transforms clouds into the frame of a map and fuses them, once their poses are known.
 
     Attributes:
         rolling_map: the map.
-        poses: source of the poses of clouds.
-        report: is told why a cloud was dropped.
+        poses: source of the poses.
+        report: called with the reason when a cloud is dropped.
         fields: names of the fields of clouds that become layers besides the heights.
         follow: whether the map moves with the robot.
-        min_range, max_range: points nearer to the origin of the cloud's frame or farther away are
-            left out [m].
-        timeout: clouds wait for their poses so long [s].
-        queue_size: so many clouds wait at most; then the oldest is dropped.
-        clock: returns the time [s]; the default goes on while a simulation is paused.
-        statistics: what became of the clouds.
+        min_range, max_range: distances from the origin of the cloud's frame [m]; points nearer or
+            farther are left out.
+        timeout: maximum time a cloud waits for its pose [s].
+        queue_size: maximum number of waiting clouds; a further one replaces the oldest.
+        clock: returns the time [s]; the default runs on while a simulation is paused.
+        statistics: counts of clouds.
     """
 
     rolling_map: RollingMap
@@ -95,8 +103,8 @@ class CloudMapper:
         check(self.timeout >= 0, "pose_timeout", "no negative number", self.timeout)
         check(self.queue_size > 0, "queue_size", "at least 1", self.queue_size)
 
-    def add(self, message: PointCloud2 | bytes) -> bool:
-        """Take a cloud, as a message or serialized, and return whether the map has changed."""
+    def add(self, message: Any) -> bool:
+        """Add a `PointCloud2` or its bytes, and return whether the map has changed."""
         try:
             cloud = self._read(message)
         except GridMapError as error:
@@ -109,21 +117,21 @@ class CloudMapper:
         return self.work()
 
     def work(self) -> bool:
-        """Fuse the clouds whose poses are known by now; return whether the map has changed.
+        """Fuse the clouds whose poses are known; return whether the map has changed.
 
-        To be called when a pose has come, and from time to time to drop clouds that wait in vain.
+        Call it when a pose arrives, and periodically to drop clouds that have waited too long.
         """
         fused = self.statistics.fused
-        # One that waits does not hold up those of other frames.
+        # A waiting cloud does not delay clouds of other frames.
         self._waiting = deque(cloud for cloud in self._waiting if not self._finish(cloud))
         return self.statistics.fused > fused
 
     def _finish(self, cloud: Cloud) -> bool:
-        """Fuse a cloud or drop it, and return True; or return False if it goes on waiting."""
+        """Fuse or drop a cloud; return False if it has to wait longer."""
         begin = time.perf_counter()
         try:
             placement = self.poses.place(cloud.frame_id, cloud.stamp)
-            if placement is None and self.clock() - cloud.came < self.timeout:
+            if placement is None and self.clock() - cloud.received < self.timeout:
                 return False
             if placement is None:
                 self._drop(f"it waited {self.timeout} s for {self.poses.waits_for}")
@@ -137,9 +145,9 @@ class CloudMapper:
         self.statistics.seconds += time.perf_counter() - begin
         return True
 
-    def _read(self, message: PointCloud2 | bytes) -> Cloud:
+    def _read(self, message: Any) -> Cloud:
         if isinstance(message, bytes):
-            message = view(message, PointCloud2)
+            message = view(message, messages_of("sensor_msgs").PointCloud2)
         stamp = from_stamp(message.header.stamp)
         points, columns = read_columns(message, self.fields)
         return Cloud(message.header.frame_id, stamp, points, columns, self.clock())

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class MapServer:
-    """A map that can be asked for, whole or in part, and bags below a directory.
+    """A map to be requested as a whole or in part, and bags below a directory.
 
     Args:
         directory: bags are loaded and saved below it; None refuses both.
@@ -35,7 +35,7 @@ class MapServer:
         """The map.
 
         Raises:
-            RequestError: there is none yet.
+            RequestError: there is no map yet.
         """
         if self._map is None:
             raise RequestError("there is no map yet")
@@ -52,13 +52,13 @@ class MapServer:
         length: tuple[float, float],
         layers: Sequence[str] = (),
     ) -> "GridMapMessage":
-        """Return the cells that a rectangle overlaps, as far as it lies on the map.
+        """Return the cells of the map that a rectangle overlaps.
 
         Args:
             frame_id: frame of the position; empty means that of the map.
-            position: centre of the rectangle [m].
-            length: its side lengths along x and y [m]; both zero means the whole map.
-            layers: names of the layers; none means all.
+            position: center of the rectangle [m].
+            length: side lengths of the rectangle along x and y [m]; zeros mean the whole map.
+            layers: names of the layers; an empty sequence means all.
 
         Raises:
             RequestError: there is no map, or it has another frame.
@@ -87,24 +87,24 @@ class MapServer:
         """Return the last map of a bag.
 
         Args:
-            path: of the bag, absolute or relative to the directory; in any case below it.
-            topic: in the bag; empty where it has a single topic of maps.
+            path: path of the bag below the directory, absolute or relative to it.
+            topic: topic in the bag; empty means the only topic with maps.
 
         Raises:
-            RequestError: the path leads elsewhere, or there is no directory.
+            RequestError: the path is not below the directory, or there is no directory.
             BagError: the bag cannot be read.
         """
         return load_from_bag(self._inside(path), topic or None, unwrap=False)
 
     def save(self, path: str, topic: str) -> None:
-        """Write the map to a bag; another one of that name is replaced.
+        """Write the map to a bag, which replaces an existing one.
 
         Args:
             path: as for `load`.
-            topic: in the bag.
+            topic: topic in the bag.
 
         Raises:
-            RequestError: the path leads elsewhere, or there is no directory or no map.
+            RequestError: the path is not below the directory, or there is no directory or no map.
             BagError: the bag cannot be written.
         """
         grid_map, target = self.grid_map, self._inside(path)
@@ -117,14 +117,14 @@ class MapServer:
 
 
 def path_inside(directory: Path, path: str) -> Path:
-    """Return where `path` leads, if it and the files in it lie below `directory`.
+    """Return the resolved path if it and the files in it lie below a directory.
 
     Args:
         directory: the directory.
         path: absolute, or relative to the directory. Symbolic links and `..` are followed first.
 
     Raises:
-        RequestError: it leads elsewhere, or cannot be a path.
+        RequestError: the path is not below the directory, or is no valid path.
     """
     root = directory.resolve()
     try:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Poses of the robot and its sensor at the time of a cloud."""
+"""Poses of a robot and its sensor at the times of clouds."""
 
 import math
 from bisect import bisect_left
@@ -21,16 +21,16 @@ Matrix: TypeAlias = npt.NDArray[np.float64]
 """(4, 4) rotation and translation [m]."""
 
 NORM_TOLERANCE = 1e-2
-"""Tolerance of the norm of a quaternion: above rounding errors, below mistakes."""
+"""Largest deviation of a quaternion's norm from 1; rounding errors are much smaller."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a cloud belongs.
+    """Pose of a cloud and position of the robot.
 
     Attributes:
         transform: from the frame of the cloud to that of the map.
-        centre: (2,) x, y of the robot [m], map frame; None if it is not known.
+        centre: (2,) x, y of the robot [m], map frame; None if unknown.
     """
 
     transform: Matrix
@@ -38,24 +38,24 @@ class Placement:
 
 
 class Poses(Protocol):
-    """Source of the poses of clouds."""
+    """Source of poses."""
 
     @property
     def waits_for(self) -> str:
-        """Name of the missing pose or transform when `place` returns None."""
+        """Description of what is missing when `place` returns None."""
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return where a cloud of that frame and time [ns] belongs, or None if not known yet.
+        """Return the placement of a cloud of that frame and time [ns], or None if not known yet.
 
-        Time 0 stands for the latest one.
+        Time 0 stands for the latest pose.
 
         Raises:
-            GridMapError: that will never be known.
+            GridMapError: the placement will never be known.
         """
 
 
 class NoPoses:
-    """Clouds are in the frame of the map already."""
+    """Source for clouds that are in the frame of the map already."""
 
     waits_for = ""
 
@@ -71,12 +71,12 @@ class NoPoses:
 
 
 class PoseHistory:
-    """The robot's poses of a topic; those between two of them are interpolated.
+    """Poses of a robot over time; poses in between are interpolated.
 
     Args:
-        map_frame: the frame that poses have to be in.
-        sensor: from the frame of the clouds to that of the robot.
-        limit: number of poses that are remembered.
+        map_frame: frame of the poses.
+        sensor: transform from the frame of the clouds to that of the robot.
+        limit: maximum number of poses that are kept.
     """
 
     def __init__(self, map_frame: str, sensor: Matrix | None = None, limit: int = 1000) -> None:
@@ -94,12 +94,12 @@ class PoseHistory:
         return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def add(self, message: Any) -> None:
-        """Take a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
+        """Add a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose earlier than the last one means that time was reset: all other poses are dropped.
+        A pose earlier than the last one means that time was reset: older poses are forgotten.
 
         Raises:
-            MessageError: it is in another frame, or its numbers are no pose.
+            MessageError: the pose is in another frame, or its numbers are invalid.
         """
         if message.header.frame_id != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map"
@@ -117,7 +117,7 @@ class PoseHistory:
             del self._stamps[0], self._poses[0]
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return where a cloud belongs; one that is newer than the last pose has to wait."""
+        """Return the placement of a cloud; None if it is newer than the last pose."""
         robot = self.at(stamp)
         if robot is None:
             return None
@@ -125,10 +125,10 @@ class PoseHistory:
         return Placement(np.eye(4) if is_there else robot @ self._sensor, robot[:2, 3])
 
     def at(self, stamp: int) -> Matrix | None:
-        """Return the pose at a time [ns], 0 for the latest one; None if it is still to come.
+        """Return the pose at a time [ns], 0 for the latest; None if the time is in the future.
 
         Raises:
-            GridMapError: it is earlier than all that are remembered.
+            GridMapError: the time is earlier than all poses that are kept.
         """
         if not self._stamps or stamp > self._stamps[-1]:
             return None
@@ -151,7 +151,7 @@ def to_matrix(position: Any, orientation: Any, field: str = "pose") -> Matrix:
     Args:
         position: message with x, y, z [m].
         orientation: message with the quaternion x, y, z, w.
-        field: what to call the pose in an error.
+        field: name of the pose in an error.
 
     Raises:
         MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
@@ -164,12 +164,12 @@ def to_matrix(position: Any, orientation: Any, field: str = "pose") -> Matrix:
 
 
 def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
-    """Return the transform of x, y, z [m] and roll, pitch, yaw [rad], as URDF has them."""
+    """Return the transform of x, y, z [m] and roll, pitch, yaw [rad] as in URDF (fixed axes)."""
     return _matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
 
 
 def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
-    """Return the pose a share of the way from one to another: on the line, turning evenly."""
+    """Return the pose interpolated between two others: linear in position, slerp in rotation."""
     turn = Slerp([0.0, 1.0], Rotation.from_matrix([begin[:3, :3], end[:3, :3]]))
     return _matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
 
@@ -178,7 +178,7 @@ def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]
     """Return (N, 3) points in another frame, as float64 unless nothing changes."""
     if np.array_equal(transform, np.eye(4)):
         return points
-    # Points that are not finite come out as something that is not finite either.
+    # Points that are not finite stay so.
     with np.errstate(invalid="ignore", over="ignore"):
         moved: npt.NDArray[np.float64] = points @ transform[:3, :3].T
         moved += transform[:3, 3]

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Common interface of the files of bags."""
+"""Common interface of the files of bags, MCAP and sqlite3."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ class Topic(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """Time of a message [ns] and where in its file it stands, in terms of the file's format."""
+    """Time of a message [ns] and its place in the file, in terms of the format."""
 
     time: int
     place: Any
@@ -29,7 +29,7 @@ class Entry(NamedTuple):
 class Storage(Protocol):
     """A file with messages that is open for reading.
 
-    Its methods may fail in any way when the file is damaged: they are called within `bag_errors`.
+    If the file is damaged, its methods may raise any exception; call them within `bag_errors`.
     """
 
     topics: dict[str, Topic]
@@ -46,14 +46,14 @@ class Storage(Protocol):
 
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
-    """Turn every error of reading or writing a file into a `BagError`."""
+    """Turn every exception into one `BagError` that names the file."""
     try:
         yield
     except GridMapError:
         raise
     except OSError as error:
         raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
-    # A file may be damaged in any way, and the packages that read it fail in as many.
+    # Depending on the damage, the packages that read files raise all kinds of exceptions.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error

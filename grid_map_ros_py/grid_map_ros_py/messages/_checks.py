@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks that several messages share: each raises one `MessageError` that names the field."""
+"""Checks of message fields; each raises one `MessageError` that names the field."""
 
 import math
 import sys
@@ -17,15 +17,14 @@ if TYPE_CHECKING:
     from geometry_msgs.msg import Point, Quaternion
 
 ROTATION_TOLERANCE = 1e-6
-"""Largest component of a rotation axis, relative to w, that still counts as no rotation."""
+"""Largest x, y or z of a quaternion, relative to w, that counts as no rotation."""
 
 MOST_CELLS = 2**25
-"""Of a map whose extent a message gives without a value for every cell: a few bytes may claim all
-the memory there is."""
+"""Maximum number of cells of a map whose extent a message claims without a value for every cell."""
 
 
 def check_positive(field: str, value: float) -> float:
-    """Return `value` if it is a positive finite number, and not so small that it lost digits."""
+    """Return `value` if it is positive, finite and not subnormal."""
     if not sys.float_info.min <= value < math.inf:
         raise MessageError(field, "a positive finite number", value)
     return value
@@ -40,9 +39,9 @@ def check_position(field: str, position: "Point") -> tuple[float, float]:
 
 
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
-    """Refuse a rotated grid, which a map whose rows run along x cannot hold.
+    """Raise if a grid is rotated; the rows of a map run along x.
 
-    All zeros count as unrotated: publishers that never set the orientation send them.
+    Zeros count as unrotated, because publishers that never set the orientation send them.
     """
     *axis, w = found = (orientation.x, orientation.y, orientation.z, orientation.w)
     rotated = max(map(abs, axis)) > ROTATION_TOLERANCE * abs(w)
@@ -55,14 +54,14 @@ def check_grid(
 ) -> GridGeometry:
     """Return the grid of a message whose cells begin at the smallest x and y.
 
-    Its resolution is a float32; the grid gets the float64 that is written alike (0.1 for the 0.1 of
-    the sender).
+    The resolution of the message is a float32; the grid gets the float64 with the same shortest
+    decimal form (0.1 for the 0.1 of the sender).
 
     Args:
         field: path of `info`.
-        info: what describes the grid: numbers of cells, `resolution` and `origin`.
+        info: description of the grid: numbers of cells, `resolution` and `origin`.
         cells: names of the numbers of cells along x and y.
-        values: how many values the message has; there must be one per cell.
+        values: number of values in the message, which must be the number of cells.
         data_field: path of the values.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
@@ -84,7 +83,7 @@ def check_grid(
 
 
 def check_cells(field: str, size: npt.ArrayLike) -> None:
-    """Refuse an extent of more rows and columns (2,) than a message may claim by a few bytes."""
+    """Raise if rows and columns (2,) are more than `MOST_CELLS`."""
     with np.errstate(over="ignore"):
         cells = float(np.prod(np.asarray(size, np.float64)))
     if not cells <= MOST_CELLS:
@@ -92,7 +91,7 @@ def check_cells(field: str, size: npt.ArrayLike) -> None:
 
 
 def as_float32(field: str, value: float) -> float:
-    """Return a positive number as a message holds it in a float32, which it must fit."""
+    """Return a positive number rounded to float32, whose range it must fit."""
     with np.errstate(over="ignore"):
         held = float(np.float32(value))
     if not 0 < held < math.inf:
@@ -101,9 +100,9 @@ def as_float32(field: str, value: float) -> float:
 
 
 def as_written(value: float) -> float:
-    """Return the float64 that is written like a float32, such as 0.1 for the float32 next to it.
+    """Return the float64 with the same shortest decimal form as a float32, such as 0.1.
 
-    0 and infinity stand for what no float32 holds, as for a message that never was on the wire.
+    Numbers beyond the range of float32, in messages that were never sent, become 0 or infinity.
     """
     with np.errstate(over="ignore"):
         return float(str(np.float32(value)))

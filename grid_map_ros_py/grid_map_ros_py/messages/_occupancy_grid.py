@@ -28,7 +28,7 @@ PIECE = 1 << 15
 
 _VALUES = np.arange(256).astype(np.int8).astype(np.float32)
 _VALUES[UNKNOWN] = np.nan
-"""Layer value of each of the 256 byte values, negative numbers last."""
+"""Value of each of the 256 bytes as int8; negative numbers come last."""
 
 
 def to_occupancy_grid(
@@ -39,9 +39,9 @@ def to_occupancy_grid(
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
-        data_min: the value that becomes 0, free.
-        data_max: the value that becomes 100, occupied; it may be less than `data_min`. Values
-            beyond either are clamped, NaN becomes -1, unknown.
+        data_min: value that becomes 0, free.
+        data_max: value that becomes 100, occupied; it may be less than `data_min`. Values
+            beyond the bounds are clamped, NaN becomes -1, unknown.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
@@ -66,8 +66,8 @@ def to_occupancy_grid(
 def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
     """Return a map with one layer that holds the values of an occupancy grid.
 
-    -1 becomes NaN; other values are unchanged. The resolution is a float32 in the message;
-    the map gets the float64 that is written alike (0.1 for the 0.1 of the sender).
+    -1 becomes NaN; all other values are kept. The resolution is a float32 in the message; the map
+    gets the float64 with the same shortest decimal form (0.1 for the 0.1 of the sender).
 
     Args:
         message: the grid.
@@ -90,7 +90,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
 def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.NDArray[np.int8]:
     """Return `trunc(100 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, -1 for NaN.
 
-    The arithmetic is that of float32, so that no value differs from what the C++ library sends.
+    Computed in float32, so that every value equals that of the C++ library.
 
     Raises:
         MessageError: the bounds are equal as float32, or not finite.
@@ -104,7 +104,7 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
             raise MessageError("data_min, data_max", expected, (data_min, data_max))
         cells = np.asarray(values, dtype=np.float32)
         flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
-        # A piece at a time, so that what is computed of it stays in the cache.
+        # Work on pieces that fit the cache.
         for piece in slices(flat.size, PIECE):
             share = (flat[piece] - low) / extent
             scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)

@@ -1,9 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""`octomap_msgs/Octomap` to grid maps, neither OctoMap nor octomap_msgs being needed.
+"""`octomap_msgs/Octomap` to grid maps; neither OctoMap nor octomap_msgs is needed.
 
-Messages are read by their fields alone, so that anything with the fields of `octomap_msgs/Octomap`
-will do.
+Any object with the fields of `octomap_msgs/Octomap` can be converted.
 """
 
 import math
@@ -36,12 +35,12 @@ if TYPE_CHECKING:
     from octomap_msgs.msg import Octomap
 
 SMALLEST_VOXEL, LARGEST_VOXEL = 1e-30, 1e30
-"""Beyond these [m], coordinates lose digits or are infinite as float32."""
+"""Sides of voxels [m] beyond which float32 coordinates lose digits or become infinite."""
 
 Points = npt.NDArray[np.float64]
 
 ANYWHERE = (math.nan, math.nan, math.nan)
-"""A bound that is not given along any axis."""
+"""No bound along any axis."""
 
 
 def from_octomap(
@@ -54,17 +53,17 @@ def from_octomap(
 ) -> GridMap:
     """Return a map with the height of the highest occupied voxel of every column.
 
-    A cell is a column of voxels and its height the centre of the highest one within the bounds; it
-    is NaN where none is occupied. The map reaches over the whole tree, free space included, unless
-    bounds are given; along an axis with bounds it reaches from one to the other.
+    A cell is a column of voxels. Its height is the center of the highest occupied voxel within the
+    bounds, or NaN. The map covers the whole tree, free space included; along an axis with bounds it
+    reaches from one to the other.
 
     Args:
         message: the tree, binary or full, of the class OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
-        resolution: side of a cell [m], at least that of a voxel; a cell has the height of the
-            highest column whose middle lies in it. None means that of a voxel.
-        min_bound, max_bound: (3,) x, y, z [m]; voxels whose centre is within count, NaN means that
-            there is no bound.
+        resolution: side of a cell [m], at least the side of a voxel; a cell has the height of the
+            highest column whose center lies in it. None means the side of a voxel.
+        min_bound, max_bound: (3,) x, y, z [m]; voxels whose center lies between them count. NaN
+            means no bound.
 
     Raises:
         MessageError: the message or the tree in it contradicts itself, there is no voxel within the
@@ -98,7 +97,7 @@ def octomap_to_points(
     min_bound: npt.ArrayLike = ANYWHERE,
     max_bound: npt.ArrayLike = ANYWHERE,
 ) -> Points:
-    """Return the centres (N, 3) x, y, z [m] of all occupied voxels.
+    """Return the centers (N, 3) x, y, z [m] of all occupied voxels.
 
     Arguments and errors: see `from_octomap`.
     """
@@ -127,7 +126,7 @@ def _box(
     """Return the first and the last voxel (3,) between bounds that may be NaN."""
     bounds = np.array([_bound(min_bound, "min_bound"), _bound(max_bound, "max_bound")])
     tolerance = BORDER_TOLERANCE / resolution
-    # The centre of voxel k lies k + 1/2 voxels from the corner of the root.
+    # The center of voxel k lies k + 1/2 voxels from the corner of the root.
     steps = np.clip(bounds / resolution, -VOXELS, VOXELS) + VOXELS // 2 - 0.5
     nearest = np.stack([np.ceil(steps[0] - tolerance), np.floor(steps[1] + tolerance)])
     missing = np.isnan(bounds)
@@ -149,7 +148,7 @@ def _bound(bound: npt.ArrayLike, name: str) -> Points:
 
 
 def _metres(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
-    """Return the coordinates of the centres of voxels, in the type of the keys."""
+    """Return the coordinates of the centers of voxels, in the type of the keys."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
 
 

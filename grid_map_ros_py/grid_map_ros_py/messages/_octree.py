@@ -1,17 +1,16 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The octrees of OctoMap, from the bytes that its messages and files hold.
+"""Reader of the octrees in OctoMap's messages and files.
 
-A tree is written node after node, every node before its children (preorder). In the binary form a
-node is 16 bits, two per child: 0 unknown, 1 free, 2 occupied, 3 has children itself; leaves are not
-written. In the full form a node is its log-odds as a float32, for trees with colours three bytes of
-colour, and a byte with a bit per child. Both are little-endian. The root is a cube of 65536 voxels
-a side around the origin, and a voxel is a node of depth 16. Bit 0 of a child's number says that it
-is the one with larger x, bit 1 y, bit 2 z.
+Nodes are stored in preorder, every node before its children. In the binary form a node has 16 bits,
+two per child: 0 unknown, 1 free, 2 occupied, 3 inner node; leaves are not stored. In the full form
+a node has its log-odds as a float32, three bytes of color in trees with colors, and a byte with one
+bit per child. Both are little-endian. The root is a cube of 65536 voxels a side around the origin,
+and a voxel is a node of depth 16. Bits 0, 1 and 2 of a child's number tell whether it is the one
+with larger x, y and z.
 
-OctoMap's own reader follows whatever the bytes say until the stack overflows, and so do its Python
-bindings; here every tree is checked before it is looked at. It is read depth by depth rather than
-node by node.
+OctoMap's own reader and its Python bindings follow damaged bytes until the stack overflows. Here
+every tree is checked first, and then read depth by depth rather than node by node.
 """
 
 from collections.abc import Iterable, Iterator
@@ -30,20 +29,20 @@ Voxel = npt.NDArray[np.int32]
 """(3,) x, y, z of a voxel, counted from the corner of the root."""
 
 DEPTH = 16
-"""Depth of a voxel in the tree."""
+"""Depth of a voxel."""
 
 VOXELS = 2**DEPTH
-"""Along a side of the root."""
+"""Voxels along a side of the root."""
 
 MOST_VOXELS = 2**23
-"""Maximum number of voxels; a few bytes of a message could claim any amount of memory."""
+"""Maximum number of voxels that leaves are split into; a few bytes could claim any number."""
 
 NODE_TYPES = {
     "OcTree": np.dtype([("value", "<f4"), ("children", "u1")]),
     "OcTreeStamped": np.dtype([("value", "<f4"), ("children", "u1")]),
     "ColorOcTree": np.dtype([("value", "<f4"), ("color", "u1", 3), ("children", "u1")]),
 }
-"""Data type of a node in a full tree, by the class of the tree."""
+"""Data type of a node in the full form, by the class of the tree."""
 
 _CHILDREN = np.arange(8)
 _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)
@@ -56,8 +55,8 @@ class Leaves:
 
     Attributes:
         depth: 0 is the root, 16 a voxel.
-        keys: (3, N) where they are, in cubes of this depth.
-        occupied: (N,) whether they are; the others are free.
+        keys: (3, N) positions, in cubes of this depth.
+        occupied: (N,) True for occupied leaves, False for free ones.
     """
 
     depth: int
@@ -74,7 +73,7 @@ class Leaves:
 
 
 def read_binary(data: npt.NDArray[np.uint8], field: str = "data") -> list[Leaves]:
-    """Return the leaves of a tree in the binary form, depth by depth; no bytes are no tree.
+    """Return the leaves of a tree in the binary form, depth by depth; none for no bytes.
 
     Raises:
         MessageError: the bytes are no such tree.
@@ -95,14 +94,14 @@ def read_binary(data: npt.NDArray[np.uint8], field: str = "data") -> list[Leaves
 def read_full(
     data: npt.NDArray[np.uint8], node_type: np.dtype[Any], field: str = "data"
 ) -> list[Leaves]:
-    """Return the leaves of a tree in the full form, depth by depth; no bytes are no tree.
+    """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
 
-    Leaves with a probability of at least one half, which are log-odds of 0, are occupied.
+    Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
 
     Args:
         data: (N,) bytes.
         node_type: one of `NODE_TYPES`.
-        field: what to call the bytes in an error.
+        field: name of the bytes in an error.
 
     Raises:
         MessageError: the bytes are no such tree.
@@ -131,17 +130,17 @@ def _levels(
     """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
 
     Args:
-        children: (N, 8) which children of a node are written after it.
-        deepest: the depth that no node may exceed.
+        children: (N, 8) True for children of a node that are stored after it.
+        deepest: largest allowed depth.
         node_size: bytes of a node.
-        field: for errors.
+        field: name of the bytes in an error.
     """
     if not len(children):
         return
     depths = _depths(children.sum(axis=1), node_size, field)
     if depths.max() > deepest:
         raise MessageError(field, f"nodes of at most depth {deepest}", int(depths.max()))
-    # In preorder, the nodes of one depth come in the order of their parents and child numbers.
+    # Preorder keeps the nodes of one depth in the order of their parents and child numbers.
     by_depth = np.argsort(depths, kind="stable")
     ends = np.cumsum(np.bincount(depths))
     keys = np.zeros((3, 1), np.int32)
@@ -154,9 +153,9 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int, field: str) -> npt.NDA
     """Return the depths (N,) of nodes in preorder with `counts` children each.
 
     Raises:
-        MessageError: they are fewer or more than one tree.
+        MessageError: the nodes are fewer or more than one tree.
     """
-    # How many nodes are still to come after each one, if nothing is to follow the tree.
+    # Number of nodes that must still follow each node to complete the tree.
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
     if not len(closed):
@@ -164,13 +163,13 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int, field: str) -> npt.NDA
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
         raise MessageError(field, f"{closed[0] * node_size} bytes, where the tree ends", found)
-    # The subtree of a node ends where one node fewer is to come for the first time after it: sorted
-    # by what is to come, then by number, that is what follows the node's own number one less.
+    # The subtree of a node ends where, for the first time after it, one node fewer must follow.
+    # Sorting by (nodes to follow, number) makes that place a binary search.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
     by_open_ends = np.sort(open_ends * count + numbers)
     one_less = (open_ends[:-1] - 1) * count + numbers[:-1]
     ends = by_open_ends[np.searchsorted(by_open_ends, one_less)] % count
-    # All nodes before a node are its ancestors, but for those whose subtree has ended.
+    # The nodes before a node are its ancestors, except those whose subtree has ended.
     ended = np.cumsum(np.bincount(ends, minlength=len(numbers)))
     depths: npt.NDArray[np.intp] = (numbers - ended)[:-1]
     return depths
@@ -192,7 +191,7 @@ def extent(leaves: Iterable[Leaves]) -> tuple[Voxel, Voxel]:
     """Return the first and the last voxel (3,) of the box around all leaves.
 
     Raises:
-        MessageError: there are none.
+        MessageError: there are no leaves.
     """
     filled = [level for level in leaves if level.keys.size]
     if not filled:
@@ -206,7 +205,7 @@ def highest_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> npt.N
     """Return z of the highest occupied voxel of every column of a box, -1 where there is none.
 
     Args:
-        leaves: of all depths, in the order of their depths.
+        leaves: leaves of all depths, in the order of their depths.
         first, last: (3,) voxels at the corners of the box.
 
     Returns:
@@ -216,7 +215,7 @@ def highest_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> npt.N
     corner, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
         if depth:
-            # Each column is taken apart into four, and what reaches beyond the box is cut off.
+            # Split each column into four, and cut off those beyond the box.
             highest = highest.repeat(2, axis=0).repeat(2, axis=1)
             corner, beyond = first[:2] >> (DEPTH - depth), 2 * corner
             end = (last[:2] >> (DEPTH - depth)) + 1 - beyond
@@ -232,11 +231,11 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
     """Return the occupied voxels (3, N) of a box.
 
     Args:
-        leaves: of all depths, in the order of their depths.
+        leaves: leaves of all depths, in the order of their depths.
         first, last: voxels at the corners of the box.
 
     Raises:
-        MessageError: there are more than anybody could work with.
+        MessageError: there are more than `MOST_VOXELS`.
     """
     levels = {level.depth: level for level in leaves}
     count = sum(_count_within(level, first, last) for level in levels.values())
@@ -255,18 +254,21 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
 
 
 def _count_within(leaves: Leaves, first: Voxel, last: Voxel) -> int:
-    """Return how many voxels of a box are in occupied leaves."""
+    """Return the number of voxels of a box that occupied leaves cover."""
     start = leaves.keys.compress(leaves.occupied, axis=1) * np.int32(leaves.side)
     end = np.minimum(start + np.int32(leaves.side), last[:, None] + 1)
     overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
-    # As floats, for which no product is too large.
+    # In floats, where no product overflows.
     return int(overlap.prod(axis=0, dtype=np.float64).sum())
 
 
 def _raise_to(
     highest: npt.NDArray[np.int32], leaves: Leaves, corner: Voxel, lowest: int, limit: int
 ) -> None:
-    """Raise columns in place to the occupied leaves of their depth, from `corner` on."""
+    """Raise columns (in place) to the tops of the occupied leaves of one depth.
+
+    `corner` is the first column; leaves beyond `lowest` and `limit` in z do not count.
+    """
     x, y, z = leaves.keys.compress(leaves.occupied, axis=1)
     x -= corner[0]
     y -= corner[1]

@@ -11,18 +11,19 @@ from typing import Any
 from grid_map_core_py.errors import MissingPackageError
 
 
-def messages_of(package: str, needed_by: str = "this message") -> Any:
-    """Return the message classes of a package, such as `nav_msgs.msg` for `nav_msgs`.
+def messages_of(package: str, needed_by: str = "this message", kind: str = "msg") -> Any:
+    """Return the module with the message classes of a package, such as `nav_msgs.msg`.
 
     Args:
         package: name of the package.
-        needed_by: what to call the caller in the error.
+        needed_by: name of the caller in the error.
+        kind: "msg", or "srv" for services.
 
     Raises:
         MissingPackageError: the package is not installed, or its environment is not sourced.
     """
     try:
-        return importlib.import_module(f"{package}.msg")
+        return importlib.import_module(f"{package}.{kind}")
     except ImportError as error:
         remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
         raise MissingPackageError(package, needed_by, remedy) from error
