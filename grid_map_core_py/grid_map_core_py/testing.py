@@ -5,11 +5,6 @@
 Needs the package `hypothesis` for the strategies only.
 """
 
-import itertools
-import os
-import signal
-import sys
-from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +14,6 @@ from .map._grid_map import GridMap
 __all__ = [
     "assert_maps_equal",
     "grid_maps",
-    "killed_at_every_step",
     "moved_in_buffer",
     "register_profiles",
 ]
@@ -127,40 +121,3 @@ def grid_maps(
         return grid_map
 
     return draw_map()
-
-
-def killed_at_every_step(work: Callable[[], object], limit: int = 1000) -> Iterator[int]:
-    """Run `work` in copies of this process, each of which is killed one step later.
-
-    A step is what Python announces to audit hooks: opening, renaming and removing files, making
-    folders and so on. The last copy is not killed, since it has come to its end.
-
-    Args:
-        work: what to do.
-        limit: so many steps are expected at most.
-
-    Yields:
-        The number of the step before which the copy has died.
-    """
-    for step in range(limit):
-        process = os.fork()
-        if process == 0:
-            _die_before(step)
-            work()
-            os._exit(0)
-        _, status = os.waitpid(process, 0)
-        yield step
-        if os.WIFEXITED(status):
-            return
-    raise AssertionError(f"more than {limit} steps")
-
-
-def _die_before(step: int) -> None:
-    count = itertools.count()
-
-    def die(event: str, _: object) -> None:
-        watched = event.startswith(("os.", "fcntl.", "shutil.", "open", "ctypes.call"))
-        if watched and next(count) == step:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    sys.addaudithook(die)

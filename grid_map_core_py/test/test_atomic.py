@@ -10,10 +10,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from killing import killed_at_every_step
 
 from grid_map_core_py.files import _atomic as atomic
 from grid_map_core_py.files import find_folder, new_file, new_folder
-from grid_map_core_py.testing import killed_at_every_step
 
 
 def save_file(path: Path, text: str) -> None:

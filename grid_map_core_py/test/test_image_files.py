@@ -13,11 +13,12 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from killing import killed_at_every_step
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_images, save_images
-from grid_map_core_py.testing import grid_maps, killed_at_every_step, moved_in_buffer
+from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 
 def assert_equal_within_a_step(loaded: GridMap, saved: GridMap, entry: dict, bits: int) -> None:

@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from killing import killed_at_every_step
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_npz, save_npz
-from grid_map_core_py.testing import assert_maps_equal, grid_maps, killed_at_every_step
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 FUZZING_SECONDS = 1
 

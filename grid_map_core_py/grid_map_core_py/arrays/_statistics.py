@@ -70,12 +70,10 @@ def _sum(values: npt.NDArray[Any]) -> float:
 
 
 def _extreme(choose: np.ufunc, values: ArrayLike) -> float:
-    extremes = [_extreme_of(choose, piece) for piece in _pieces(values)]
-    return float(choose.reduce(extremes, initial=np.nan))
-
-
-def _extreme_of(choose: np.ufunc, values: npt.NDArray[Any]) -> float:
-    extreme = choose.reduce(values)
-    if np.isinf(extreme):
-        extreme = choose.reduce(values[np.isfinite(values)], initial=np.nan)
-    return float(extreme)
+    result = np.nan
+    for piece in _pieces(values):
+        extreme = choose.reduce(piece)
+        if np.isinf(extreme):
+            extreme = choose.reduce(piece[np.isfinite(piece)], initial=np.nan)
+        result = float(choose(result, extreme))
+    return result

@@ -92,14 +92,10 @@ class CostTable:
         """Return the values (...) float32 of costs (...) in [0, 255]."""
         return elementwise(self._values.take, np.float32, _as_costs(costs))
 
-    @property
-    def _step(self) -> np.float32:
-        """Layer-value step of one cost unit."""
-        return np.float32((self.inscribed - self.free) / INSCRIBED)
-
     def _costs(self, values: npt.NDArray[Any]) -> Costs:
         values = values.astype(np.float32)
-        steps = (values - np.float32(self.free)) / self._step
+        value_per_cost = np.float32((self.inscribed - self.free) / INSCRIBED)
+        steps = (values - np.float32(self.free)) / value_per_cost
         # `fmax` turns NaN into free; the last line makes it unknown.
         nearest = np.rint(np.fmin(np.fmax(steps, FREE), INSCRIBED))
         costs: Costs = nearest.astype(np.uint8)

@@ -20,7 +20,7 @@ half of the largest value are NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias
 
 import cv2
@@ -388,22 +388,14 @@ def change_resolution(
     geometry = GridGeometry.from_size((rows, columns), target, grid_map.position)
     result = GridMap.from_geometry(
         geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
-    ).with_layers(dict(_resampled(grid_map, geometry.size, factor, interpolation)))
+    )
+    axes = _axes(grid_map.size, geometry.size, factor, interpolation)
+    picking = _axes(grid_map.size, geometry.size, factor, cv2.INTER_NEAREST_EXACT)
+    for name, layer in grid_map.items():
+        chosen = picking if name == COLOR_LAYER else axes
+        result = result.with_layers({name: resample(layer, grid_map.start_index, *chosen)})
     result.basic_layers = grid_map.basic_layers
     return result
-
-
-def _resampled(
-    grid_map: GridMap, size: Size, factor: float, interpolation: int
-) -> Iterator[tuple[str, Layer]]:
-    """Yield names and data of the layers in their new size."""
-    axes = _axes(grid_map.size, size, factor, interpolation)
-    for layer in grid_map:
-        if layer == COLOR_LAYER:
-            picking = _axes(grid_map.size, size, factor, cv2.INTER_NEAREST_EXACT)
-            yield layer, resample(grid_map[layer], grid_map.start_index, *picking)
-        else:
-            yield layer, resample(grid_map[layer], grid_map.start_index, *axes)
 
 
 def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis, Axis]:

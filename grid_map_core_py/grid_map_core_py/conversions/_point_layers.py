@@ -245,7 +245,13 @@ def _columns(
     field_reductions: Mapping[str, str],
 ) -> dict[str, _Column]:
     """Return the sources of the layers by name, after all checks."""
-    _check_names(layers, fields, field_reductions)
+    given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
+    for name, mapping in given.items():
+        check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
+    for name in layers.keys() & fields.keys():
+        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
+    for name in field_reductions.keys() - fields.keys():
+        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
     heights = cloud.points[:, 2]
     columns = {
         name: _Column(heights, _chosen(REDUCERS, name, reduction), all_count=True)
@@ -255,20 +261,6 @@ def _columns(
         reduction = field_reductions.get(name, "mean")
         columns[name] = _field_column(name, field, reduction, len(heights))
     return columns
-
-
-def _check_names(
-    layers: Mapping[str, str],
-    fields: Mapping[str, ArrayLike],
-    field_reductions: Mapping[str, str],
-) -> None:
-    given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
-    for name, mapping in given.items():
-        check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
-    for name in layers.keys() & fields.keys():
-        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
-    for name in field_reductions.keys() - fields.keys():
-        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
 
 
 def _field_column(name: str, field: ArrayLike, reduction: str, points: int) -> _Column:
@@ -302,19 +294,13 @@ def _reduce(
             counts &= inside
             flat = (cell_rows + rows * cell_cols)[counts]
             for name, column in columns.items():
-                _feed(reducers[name], flat, column.values[part][counts], column.all_count)
+                cells, values = flat, column.values[part][counts].astype(np.float64)
+                if not column.all_count and not (finite := np.isfinite(values)).all():
+                    cells, values = cells[finite], values[finite]
+                reducers[name].add(cells, values)
         return {
             name: reducers.pop(name).result().reshape(geometry.size, order="F") for name in columns
         }
-
-
-def _feed(
-    reducer: Reducer, cells: npt.NDArray[np.int64], values: npt.NDArray[Any], all_count: bool
-) -> None:
-    values = values.astype(np.float64)
-    if not all_count and not (finite := np.isfinite(values)).all():
-        cells, values = cells[finite], values[finite]
-    reducer.add(cells, values)
 
 
 def _geometry(

@@ -151,18 +151,6 @@ class RollingMap:
         self._map = old.with_layers(fused)
 
 
-def _highest(old: Layers, new: Layers, _max_count: float) -> Layers:
-    return {name: np.fmax(old[name], new[name]) for name in new}
-
-
-def _lowest(old: Layers, new: Layers, _max_count: float) -> Layers:
-    return {name: np.fmin(old[name], new[name]) for name in new}
-
-
-def _last(old: Layers, new: Layers, _max_count: float) -> Layers:
-    return {name: _newer(old[name], new[name]) for name in new}
-
-
 def _newer(old: Layer, new: Layer) -> Layer:
     return np.where(np.isnan(new), old, new)
 
@@ -193,6 +181,11 @@ def _flat(layer: Layer) -> npt.NDArray[np.float32]:
 
 
 FUSIONS: Mapping[str, Callable[[Layers, Layers, float], Layers]] = MappingProxyType(
-    {"max": _highest, "min": _lowest, "mean": _mean, "last": _last}
+    {
+        "max": lambda old, new, _: {name: np.fmax(old[name], new[name]) for name in new},
+        "min": lambda old, new, _: {name: np.fmin(old[name], new[name]) for name in new},
+        "mean": _mean,
+        "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
+    }
 )
 """Fusions of the known layers with those of a new cloud, by name."""

@@ -24,14 +24,13 @@ from ..arrays._checks import (
     as_size,
     as_text,
 )
-from ..errors import GridMapError, LayerNotFoundError, OutOfMapError
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
 from . import _merge as merge
 from . import _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
 from ._layer_names import as_names, select_layers
 from ._ring_buffer import BufferRegion
-from ._submap import submap_block
 from ._transform import transformed_map
 
 
@@ -127,7 +126,9 @@ class GridMap(MutableMapping[str, Layer]):
         self._basic_layers: tuple[str, ...] = ()
         self.frame_id = frame_id
         self.timestamp = timestamp
-        self._add_all(layers)
+        self.update(
+            layers if isinstance(layers, Mapping) else dict.fromkeys(as_names(layers), np.nan)
+        )
         self.basic_layers = basic_layers
 
     # Properties
@@ -317,7 +318,10 @@ class GridMap(MutableMapping[str, Layer]):
         The other layers are shared with this map: neither should be written into afterwards.
         Float32 arrays in Fortran order are adopted without a copy.
         """
-        return self._with({**self._layers, **self._adopted(layers)})
+        if not isinstance(layers, Mapping):
+            raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
+        adopted = {n: self._adopt(n, data) for n, data in self._in_my_order(layers).items()}
+        return self._with({**self._layers, **adopted})
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
         """Return a map without the named layers; the others are shared as in `with_layers`."""
@@ -579,7 +583,15 @@ class GridMap(MutableMapping[str, Layer]):
             OutOfMapError: the rectangle does not overlap the map.
             GeometryError: a length is negative, or a number is not finite.
         """
-        rows, columns = submap_block(self._geometry, position, length)
+        center, sides = as_pair(position, "position"), as_pair(length, "length")
+        if (sides < 0).any():
+            raise GeometryError(f"length: expected no negative numbers, got {as_text(sides)}")
+        rows, columns = self._geometry.box(center - 0.5 * sides, center + 0.5 * sides)
+        if rows.start == rows.stop:
+            raise OutOfMapError(
+                f"the submap at {as_text(center)} of length {as_text(sides)} does not overlap the "
+                f"map: {self._geometry.place}"
+            )
         result = GridMap.from_geometry(
             self._geometry.cropped(rows, columns), frame_id=self.frame_id, timestamp=self.timestamp
         )
@@ -686,21 +698,11 @@ class GridMap(MutableMapping[str, Layer]):
 
         return to_png(self)
 
-    def _add_all(self, layers: Iterable[str] | Mapping[str, ArrayLike]) -> None:
-        self.update(
-            layers if isinstance(layers, Mapping) else dict.fromkeys(as_names(layers), np.nan)
-        )
-
     def _in_my_order(self, layers: Any) -> Any:
         """Return layers; those of another map are stored from the start index of this map."""
         if isinstance(layers, GridMap) and layers.size == self.size:
             return layers if layers._start == self._start else layers.with_start_index(self._start)
         return layers
-
-    def _adopted(self, layers: Mapping[str, ArrayLike]) -> dict[str, Layer]:
-        if not isinstance(layers, Mapping):
-            raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
-        return {n: self._adopt(n, data) for n, data in self._in_my_order(layers).items()}
 
     def _adopt(self, name: str, data: ArrayLike) -> Layer:
         _check_name(name)

@@ -11,7 +11,7 @@ weights; beyond the border it repeats the border cell.
 from __future__ import annotations
 
 from enum import Enum
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -65,7 +65,13 @@ def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Numbers:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
-    method = _as_interpolation(interpolation)
+    try:
+        method = Interpolation(interpolation)
+    except ValueError:
+        known = ", ".join(method.value for method in Interpolation)
+        raise GridMapError(
+            f"interpolation: expected one of {known}, got {interpolation!r}"
+        ) from None
     surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
     positions = as_positions(positions)
     points = positions.reshape(-1, 2)
@@ -101,11 +107,7 @@ class _Scratch:
     """
 
     def __init__(self, positions: int) -> None:
-        self._positions = positions
-
-    @cached_property
-    def _memory(self) -> Numbers:
-        return np.empty((2 * 4 + 4 * 2 + 4 * 4 + 4 * 4 // 2) * self._positions)
+        self._memory = np.empty((2 * 4 + 4 * 2 + 4 * 4 + 4 * 4 // 2) * positions)
 
     def around(self, reach: int, positions: int) -> _Around:
         """Return arrays for `reach` x `reach` cells; they overlay those returned before."""
@@ -142,7 +144,10 @@ class _Surface:
         for low, high, (center, length) in zip(lowest, highest, self._sides, strict=True):
             half = 0.5 * length
             if not (half - (high - center) >= 0.0 and half - (low - center) < length):
-                self._refuse(points)
+                outside = points[~self._geometry.is_inside(points)][0]
+                raise OutOfMapError(
+                    f"position {as_text(outside)} is outside the map: {self._geometry.place}"
+                )
         return xy
 
     def values(
@@ -150,19 +155,16 @@ class _Surface:
     ) -> npt.NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
         if method is Interpolation.NEAREST:
-            return self._nearest(xy)
+            rows, columns = self._cells(xy).astype(np.intp)
+            places = self._places[0][_PADDING:].take(rows, mode="clip")
+            places += self._places[1][_PADDING:].take(columns, mode="clip")
+            nearest: npt.NDArray[np.float32] = self._data.take(places, mode="clip")
+            return nearest
         values = self._weighted_sums(xy, method, scratch)
         missing = np.flatnonzero(~np.isfinite(values))
         if missing.size:
             rest = xy.take(missing, axis=1)
             values[missing] = self.values(rest, _FALLBACKS[method], scratch)
-        return values
-
-    def _nearest(self, xy: Numbers) -> npt.NDArray[np.float32]:
-        rows, columns = self._cells(xy).astype(np.intp)
-        places = self._places[0][_PADDING:].take(rows, mode="clip")
-        places += self._places[1][_PADDING:].take(columns, mode="clip")
-        values: npt.NDArray[np.float32] = self._data.take(places, mode="clip")
         return values
 
     def _weighted_sums(self, xy: Numbers, method: Interpolation, scratch: _Scratch) -> Numbers:
@@ -172,8 +174,10 @@ class _Surface:
         _set_weights(around.weights, t)
         if method is Interpolation.CUBIC:
             _continue_slopes(around.weights, below, self._geometry.size)
-        for axis in (0, 1):
-            _set_places(around.places[axis], self._places[axis], below[axis])
+        # Half of the neighbors along an axis lie below each position.
+        for places, known, nearest_below in zip(around.places, self._places, below, strict=True):
+            for step, out in enumerate(places, start=1 - len(places) // 2):
+                known[_PADDING - step :].take(nearest_below, mode="clip", out=out)
         rows, columns = around.places
         np.add(rows, columns[:, np.newaxis], out=around.indices)
         self._data.take(around.indices, mode="clip", out=around.cells)
@@ -212,12 +216,6 @@ class _Surface:
         t -= above
         cells -= above
         return cells.astype(np.intp), t
-
-    def _refuse(self, points: Positions) -> None:
-        outside = points[~self._geometry.is_inside(points)][0]
-        raise OutOfMapError(
-            f"position {as_text(outside)} is outside the map: {self._geometry.place}"
-        )
 
 
 def _set_weights(weights: Numbers, t: Numbers) -> None:
@@ -260,18 +258,6 @@ def _continue_slopes(weights: Numbers, below: Places, size: Size) -> None:
             weights[near][beyond] *= 2.0
 
 
-def _set_places(around: Places, places: Places, below: Places) -> None:
-    """Set the places (K, N) of K neighbors along an axis, half of them below each position.
-
-    Args:
-        around: where to.
-        places: of all cells of the axis, from `_places`.
-        below: (N,) numbers of the nearest cells below the positions.
-    """
-    for step, row in enumerate(around, start=1 - len(around) // 2):
-        places[_PADDING - step :].take(below, mode="clip", out=row)
-
-
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
     """Return where in the flat buffer the cells -2 ... count + 1 of an axis lie.
@@ -281,13 +267,3 @@ def _places(count: int, start: int, stride: int) -> Places:
     """
     cells = np.arange(-_PADDING, count + _PADDING).clip(0, count - 1)
     return (cells + start) % count * stride
-
-
-def _as_interpolation(interpolation: Interpolation | str) -> Interpolation:
-    try:
-        return Interpolation(interpolation)
-    except ValueError:
-        known = ", ".join(method.value for method in Interpolation)
-        raise GridMapError(
-            f"interpolation: expected one of {known}, got {interpolation!r}"
-        ) from None

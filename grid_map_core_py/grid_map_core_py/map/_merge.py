@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Layer, Mask, Positions
+from ..arrays._checks import Mask, Positions
 from ..errors import GridMapError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 from ._layer_names import select_layers
@@ -43,7 +43,11 @@ def add_data_from(
         for block in _blocks(rows_inside, columns_inside):
             # Column after column, as layers are stored: one index is faster than two.
             cells = columns[block[1], None] * source.shape[0] + rows[block[0]]
-            _fill(grid_map[name][block].T, source.ravel("F")[cells], overwrite_data)
+            values, target = source.ravel("F")[cells], grid_map[name][block].T
+            written = np.isfinite(values)
+            if not overwrite_data:
+                written &= ~np.isfinite(target)
+            np.copyto(target, values, where=written)
 
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
@@ -130,11 +134,3 @@ def _runs(inside: Mask) -> list[slice]:
     padded = np.concatenate(([False], inside, [False]))
     edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
     return [slice(first, stop) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _fill(target: Layer, values: Layer, overwrite: bool) -> None:
-    """Write finite values into a view of a layer; `overwrite` replaces finite values as well."""
-    written = np.isfinite(values)
-    if not overwrite:
-        written &= ~np.isfinite(target)
-    np.copyto(target, values, where=written)

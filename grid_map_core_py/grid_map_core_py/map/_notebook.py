@@ -77,7 +77,10 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     shape = max(1, round(scale * width)), max(1, round(scale * height))
     resized = cv2.resize(np.ascontiguousarray(values), shape, interpolation=cv2.INTER_NEAREST)
     seen = np.asarray(resized, np.float32)
-    pixels = _packed_bgr(seen) if _is_color(layer) else _bgr(seen, grid_map[layer])
+    if _is_color(layer):
+        pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)
+    else:
+        pixels = _bgr(seen, grid_map[layer])
     alpha = np.where(np.isnan(seen), 0, _OPAQUE).astype(np.uint8)
     _, data = cv2.imencode(".png", np.dstack([pixels, alpha]))
     return data.tobytes()
@@ -93,10 +96,6 @@ def _bgr(values: Layer, layer: Layer) -> npt.NDArray[np.uint8]:
     steps = np.fmin(np.fmax(steps, 0), _OPAQUE)
     colors: npt.NDArray[np.uint8] = cv2.applyColorMap(steps.astype(np.uint8), cv2.COLORMAP_VIRIDIS)
     return colors
-
-
-def _packed_bgr(values: Layer) -> npt.NDArray[np.uint8]:
-    return np.stack(color_value_to_bytes(values)[::-1], axis=-1)
 
 
 def _is_color(layer: str) -> bool:

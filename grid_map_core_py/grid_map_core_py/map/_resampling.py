@@ -155,21 +155,17 @@ def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
         (rows.targets, columns.targets) in map order.
     """
     result: Layer = np.empty((rows.targets, columns.targets), np.float32, order="F")
-    block = min(_BLOCK, max(_SMALL_BLOCK, result.size // 3))
-    step = int(block / (rows.sources / columns.factor + rows.targets))
+    cells = min(_BLOCK, max(_SMALL_BLOCK, result.size // 3))
+    step = int(cells / (rows.sources / columns.factor + rows.targets))
     for targets in slices(columns.targets, step):
-        result[:, targets] = _block(layer, start, rows, columns, targets)
+        needed, weights = columns.weights.part(targets)
+        block = ring_buffer.block(layer, start, slice(0, rows.sources), needed)
+        picked: Layer = block[np.ix_(rows.nearest, columns.nearest[targets] - needed.start)]
+        if not rows.picks:
+            finite = np.isfinite(picked)
+            np.copyto(picked, _interpolate(block, rows.weights, weights), where=finite)
+        result[:, targets] = picked
     return result
-
-
-def _block(layer: Layer, start: Size, rows: Axis, columns: Axis, targets: slice) -> Layer:
-    needed, weights = columns.weights.part(targets)
-    block = ring_buffer.block(layer, start, slice(0, rows.sources), needed)
-    picked: Layer = block[np.ix_(rows.nearest, columns.nearest[targets] - needed.start)]
-    if not rows.picks:
-        finite = np.isfinite(picked)
-        np.copyto(picked, _interpolate(block, rows.weights, weights), where=finite)
-    return picked
 
 
 def _interpolate(block: Layer, rows: Weights, columns: Weights) -> Layer:

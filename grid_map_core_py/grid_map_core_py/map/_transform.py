@@ -42,7 +42,13 @@ def transformed_map(
 ) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)
-    steps = _sample_steps(sample_ratio, grid_map.resolution)
+    ratio = as_number(sample_ratio, "sample_ratio")
+    if not math.isfinite(ratio):
+        raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
+    step = ratio * grid_map.resolution
+    steps = [(0.0, 0.0)]
+    if ratio > 0:
+        steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
     points = _Points(
         *grid_map.geometry.axes_in_map_order(), grid_map.unwrapped(height_layer), matrix, steps
     )
@@ -83,17 +89,6 @@ def _as_rigid(transform: ArrayLike) -> _Numbers:
             f"{rotation.tolist()}"
         )
     return matrix
-
-
-def _sample_steps(sample_ratio: float, resolution: float) -> list[tuple[float, float]]:
-    """Return the offsets (dx, dy) [m] of the sample points of a cell from its center."""
-    ratio = as_number(sample_ratio, "sample_ratio")
-    if not math.isfinite(ratio):
-        raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
-    if ratio <= 0:
-        return [(0.0, 0.0)]
-    step = ratio * resolution
-    return [(0.0, 0.0), (-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
 
 
 def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:

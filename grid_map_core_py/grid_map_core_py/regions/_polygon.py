@@ -284,7 +284,9 @@ class Polygon:
         steps = self._vertices - np.roll(self._vertices, 1, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
-        if len(corners) < 3 or not _encloses_area(corners):
+        if len(corners) < 3 or not (
+            abs(_doubled_areas(corners).sum()) > 1e-12 * np.ptp(corners, axis=0).max() ** 2
+        ):
             raise GeometryError(f"expected a polygon with an area, got {self!r}")
         # Vertices before the first of these repeat the last one, whose index is -1.
         return corners, np.cumsum(begins) - 1
@@ -313,11 +315,6 @@ def _doubled_areas(vertices: Positions) -> Positions:
     # Far from the origin, products of coordinates would cancel to rounding errors.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
-
-
-def _encloses_area(corners: Positions) -> bool:
-    extent = float(np.ptp(corners, axis=0).max())
-    return abs(float(_doubled_areas(corners).sum())) > 1e-12 * extent**2
 
 
 def _normalized(vectors: Positions) -> Positions:

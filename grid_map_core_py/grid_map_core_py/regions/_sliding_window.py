@@ -127,15 +127,11 @@ def _windows(
             if edge_handling == "inside":
                 continue
             if edge_handling == "mean":
-                window = _with_mean_around(window, on_map)
+                filled = np.full(window.shape, _finite_means(window[None])[0])
+                filled[on_map] = cropped
+                filled.flags.writeable = False
+                window = filled
         yield (row, column), window
-
-
-def _with_mean_around(window: Layer, on_map: tuple[slice, ...]) -> Layer:
-    filled = np.full(window.shape, _finite_means(window[None])[0])
-    filled[on_map] = window[on_map]
-    filled.flags.writeable = False
-    return filled
 
 
 def _view(data: Layer, size: int) -> Layer:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Cells, Integers, Mask, Positions, Size, as_pair
+from ..arrays._checks import Cells, Integers, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._ring_buffer import close_ring, place
 from ._assembly import checked_radius, empty_cells
@@ -97,9 +97,11 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
     spiral, ends = _kept_spiral()
     known = ends[max(whole, 0)]
     doubtful = spiral[:, known : ends[reach + 1]]
-    belong = _in_disc(doubtful, off_center, geometry.resolution, limit)
+    x, y = (off_center[axis] - geometry.resolution * doubtful[axis] for axis in (0, 1))
+    belong = x * x + y * y <= limit * limit
     if reach > to_border:
-        belong &= _on_map(doubtful, middle, geometry.size)
+        for offsets, cell, size in zip(doubtful, middle, geometry.size, strict=True):
+            belong &= (offsets >= -cell) & (offsets < size - cell)
     (found,) = belong.nonzero()
     cells = empty_cells(known + found.size)
     for axis, (numbers, start) in enumerate(zip(cells, grid_map.start_index, strict=True)):
@@ -123,20 +125,6 @@ def _off_center(geometry: GridGeometry, center: Positions, middle: Size) -> tupl
         )
     )
     return x, y
-
-
-def _in_disc(
-    offsets: Integers, off_center: tuple[float, float], resolution: float, limit: float
-) -> Mask:
-    x, y = (off_center[axis] - resolution * offsets[axis] for axis in (0, 1))
-    inside: Mask = x * x + y * y <= limit * limit
-    return inside
-
-
-def _on_map(offsets: Integers, middle: Size, size: Size) -> Mask:
-    rows, columns = (offsets[axis] + middle[axis] for axis in (0, 1))
-    on_map: Mask = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
-    return on_map
 
 
 @cache
