@@ -231,7 +231,7 @@ def test_demo_republishes_the_octomap_of_a_service(with_messages, expected):
     try:
         with running(process), peer() as listener:
             listener.listen("/grid_map", GridMapMessage)
-            listener.wait_until(lambda: "waits for the service" in process.text, "its patience")
+            listener.wait_until(lambda: "waiting for the service" in process.text, "its patience")
             with octomap_server(with_messages, "latched"):
                 grid_map = from_message(listener.expect("/grid_map"))
                 assert listener_of_octomaps.wait() == 0, listener_of_octomaps.text

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_demo_report`: collects the output of the filters demo and reports on it.
+"""Node `grid_map_demo_report`: collects the messages of the filters demo and reports on them.
 
-Waits for some messages on every topic, writes two pictures, prints a table and ends.
-The exit code is 0 only if every topic delivered in time.
+Waits for a number of messages on every topic, writes two pictures, prints a table and ends. The
+exit code is 0 only if every topic delivered in time.
 """
 
 import statistics
@@ -40,7 +40,7 @@ INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
 DIAGNOSTICS = "/diagnostics"
 FILTER_CHAIN = "grid_map_filters: filter chain"
-"""Name of the status that the filter chain reports there."""
+"""Name of the diagnostic status of the filter chain."""
 
 SHOWN = {
     "/elevation_points": PointCloud2,
@@ -48,29 +48,29 @@ SHOWN = {
     "/surface_normals": Marker,
     "/map_region": Marker,
 }
-"""Topics of the visualization."""
+"""Topics of the visualization and their types."""
 
 
 class IncompleteDemoError(NodeFailedError):
-    """A topic of the demo has not delivered its messages."""
+    """A topic of the demo has delivered too few messages."""
 
 
 class DemoReportNode(Node):
-    """Subscribes to everything and ends when it has seen enough."""
+    """Subscribes to all topics of the demo, and ends after enough messages."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
         self._throttle = LogThrottle()
         self._directory = user_path(
             read_parameter(
-                self, "output_directory", str, "demo_output", description="the pictures go there"
+                self, "output_directory", str, "demo_output", description="folder of the pictures"
             )
         )
-        # Rather now than after a minute of collecting.
+        # Fail now instead of after a minute of collecting.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
         self._needed = read_parameter(
-            self, "messages", int, 3, description="how many to wait for on every topic"
+            self, "messages", int, 3, description="number of messages to wait for on every topic"
         )
         check(self._needed >= 1, "messages", "at least 1", self._needed)
         self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
@@ -81,11 +81,11 @@ class DemoReportNode(Node):
             self._count_messages(topic, message_type)
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
-        self._timeout = read_positive(self, "timeout", 60.0, description="how long to wait [s]")
+        self._timeout = read_positive(self, "timeout", 60.0, description="maximum time to wait [s]")
         self.create_timer(self._timeout, self._give_up)
 
     def _count_messages(self, topic: str, message_type: type) -> None:
-        """Count the messages of a topic, raw: they cost no conversion to Python."""
+        """Count the messages of a topic without converting them to Python."""
         self.create_subscription(
             message_type, topic, lambda _: self._count(topic), map_qos(), raw=True
         )
@@ -94,7 +94,7 @@ class DemoReportNode(Node):
         try:
             self._filtered = received.decode()
         except MessageError as error:
-            text = f"does not count a map: {error}"
+            text = f"ignored a map: {error}"
             if self._throttle.allow(text):
                 self.get_logger().warning(text)
             return
@@ -103,11 +103,11 @@ class DemoReportNode(Node):
         self._count(OUTPUT)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        # Every node of a robot reports on this topic.
+        # All nodes of a robot publish on this topic.
         for status in message.status:
             if status.name == FILTER_CHAIN:
                 times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
-                with suppress(ValueError):  # No number: the report of another program.
+                with suppress(ValueError):  # Another program may report text.
                     self._report.add_times(
                         {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
                     )
@@ -136,7 +136,7 @@ class DemoReportNode(Node):
             "elevation",
             elevation,
             shade_by="elevation_inpainted",
-            title="Elevation as it was published, holes in white",
+            title="Published elevation; holes are white",
             color_map="gist_earth",
             label="elevation [m]",
             exaggeration=1.5,

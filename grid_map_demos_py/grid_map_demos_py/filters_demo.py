@@ -1,13 +1,13 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The traversability chain on real ground: four processes that talk over DDS, in one command.
+"""Runs the traversability chain on a real terrain, in four processes that talk over DDS.
 
     filters_demo [--report DIRECTORY] [--view [PORT]]
 
-Starts the terrain, the filter chain and the visualization, and runs until it is interrupted. With
-`--report` a fourth process collects what they publish, writes pictures into the directory, prints a
-table and ends the demo; the exit code is 0 only if every topic delivered. With `--view` another one
-shows the filtered map in the browser, and says where.
+Starts the terrain publisher, the filter chain and the visualization, and runs until it is
+interrupted. With `--report`, a fourth process collects their messages, writes pictures into the
+directory, prints a table and ends the demo; the exit code is 0 only if every topic delivered. With
+`--view`, another process shows the filtered map in the browser and logs the address.
 """
 
 import argparse
@@ -27,7 +27,7 @@ NODES = {
     "grid_map_filters_py._executables.filter_chain": "filters_demo_filter_chain.yaml",
     VISUALIZATION: "filters_demo_visualization.yaml",
 }
-"""Modules and their parameter files in `config`."""
+"""Parameter files in `config` by module."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

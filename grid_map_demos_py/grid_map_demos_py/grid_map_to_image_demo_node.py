@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_to_image_demo`: saves a layer of the next map as an image file, and ends.
+"""Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and ends.
 
-Pixel (row, column) is cell (row, column), with +x up and +y to the left; maps that have moved look
-the same. The file is there complete, or not at all.
+Pixel (row, column) is cell (row, column) in map order, with +x up and +y to the left. The file
+appears complete or not at all.
 """
 
 import math
@@ -32,13 +32,13 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """How a layer becomes an image.
+    """Conversion of a layer to an image.
 
     Attributes:
-        layer: the layer.
-        bits: 8 or 16, per channel.
-        is_color: whether it holds packed colors; gray values otherwise.
-        is_transparent: whether there is an alpha channel, 0 where cells have no value.
+        layer: name of the layer.
+        bits: 8 or 16 per channel.
+        is_color: the layer holds packed colors; otherwise the image is gray.
+        is_transparent: the image has an alpha channel, 0 where cells have no value.
         lower, upper: values of black and white; None for the smallest and the largest.
     """
 
@@ -58,7 +58,7 @@ class Picture:
         return to_image(grid_map, self.layer, dtype, channels, self.lower, self.upper)
 
     def fits(self, file: Path) -> bool:
-        """Tell whether the format that the ending of a file stands for keeps such images whole."""
+        """Return True if the format of a file (by its ending) stores such images without loss."""
         pixel = self.draw(GridMap((1.0, 1.0), 1.0, layers={self.layer: 0.0}))
         if not cv2.haveImageWriter(str(file)):
             return False
@@ -71,7 +71,7 @@ class Picture:
 
 
 def encode(image: Image, file: Path) -> bytes:
-    """Return the bytes of an image file in the format that the ending of its name stands for.
+    """Return the bytes of an image file; the ending of its name sets the format.
 
     Raises:
         GridMapError: OpenCV does not write such images in this format.
@@ -92,7 +92,7 @@ class GridMapToImageDemoNode(Node):
         super().__init__("grid_map_to_image_demo")
         self._throttle = LogThrottle()
         topic = read_parameter(
-            self, "grid_map_topic", str, "/grid_map", description="the map comes from here"
+            self, "grid_map_topic", str, "/grid_map", description="topic of the map"
         )
         check_topic(self, "grid_map_topic", topic)
         file = read_parameter(
@@ -100,7 +100,7 @@ class GridMapToImageDemoNode(Node):
             "file",
             str,
             "~/.ros/grid_map.png",
-            description="the image file, in a folder that exists; its ending says the format",
+            description="image file in an existing folder; its ending sets the format",
         )
         self._file = user_path(file)
         self._picture = self._read_picture()
@@ -109,10 +109,8 @@ class GridMapToImageDemoNode(Node):
         self.get_logger().info(f"saves {self._picture.layer!r} of {topic} to {self._file}")
 
     def _read_picture(self) -> Picture:
-        layer = read_parameter(
-            self, "layer", str, "elevation", description="the layer that is saved"
-        )
-        bits = read_parameter(self, "bits", int, 8, description="8 or 16, per channel")
+        layer = read_parameter(self, "layer", str, "elevation", description="layer that is saved")
+        bits = read_parameter(self, "bits", int, 8, description="8 or 16 bits per channel")
         check(bits in DTYPES, "bits", "8 or 16", bits)
         return Picture(
             layer=layer,
@@ -122,17 +120,17 @@ class GridMapToImageDemoNode(Node):
                 "is_color",
                 bool,
                 layer == COLOR_LAYER,
-                description="whether the layer holds packed colors; by default only `color` does",
+                description="the layer holds packed colors; true by default only for `color`",
             ),
             is_transparent=read_parameter(
                 self,
                 "use_transparency",
                 bool,
                 False,
-                description="cells without a value are transparent, rather than black",
+                description="cells without a value are transparent instead of black",
             ),
-            lower=self._read_bound("lower", "value that is black; nan for the smallest"),
-            upper=self._read_bound("upper", "value that is white; nan for the largest"),
+            lower=self._read_bound("lower", "value of black; nan for the smallest"),
+            upper=self._read_bound("upper", "value of white; nan for the largest"),
         )
 
     def _read_bound(self, name: str, description: str) -> float | None:
@@ -140,7 +138,7 @@ class GridMapToImageDemoNode(Node):
         return None if math.isnan(bound) else bound
 
     def _check_file(self) -> None:
-        """Look for what would be wrong before anybody waits for a map in vain."""
+        """Raise `ConfigError` for an unusable file before the first map."""
         file = str(self._file)
         check(self._file.parent.is_dir(), "file", "a file in a folder that exists", file)
         expected = f"a format such as .png, that can hold {self._picture.bits} bits"
@@ -167,7 +165,7 @@ class GridMapToImageDemoNode(Node):
 
 
 def main() -> int:
-    """Run the node until an interrupt, or until it has saved a map; return the exit code."""
+    """Run the node until it has saved a map or is told to stop; return the exit code."""
     return run(GridMapToImageDemoNode)
 
 

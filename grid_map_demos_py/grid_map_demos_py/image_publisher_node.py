@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `image_publisher`: publishes an image file at a fixed rate.
 
-The node reads the file each time, so changes of the file appear at once. The image may have 8 or 16
-bits or floats per channel, be gray or colored, and have an alpha channel.
+The file is read again for each message, so that edits show at once. It may be gray or in color,
+with 8 or 16 bits or floats per channel, and with an alpha channel.
 """
 
 import array
@@ -35,14 +35,14 @@ FLOAT_NAMES = ("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4")
 ENCODING_OF = {
     (ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in (*NAMES, *FLOAT_NAMES)
 }
-"""Encodings by type and number of channels."""
+"""ROS encodings by data type and number of channels."""
 
 
 def read_image(path: Path) -> core.Image:
-    """Return the pixels (rows, cols, channels) of an image file, unchanged; colors are BGR.
+    """Return the unconverted pixels (rows, cols, channels) of a file; colors are BGR.
 
     Raises:
-        ConfigError: the file cannot be read, or is no image that a message can hold.
+        ConfigError: the file cannot be read, or has a type that messages do not support.
     """
     try:
         data = np.frombuffer(path.read_bytes(), np.uint8)
@@ -51,7 +51,7 @@ def read_image(path: Path) -> core.Image:
     try:
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     except cv2.error:
-        # More pixels than OpenCV is ready to hold.
+        # The image has more pixels than OpenCV allows.
         pixels = None
     if pixels is None:
         raise ConfigError(f"image {str(path)!r}: expected a format that OpenCV knows")
@@ -79,7 +79,7 @@ def to_message(pixels: core.Image) -> Image:
 
 
 class ImagePublisherNode(Node):
-    """Publishes the current content of an image file."""
+    """Reads the file and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("image_publisher")
@@ -89,9 +89,9 @@ class ImagePublisherNode(Node):
             "image_path",
             str,
             "",
-            description="the image file; empty for a terrain that is installed with this package",
+            description="image file; empty for the terrain in this package",
         )
-        topic = read_parameter(self, "topic", str, "image", description="the image goes there")
+        topic = read_parameter(self, "topic", str, "image", description="topic of the image")
         self._frame_id = read_parameter(
             self, "frame_id", str, "map", description="coordinate frame of the image"
         )
@@ -106,7 +106,7 @@ class ImagePublisherNode(Node):
         try:
             self._publish(read_image(self._path))
         except ConfigError as error:
-            # Perhaps it is just being written.
+            # The file may just be written by another program.
             if self._throttle.allow(str(error)):
                 self.get_logger().warning(str(error))
 

@@ -1,10 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `image_to_gridmap_demo`: bright pixels become high ground.
+"""Node `image_to_gridmap_demo`: makes elevation maps from images; bright pixels are high.
 
-Listens to images, and publishes `grid_map` with the layers `elevation`, from the gray values, and
-`color`. The first image decides how many cells the map has; later ones must have as many pixels.
-Transparent pixels become cells without a value.
+Subscribes to images and publishes `grid_map` with the layers `elevation`, from the gray values, and
+`color`. The first image sets the size of the map, which later images must match. Transparent pixels
+become cells without a value.
 """
 
 import math
@@ -36,14 +36,14 @@ from grid_map_ros_py.nodes import (
 
 
 class ImageToGridmapDemoNode(Node):
-    """Turns every image into a map."""
+    """Converts every image to a map."""
 
     def __init__(self) -> None:
         super().__init__("image_to_gridmap_demo")
         self._throttle = LogThrottle()
         self._map: GridMap | None = None
         topic = read_parameter(
-            self, "image_topic", str, "/image", description="images come from here"
+            self, "image_topic", str, "/image", description="topic of the images"
         )
         self._resolution = read_positive(
             self, "resolution", 0.03, description="side of a pixel on the ground [m]"
@@ -58,11 +58,11 @@ class ImageToGridmapDemoNode(Node):
         )
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         check_topic(self, "image_topic", topic)
-        # Cameras send as best they can.
+        # Cameras usually publish with best effort.
         self._subscription = LatchedSubscription(
             self, Image, topic, self._receive, hears_best_effort=True
         )
-        self.get_logger().info(f"makes maps of the images on {topic}")
+        self.get_logger().info(f"makes maps from the images on {topic}")
 
     def _read_heights(self) -> tuple[float, float]:
         low = read_parameter(

@@ -1,16 +1,16 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_interpolation_demo`: how well four methods find a surface between its samples.
+"""Node `grid_map_interpolation_demo`: compares four interpolation methods with the truth.
 
-A world is a formula for the height. It is sampled finely, as the truth, and coarsely, as the data
-that a method gets, which then fills a map with cells as fine as asked for. Published once, latched,
-each with the heights in the layer `demo`:
+A world is a formula for the height. The demo samples it on a fine grid (the truth) and on a coarse
+grid (the data), and interpolates the data to a fine grid. It publishes three maps once, latched,
+with the heights in the layer `demo`:
 
     ground_truth: the fine samples.
-    data_sparse: the coarse ones.
-    interpolated: what the method makes of them; its layer `error` is how far off it is [m].
+    data_sparse: the coarse samples.
+    interpolated: the interpolated data; its layer `error` is the absolute error [m].
 
-Then a table of all worlds and methods is printed.
+Then it prints a table of the errors of all methods in all worlds.
 """
 
 import sys
@@ -35,7 +35,7 @@ Numbers = npt.NDArray[np.float64]
 LAYER = "demo"
 
 BORDER = 2
-"""So many rows and columns on each side do not count: there a method lacks neighbors."""
+"""Width of the border that errors leave out, where methods lack neighbors [cells]."""
 
 MOST_CELLS = 4_000_000
 
@@ -91,7 +91,7 @@ def sampled(world: World, geometry: GridGeometry) -> GridMap:
 
 
 def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -> GridMap:
-    """Return the heights at the cell centers of a map as a method makes them of data."""
+    """Return the data, interpolated at the cell centers of another map."""
     result = GridMap.from_geometry(geometry, frame_id=data.frame_id)
     heights = np.asarray(data.at_position(LAYER, result.get_positions(), method))
     result[LAYER] = heights.reshape(result.size, order="F")
@@ -99,7 +99,7 @@ def interpolated(data: GridMap, geometry: GridGeometry, method: Interpolation) -
 
 
 class Quality(NamedTuple):
-    """Absolute errors of an interpolation [m], and the time of a query [us]."""
+    """Quality of an interpolation: absolute errors [m] and the time of a query [us]."""
 
     mean_error: float
     max_error: float
@@ -107,7 +107,7 @@ class Quality(NamedTuple):
 
 
 def measure(world: World, data: GridMap, geometry: GridGeometry, method: Interpolation) -> Quality:
-    """Interpolate data of a world, and compare the result with the world itself."""
+    """Interpolate data of a world, and compare the result with the world."""
     start = time.perf_counter()
     result = interpolated(data, geometry, method)
     duration = time.perf_counter() - start
@@ -117,7 +117,7 @@ def measure(world: World, data: GridMap, geometry: GridGeometry, method: Interpo
 
 
 def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
-    """Yield the lines of a table with the quality of all methods in all worlds."""
+    """Yield the lines of the table of all worlds and methods."""
     yield (
         f"{fine.length[0]:g} m x {fine.length[1]:g} m, "
         f"interpolated from {data.resolution:g} m to {fine.resolution:g} m"
@@ -137,7 +137,9 @@ class InterpolationDemoNode(Node):
         super().__init__("grid_map_interpolation_demo")
         world = WORLDS[_read_choice(self, "world", WORLDS, "Sine", "formula of the surface")]
         method = METHODS[
-            _read_choice(self, "interpolation_type", METHODS, "Nearest", "method that is shown")
+            _read_choice(
+                self, "interpolation_type", METHODS, "Nearest", "method of the published map"
+            )
         ]
         length = (
             read_positive(self, "world_size.length", 4.0, description="extent along x [m]"),
@@ -145,7 +147,7 @@ class InterpolationDemoNode(Node):
         )
         truth = _read_geometry(self, "groundtruth_resolution", length, 0.02, "the truth")
         data = _read_geometry(self, "interpolation.data_resolution", length, 0.1, "the data")
-        # What is interpolated has to lie on the data, which are whole cells.
+        # The data consists of whole cells; the interpolated map must not reach beyond it.
         fine = _read_geometry(
             self, "interpolation.interpolated_resolution", data.length, 0.02, "the interpolated map"
         )

@@ -1,12 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Ways to sweep a map, and what each costs.
+"""Benchmark of ways to visit all cells of a map.
 
     iterator_benchmark [SIDE ...]
 
-Prints a table for square maps with so many cells per side: the larger of two layers for every cell,
-and the mean of the 3 x 3 cells around it, from one cell at a time in Python to all cells at once in
-NumPy and OpenCV. Needs no ROS.
+Prints a table of times for square maps with SIDE cells per side. Two tasks, the larger of two
+layers and the mean of 3 x 3 cells, are solved in several ways, from single cells in Python to whole
+arrays in NumPy and OpenCV. Needs no ROS.
 """
 
 import argparse
@@ -26,19 +26,19 @@ SIDES = (100, 400)
 LARGEST_SIDE = 2_000
 RESOLUTION = 0.004
 SECONDS = 0.05
-"""A way that takes less is tried several times, and the shortest time counts."""
+"""Minimum duration of a measurement [s]; the shortest of its runs counts."""
 
 Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Look up cell and layer by cell and layer: what reads best, for a few cells."""
+    """Index layer and cell anew for each cell: readable, for few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
 
 def by_index(grid_map: GridMap) -> None:
-    """Keep the arrays of the layers, and let the indices be Python's own numbers."""
+    """Keep the layers in variables, and use Python integers as indices."""
     random, larger = grid_map["random"], grid_map["larger"]
     rows, cols = map_cells(grid_map)
     for row, column in zip(rows.tolist(), cols.tolist(), strict=True):
@@ -46,38 +46,38 @@ def by_index(grid_map: GridMap) -> None:
 
 
 def by_place(grid_map: GridMap) -> None:
-    """Count the cells in the order of memory."""
+    """Index the cells in memory order."""
     random, larger = grid_map["random"].ravel("K"), grid_map["larger"].ravel("K")
     for place in range(larger.size):
         larger[place] = max(larger[place], random[place])
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Give NumPy all indices at once: the way for the cells of a disc, a polygon or a line."""
+    """Index all cells at once: the way for the cells of a disc, a polygon or a line."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
 
 
 def by_layer(grid_map: GridMap) -> None:
-    """Give NumPy the layers: the way for all cells."""
+    """Use NumPy on whole layers: the way for all cells."""
     np.maximum(grid_map["larger"], grid_map["random"], out=grid_map["larger"])
 
 
 def window_by_window(grid_map: GridMap) -> None:
-    """Let Python see one window after the other."""
+    """Iterate over the windows."""
     mean = grid_map["mean"]
     for index, window in sliding_windows(grid_map, "random", "inside", 3):
         mean[index] = window.mean()
 
 
 def by_array_of_windows(grid_map: GridMap) -> None:
-    """Give NumPy all windows at once, which are views of the layer."""
+    """Use NumPy on the array of all windows, which is a view of the layer."""
     grid_map["mean"][1:-1, 1:-1] = window_array(grid_map, "random", "inside", 3).mean(axis=(2, 3))
 
 
 def by_image_filter(grid_map: GridMap) -> None:
-    """Give OpenCV the layer as an image, which its transpose is without a copy."""
+    """Use OpenCV on the transposed layer, which is an image without a copy."""
     grid_map["mean"][1:-1, 1:-1] = cv2.blur(grid_map["random"].T, (3, 3)).T[1:-1, 1:-1]
 
 
@@ -98,7 +98,7 @@ WAYS: dict[str, dict[str, Way]] = {
 
 
 def make_map(side: int) -> GridMap:
-    """Return a map with random values, and layers for the results."""
+    """Return a map with a random layer and two layers for the results."""
     grid_map = GridMap(np.full(2, side * RESOLUTION), RESOLUTION)
     grid_map["random"] = np.random.default_rng(1).uniform(-1.0, 1.0, grid_map.size)
     grid_map["larger"] = 0.0
@@ -107,7 +107,7 @@ def make_map(side: int) -> GridMap:
 
 
 def shortest_time(way: Way, grid_map: GridMap) -> float:
-    """Return how long a way takes at best [s]."""
+    """Return the shortest time of a way [s]."""
     end = time.perf_counter() + SECONDS
     times: list[float] = []
     while not times or time.perf_counter() < end:
@@ -118,7 +118,7 @@ def shortest_time(way: Way, grid_map: GridMap) -> float:
 
 
 def table(sides: Sequence[int]) -> Iterator[str]:
-    """Yield the lines of the table, each as soon as it has been measured."""
+    """Yield the lines of the table, each as soon as it is measured."""
     maps = [make_map(side) for side in sides]
     heads = (f"{side} x {side} [ms]" for side in sides)
     yield " ".join([f"{'':22}", *(f"{head:>18}" for head in heads), f"{'a cell [ns]':>12}"])
@@ -132,7 +132,7 @@ def table(sides: Sequence[int]) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return the exit code: 0, 130 after an interrupt, 141 if nobody reads it."""
+    """Print the table; return 0, 130 after an interrupt, or 141 if the output is closed."""
     parser = argparse.ArgumentParser(
         prog="iterator_benchmark", description=(__doc__ or "").partition("\n")[0]
     )
@@ -153,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except BrokenPipeError:
-        # The rest goes nowhere, or Python would try to write it when it ends, and complain.
+        # Discard the rest, which Python would otherwise try to write at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     return 0

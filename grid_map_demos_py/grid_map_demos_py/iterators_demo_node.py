@@ -1,10 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_iterators_demo`: shows the regions of a map, cell after cell in their order.
+"""Node `grid_map_iterators_demo`: fills the regions of a map cell by cell, in their order.
 
-Publishes the map on `grid_map`, with 1 in the cells of the region so far in the layer `type`, and
-on `polygon` the polygon whose cells are shown, or the window that slides over the map. One region
-follows the other; at the end the last map stays, unless the demo is to be repeated.
+Publishes the map on `grid_map`, whose layer `type` is 1 in the cells filled so far, and the polygon
+or the sliding window on `polygon`. The demo shows all regions in turn and then keeps the last map,
+or starts again with the parameter `repeat`.
 """
 
 import math
@@ -48,7 +48,7 @@ REGIONS: dict[str, Callable[[GridMap], Cells]] = {
     "a line": lambda grid_map: line_cells_between(grid_map, (18, 2), (2, 13)),
     "a polygon": lambda grid_map: polygon_cells(grid_map, STAR),
 }
-"""Regions in the order in which they are shown: cells (rows, cols) of a map."""
+"""Functions that return the cells (rows, cols) of a region, in the order of the demo."""
 
 OUTLINES = {"a polygon": STAR}
 
@@ -58,16 +58,16 @@ WINDOW = 3
 START_PAUSE = 2.0
 CELL_PAUSE = 0.02
 REGION_PAUSE = 1.0
-"""Seconds before the first region, after every cell and after every region."""
+"""Pauses before the first region, after every cell and after every region [s]."""
 
 
 class Step(NamedTuple):
-    """A step of the demonstration: the map after a change."""
+    """A change of the map: the pause after it, and the title and polygon to publish."""
 
     pause: float
-    """Seconds until the next step."""
+    """Time until the next step [s]."""
     title: str = ""
-    """Name of the region that begins here."""
+    """Name of the region that starts with this step."""
     polygon: Polygon | None = None
 
 
@@ -87,7 +87,7 @@ def show_everything(grid_map: GridMap) -> Iterator[Step]:
 def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
     """Fill the cells of a region one after the other.
 
-    A program fills them at once: `grid_map["type"][cells] = 1.0`.
+    Outside of a demo, fill them at once: `grid_map["type"][cells] = 1.0`.
     """
     grid_map.clear_all()
     yield Step(0.0, title, OUTLINES.get(title))
@@ -102,7 +102,7 @@ def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
     grid_map["type"] = 0.0
     grid_map["type"][polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
-    # The windows show the layer as it is now, although it changes on the way.
+    # Windows contain the means of earlier cells, because the layer changes on the way.
     for cell, window in sliding_windows(grid_map, "type", "crop", WINDOW):
         grid_map["type"][cell] = mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))
@@ -116,13 +116,13 @@ def square(grid_map: GridMap, center: Positions) -> Polygon:
 
 
 class IteratorsDemoNode(Node):
-    """Publishes the map whenever the demo has made a step."""
+    """Publishes the map after every step."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_iterators_demo")
-        about = "speed of the show; at 1.0 there are 50 cells per second"
+        about = "factor on the speed; 1.0 means 50 cells per second"
         self._speed = read_positive(self, "speed", 1.0, description=about)
-        about = "whether to begin again after the last region"
+        about = "start again after the last region"
         self._repeat = read_parameter(self, "repeat", bool, False, description=about)
         self._map = make_map()
         self._steps = show_everything(self._map)
@@ -153,7 +153,7 @@ class IteratorsDemoNode(Node):
 
     def _wait(self, seconds: float) -> None:
         self._timer.timer_period_ns = round(1e9 * seconds / self._speed)
-        # Or the new period would begin only after the present one.
+        # Otherwise the new period would start only after the current one.
         self._timer.reset()
 
 

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `move_demo`: the two ways to change the place of a map, in turns, along a spiral.
+"""Node `move_demo`: shows the two ways to change the position of a map, along a spiral.
 
-With `move` the data stays where it is in the world, and what leaves the map is lost. When the
-`position` is set the data comes along. Publishes on `grid_map`, 10 times a second.
+`move` keeps the data at its place in the world, and data that leaves the map is lost. Setting
+`position` takes the data along. Publishes on `grid_map`, 10 times a second.
 """
 
 import sys
@@ -26,28 +26,28 @@ def make_map() -> GridMap:
 
 
 def place(seconds: float) -> Positions:
-    """Return where the map is at a time (2,) [m]: on a spiral that begins in the origin."""
+    """Return the position (2,) of the map [m] at a time, on a spiral that starts at the origin."""
     return 0.03 * seconds * np.array([np.cos(seconds), np.sin(seconds)])
 
 
 class MoveDemoNode(Node):
-    """Publishes a map on its way."""
+    """Moves a map along the spiral and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("move_demo")
         rate = read_positive(self, "publish_rate", 10.0, description="maps per second [Hz]")
-        about = "how long each of the two ways is shown [s]"
+        about = "duration of each of the two ways [s]"
         self._duration = read_positive(self, "duration", 10.0, description=about)
         self._original = make_map()
         self._uses_move = False
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        self._start_anew()
+        self._restart()
         self.create_timer(1.0 / rate, self._publish)
 
-    def _start_anew(self) -> None:
+    def _restart(self) -> None:
         self._uses_move = not self._uses_move
         way = "move" if self._uses_move else "position"
-        self.get_logger().info(f"changes the place of the map with `{way}`")
+        self.get_logger().info(f"changes the position of the map with `{way}`")
         self._map = self._original.copy()
         self._start = self.get_clock().now()
 
@@ -61,7 +61,7 @@ class MoveDemoNode(Node):
         self._map.timestamp = now.nanoseconds
         self._publisher.publish(to_serialized_message(self._map))
         if seconds > self._duration:
-            self._start_anew()
+            self._restart()
 
 
 def main() -> int:

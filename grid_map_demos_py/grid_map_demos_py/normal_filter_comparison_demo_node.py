@@ -1,14 +1,15 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `normal_filter_comparison_demo`: surface normals by area and by raster, against the truth.
+"""Node `normal_filter_comparison_demo`: compares two algorithms for surface normals with the truth.
 
-A surface is a formula, which gives its exact normals, too. Its heights are covered with noise and
-outliers and smoothed again; a filter chain then computes normals of what is left by both
-algorithms. Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`,
-`elevation_noisy`, `elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*`,
-`normal_raster_*`, and how far those of either algorithm are off, `directionalErrorArea` and
-`directionalErrorRaster` (1 less the cosine of the angle). The sums of these, averaged over time,
-are logged; a table of the angles on all shapes is printed at the start.
+The surface is a formula with known normals. The demo adds noise and outliers to its heights,
+smooths them, and computes normals with the algorithms area and raster of a filter chain. The error
+of a normal is 1 minus the cosine of its angle to the true one.
+
+Publishes all layers on `grid_map`, 10 times a second: `elevation`, `noise`, `elevation_noisy`,
+`elevation_filtered`, the normals `normal_analytic_*`, `normal_area_*` and `normal_raster_*`, and
+the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the sums of the errors, and
+prints a table of the angles on all shapes at the start.
 """
 
 import sys
@@ -29,7 +30,7 @@ from grid_map_ros_py.nodes import map_qos, read_parameter, read_parameter_tree, 
 
 Numbers = npt.NDArray[np.float64]
 Surface = tuple[Numbers, Numbers, Numbers]
-"""Height [m] and slopes along x and y, of shapes that broadcast."""
+"""Height [m] and slopes along x and y, in shapes that broadcast."""
 
 ALGORITHMS = {"area": "directionalErrorArea", "raster": "directionalErrorRaster"}
 """Layer of errors by algorithm."""
@@ -48,16 +49,16 @@ FILTERS = [
     }
     for algorithm in ALGORITHMS
 ]
-"""The chain where no other one is given."""
+"""Default filter chain."""
 
 SMOOTHING_RADIUS = 0.1
 MOST_NOISE = 1e3
 MEMORY = 20
-"""Maps over which the logged errors are averaged, roughly."""
+"""Number of maps in the running mean of the logged errors."""
 
 
 def wave(x: Numbers, y: Numbers, seconds: float) -> Surface:
-    """Return a wave that runs along y and grows along x."""
+    """Return a wave along y whose height grows with x."""
     phase = 0.5 * seconds + 5.0 * y
     return -0.04 + 0.2 * np.sin(phase) * x, 0.2 * np.sin(phase), np.cos(phase) * x
 
@@ -68,13 +69,13 @@ def plane(x: Numbers, y: Numbers, _seconds: float) -> Surface:
 
 
 def hill(x: Numbers, y: Numbers, _seconds: float) -> Surface:
-    """Return a round hill, half a metre high."""
+    """Return a round hill of 0.5 m height."""
     height = 0.5 * np.exp(-2.0 * (x**2 + y**2))
     return height, -4.0 * x * height, -4.0 * y * height
 
 
 def cone(x: Numbers, y: Numbers, _seconds: float) -> Surface:
-    """Return a cone, whose tip has the slopes of a plane."""
+    """Return a cone; the slopes at its tip are 0."""
     distance = np.hypot(x, y)
     scale = np.divide(-0.4, distance, out=np.zeros_like(distance), where=distance > 1e-9)
     return 0.5 - 0.4 * distance, scale * x, scale * y
@@ -102,13 +103,13 @@ def surface_map(shape: str, seconds: float) -> GridMap:
 
 
 def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.Generator) -> None:
-    """Set `noise` and `elevation_noisy`, and to `elevation_filtered` what smoothing makes of it.
+    """Set `noise`, `elevation_noisy` and the smoothed `elevation_filtered`.
 
     Args:
-        grid_map: the map, with `elevation`.
-        noise: largest deviation, up or down [m].
+        grid_map: map with the layer `elevation`.
+        noise: largest noise, up or down [m].
         outliers: share of the cells that become infinite.
-        random: source of both.
+        random: generator of noise and outliers.
     """
     grid_map["noise"] = random.uniform(-noise, noise, grid_map.size)
     noisy = grid_map["elevation"].astype(np.float64) + grid_map["noise"]
@@ -121,9 +122,9 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
 
 
 def weighted_means(layer: Numbers, radius: float, resolution: float) -> Numbers:
-    """Return the mean of the finite values in the disc around each cell, NaN where there are none.
+    """Return the weighted mean of the finite values in the disc around each cell, else NaN.
 
-    The weight of a value falls with the distance d from the cell as (radius - d)**2.
+    The weight of a value at the distance d is (radius - d)**2.
     """
     reach = int(radius / resolution)
     steps = resolution * np.arange(-reach, reach + 1)
@@ -137,9 +138,9 @@ def weighted_means(layer: Numbers, radius: float, resolution: float) -> Numbers:
 
 
 def add_errors(grid_map: GridMap) -> None:
-    """Set the layer of errors of each algorithm: 1 less the cosine of the angle to the truth.
+    """Set the error of each algorithm: 1 minus the cosine of the angle to the true normal.
 
-    It is NaN in the cells at the border, where raster has no normals, for both.
+    Errors are NaN in border cells, where raster has no normals.
     """
     for algorithm, layer in ALGORITHMS.items():
         pairs = [
@@ -153,8 +154,8 @@ def add_errors(grid_map: GridMap) -> None:
 
 
 def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
-    """Yield the lines of a table with the angles between normals and the truth on every shape."""
-    yield f"angle between normals and the truth, noise {noise:g} m, outliers {outliers:.1%}"
+    """Yield the lines of a table of the angles to the true normals on every shape."""
+    yield f"angle to the true normals, noise {noise:g} m, outliers {outliers:.1%}"
     yield f"{'shape':6} {'algorithm':10} {'mean [deg]':>11} {'max [deg]':>11}"
     for shape in SHAPES:
         grid_map = surface_map(shape, 0.0)
@@ -173,16 +174,20 @@ class NormalFilterComparisonDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")
         self._shape = read_parameter(
-            self, "shape", str, "wave", description=f"the surface: {', '.join(SHAPES)}"
+            self, "shape", str, "wave", description=f"shape of the surface: {', '.join(SHAPES)}"
         )
         check(self._shape in SHAPES, "shape", f"one of {', '.join(SHAPES)}", self._shape)
         self._noise = read_parameter(
-            self, "noise_on_map", float, 0.015, description="largest noise, up and down [m]"
+            self, "noise_on_map", float, 0.015, description="largest noise, up or down [m]"
         )
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
         self._outliers = read_parameter(
-            self, "outliers_percentage", float, 0.0, description="share of infinite heights, 0 to 1"
+            self,
+            "outliers_percentage",
+            float,
+            0.0,
+            description="share of outliers (infinite heights), 0 to 1",
         )
         check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
         self._chain = self._read_chain()
@@ -198,10 +203,10 @@ class NormalFilterComparisonDemoNode(Node):
             "filter_chain_parameter_name",
             str,
             "filters",
-            description="which parameter holds the chain",
+            description="name of the parameter with the chain",
         )
         given = read_parameter_tree(
-            self, name, description="the filter chain; without one both algorithms are run"
+            self, name, description="filter chain; by default both algorithms"
         )
         return FilterChain.from_config(given or FILTERS)
 

@@ -1,13 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `octomap_to_gridmap_demo`: the surface of an octomap as a map.
+"""Node `octomap_to_gridmap_demo`: converts an octomap to an elevation map.
 
-Asks a service such as that of octomap_server for an octomap, every 10 s, or takes one from a file.
-Publishes `grid_map` with the layer `elevation`, the height of the highest voxel of every column.
-The octomap of the service also goes on to `octomap`, for the display that OctoMap has for RViz.
+Requests an octomap from a service such as octomap_server every 10 s, or reads one from a file.
+Publishes `grid_map` with the layer `elevation`, the height of the highest occupied voxel of each
+column, and passes the octomap of the service on to `octomap`, for the RViz display of OctoMap.
 
-For work rather than show there is `octomap_to_grid_map` in `grid_map_ros_py`, which also follows a
-topic.
+For robots use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes to a topic.
 """
 
 import math
@@ -27,10 +26,10 @@ from .octomap_file import read_octomap
 from .share import user_path
 
 PERIOD = 10.0
-"""Seconds from one request to the next."""
+"""Time between two requests [s]."""
 
 PATIENCE = 1.0
-"""Period of looking for a missing service [s]."""
+"""Time between two checks for a missing service [s]."""
 
 REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octomap_path'"
 
@@ -45,14 +44,14 @@ class OctomapToGridmapDemoNode(Node):
             "octomap_service_topic",
             str,
             "/octomap_binary",
-            description="service that is asked for an octomap",
+            description="service that returns an octomap",
         )
         path = read_parameter(
             self,
             "octomap_path",
             str,
             "",
-            description="file of OctoMap (.bt, .ot) that is shown instead of asking the service",
+            description="file of OctoMap (.bt, .ot), read in place of a request",
         )
         self._bounds = [self._read_bounds(axis) for axis in "xyz"]
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
@@ -110,7 +109,7 @@ class OctomapToGridmapDemoNode(Node):
         if is_there:
             self._client.call_async(self._request).add_done_callback(self._receive)
         else:
-            self.get_logger().info(f"waits for the service {self._client.srv_name}")
+            self.get_logger().info(f"waiting for the service {self._client.srv_name}")
 
     def _receive(self, answer: Any) -> None:
         octomap = answer.result().map

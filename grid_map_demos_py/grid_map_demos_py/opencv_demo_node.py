@@ -1,8 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `opencv_demo`: a layer becomes an image, OpenCV blurs it, and it becomes a layer again.
+"""Node `opencv_demo`: blurs a layer with OpenCV, by way of an image.
 
-Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the same
+Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the star
 blurred by a Gaussian kernel that shrinks and grows.
 """
 
@@ -22,14 +22,14 @@ from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 from .star import HEIGHT, star_map
 
 LARGEST_WIDTH = 200
-"""Distance between the centers of the first and the last pixel of the kernel."""
+"""Distance between the centers of the first and the last pixel of the largest kernel."""
 
 ALPHA_THRESHOLD = 0.3
-"""Cells that are less opaque than this after the blur have no value."""
+"""Smallest opacity of a blurred cell with a value."""
 
 
 def kernel_size(seconds: float) -> int:
-    """Return the side of the kernel [pixels] at a time: odd, from 1 to 201 and back in pi s."""
+    """Return the side of the kernel [pixels] at a time: odd, from 201 to 1 and back in pi s."""
     width = LARGEST_WIDTH - int(LARGEST_WIDTH * abs(math.sin(seconds)))
     return 2 * (width // 2) + 1
 
@@ -43,7 +43,7 @@ def blur(grid_map: GridMap, image: Image, size: int) -> None:
 
 
 class OpencvDemoNode(Node):
-    """Blurs the star, more and less."""
+    """Blurs the star and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("opencv_demo")
@@ -53,11 +53,11 @@ class OpencvDemoNode(Node):
             bool,
             False,
             description="the star has no ground around it: cells without a value are transparent "
-            "pixels, and blurred with them",
+            "pixels",
         )
         rate = read_positive(self, "publish_rate", 25.0, description="maps per second [Hz]")
         self._map = star_map("original", 0.01, has_ground=not transparent)
-        # 16 bits keep 65536 heights apart; the fourth channel is alpha.
+        # 16 bits distinguish 65536 heights; the fourth channel is alpha.
         channels = 4 if transparent else 1
         self._image = to_image(self._map, "original", np.uint16, channels, 0.0, HEIGHT)
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())

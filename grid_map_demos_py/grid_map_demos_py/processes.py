@@ -1,8 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Several processes that live and die together.
+"""Groups of processes that start and stop together.
 
-Imports nothing that takes long, so that an interrupt finds its handler soon.
+Imports only fast modules, so that the handlers of signals are installed early.
 """
 
 import os
@@ -15,7 +15,7 @@ from functools import partial
 from types import FrameType
 
 PATIENCE = 5.0
-"""Seconds that a process has to stop before it is killed."""
+"""Maximum time for a process to stop before it is killed [s]."""
 
 POLL_PERIOD = 0.05
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Text report of the filters demo."""
+"""Report of the filters demo as text."""
 
 import statistics
 from collections.abc import Iterable, Mapping
@@ -24,7 +24,7 @@ class Report:
         self.counts = dict.fromkeys(self.topics, 0)
 
     def add_times(self, milliseconds: Mapping[str, float]) -> None:
-        """Add how long the filters took for one map."""
+        """Add the duration of each filter for one map [ms]."""
         for name, value in milliseconds.items():
             self.times.setdefault(name, []).append(value)
 
@@ -33,7 +33,7 @@ class Report:
         return [topic for topic, count in self.counts.items() if count < needed]
 
     def to_text(self, grid_map: GridMap) -> str:
-        """Return the report on the demo, whose last filtered map is given."""
+        """Return the report; `grid_map` is the last filtered map."""
         rows, columns = grid_map.size
         medians = {name: statistics.median(values) for name, values in self.times.items()}
         sections = [

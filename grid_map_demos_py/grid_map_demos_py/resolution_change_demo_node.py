@@ -1,9 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `resolution_change_demo`: the same map with cells of 1 cm to 9 cm and back.
+"""Node `resolution_change_demo`: changes the resolution of a map between 1 cm and 9 cm.
 
-The layers are scaled like images, by OpenCV. Publishes `grid_map` with the layer `elevation`, a
-star.
+OpenCV resizes the layers like images. Publishes `grid_map` with the layer `elevation`, a star.
 """
 
 import math
@@ -35,7 +34,7 @@ def resolution_at(seconds: float) -> float:
 
 
 class ResolutionChangeDemoNode(Node):
-    """Publishes the star at a resolution of the moment."""
+    """Publishes the star at the current resolution."""
 
     def __init__(self) -> None:
         super().__init__("resolution_change_demo")
@@ -44,14 +43,14 @@ class ResolutionChangeDemoNode(Node):
             "use_transparency",
             bool,
             False,
-            description="the star has no ground around it, only cells without a value",
+            description="cells around the star have no value",
         )
         name = read_parameter(
             self,
             "interpolation",
             str,
             "cubic",
-            description="how values between cells are found: " + ", ".join(INTERPOLATIONS),
+            description="interpolation method: " + ", ".join(INTERPOLATIONS),
         )
         check(name in INTERPOLATIONS, "interpolation", f"one of {[*INTERPOLATIONS]}", name)
         rate = read_positive(self, "publish_rate", 10.0, description="maps per second [Hz]")

@@ -1,11 +1,11 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_sdf_demo`: the signed distance field of a map, as point clouds.
+"""Node `grid_map_sdf_demo`: publishes the signed distance field of a map as point clouds.
 
-Listens to maps. From each it makes a field that reaches a little below the lowest and above the
-highest cell, and publishes its nodes with their distance to the surface as `intensity` [m]: all
-of them below the point cloud topic on `full_sdf`, those in the air on `free_space` and those in the
-ground on `occupied_space`. Cells without a height count as low as the lowest one.
+Subscribes to maps. The field of a map reaches from a little below its lowest to a little above its
+highest cell. Its points have the distance to the surface as `intensity` [m]. Below the topic of the
+point clouds, `full_sdf` has all points, `free_space` those in the air and `occupied_space` those in
+the ground. Cells without a height get the lowest height.
 """
 
 import array
@@ -31,21 +31,21 @@ from grid_map_ros_py.nodes import (
 
 FIELDS = ("x", "y", "z", "intensity")
 MARGIN = 0.1
-"""Margin of the field above and below the heights [m]."""
+"""Extent of the field below the lowest and above the highest cell [m]."""
 
 MOST_LEVELS = 10_000
 MOST_NODES = 20_000_000
-"""Larger fields take minutes, in which the node hears nothing, and gigabytes."""
+"""Limit of the points; larger fields take minutes and gigabytes."""
 
 Points = npt.NDArray[np.float32]
 
 
 def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
-    """Return the field of a layer of heights.
+    """Return the signed distance field of a layer of heights.
 
     Raises:
-        GridMapError: there is no such layer, not a single height in it, or a height so far from the
-            others that the field would be too large.
+        GridMapError: the layer is missing or has no finite height, or the heights are so far apart
+            that the field would be too large.
     """
     heights = grid_map[layer]
     known = np.isfinite(heights)
@@ -63,7 +63,7 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
-    """Return (N, 4) `FIELDS` as a message with the frame and the time of a map."""
+    """Return points (N, 4) with `FIELDS` as a message with frame and time of a map."""
     fields = [
         PointField(name=name, offset=4 * number, datatype=PointField.FLOAT32, count=1)
         for number, name in enumerate(FIELDS)
@@ -82,23 +82,23 @@ def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
 
 
 class SdfDemoNode(Node):
-    """Turns every map into three point clouds."""
+    """Converts every map to three point clouds."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_sdf_demo")
         self._throttle = LogThrottle()
         self._layer = read_parameter(
-            self, "elevation_layer", str, "elevation", description="layer with the heights"
+            self, "elevation_layer", str, "elevation", description="layer of the heights"
         )
         clouds = read_parameter(
             self,
             "pointcloud_topic",
             str,
             "/grid_map_sdf_demo/signed_distance_field",
-            description="the point clouds go below it, to full_sdf, free_space and occupied_space",
+            description="prefix of the topics full_sdf, free_space and occupied_space",
         )
         maps = read_parameter(
-            self, "grid_map_topic", str, "/grid_map", description="maps come from here"
+            self, "grid_map_topic", str, "/grid_map", description="topic of the maps"
         )
         self._full, self._free, self._occupied = (
             self.create_publisher(
@@ -109,7 +109,7 @@ class SdfDemoNode(Node):
         self._subscription = MapSubscription(
             self, check_topic(self, "grid_map_topic", maps), self._receive
         )
-        self.get_logger().info(f"makes fields of {self._layer!r} of the maps on {maps}")
+        self.get_logger().info(f"makes distance fields from {self._layer!r} of the maps on {maps}")
 
     def _receive(self, received: ReceivedMap) -> None:
         try:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Paths of files of this package and of files that users name."""
+"""Paths of installed files and of files that users name."""
 
 from pathlib import Path
 
@@ -15,9 +15,9 @@ def share(*parts: str) -> Path:
 
 
 def user_path(text: str) -> Path:
-    """Return the path that a user has written, who may begin it with `~`."""
+    """Return a path given by the user, with a leading `~` expanded."""
     try:
         return Path(text).expanduser()
     except RuntimeError:
-        # The home of somebody unknown; whoever opens this file says that there is none.
+        # An unknown user; opening the file reports that it does not exist.
         return Path(text)

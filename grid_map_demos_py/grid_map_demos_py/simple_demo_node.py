@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_simple_demo`: makes a map, fills it with a wave that moves, and publishes it.
+"""Node `grid_map_simple_demo`: publishes a map with a moving wave.
 
 Publishes on `grid_map`, 30 times a second.
 """
@@ -17,7 +17,7 @@ from grid_map_ros_py.nodes import map_qos, run
 
 
 class SimpleDemoNode(Node):
-    """Publishes a wave."""
+    """Fills a map with a moving wave and publishes it."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_simple_demo")

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map with a star on it: something with sharp edges, for demos of images."""
+"""A map with a star, whose sharp edges suit the demos of images."""
 
 import math
 
@@ -29,7 +29,7 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
     Args:
         layer: name of the layer of heights [m].
         resolution: side of a cell [m].
-        has_ground: whether cells around the star are 0; otherwise they are NaN.
+        has_ground: set cells around the star to 0; otherwise they are NaN.
     """
     ground = 0.0 if has_ground else math.nan
     grid_map = GridMap(LENGTH, resolution, layers={layer: ground}, frame_id="map")

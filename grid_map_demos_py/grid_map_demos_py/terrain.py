@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A terrain to demonstrate with: real ground, with the holes that sensors leave."""
+"""Terrain of the demos: a real elevation model with holes, as sensors leave them."""
 
 from pathlib import Path
 
@@ -11,23 +11,23 @@ from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
 from grid_map_core_py.errors import ConfigError
 
 METRES_PER_POST = 84.0
-"""Resolution of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
+"""Spacing of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
 
 EXAGGERATION = 2.0
-"""Factor on the heights, so that some slopes are too steep for a robot."""
+"""Factor on the heights, which makes some slopes too steep for a robot."""
 
 HOLES = 120
 LARGEST_HOLE = 6.0
-"""Radius in cells."""
+"""Largest radius of a hole in cells."""
 
 
 def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map") -> GridMap:
-    """Return the ground around the Jacksboro fault as a model with cells of `resolution`.
+    """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
 
     Args:
         path: the elevation model, an .npz file with `elevation` (rows to the south, columns to the
             east) [m].
-        resolution: side of a cell [m]; heights are to the same scale, times `EXAGGERATION`.
+        resolution: side of a cell [m]; heights have the same scale, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
 
     Returns:
@@ -53,7 +53,7 @@ def _load_posts(path: Path) -> npt.NDArray[np.float32]:
     try:
         with np.load(path) as model:
             posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
-    except Exception as error:  # Of a damaged file, numpy passes on what any decoder raises.
+    except Exception as error:  # For a damaged file NumPy raises whatever its decoders raise.
         raise ConfigError(
             f"elevation model {str(path)!r}: expected an .npz file with 'elevation', "
             f"found {type(error).__name__}: {error}"
@@ -77,7 +77,7 @@ def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float
 
 
 def _punch_holes(grid_map: GridMap) -> None:
-    """Set discs to NaN; always the same ones."""
+    """Set the same random discs to NaN in every call."""
     random = np.random.default_rng(7)
     centers = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
     radii = random.uniform(0.5, LARGEST_HOLE, HOLES) * grid_map.resolution

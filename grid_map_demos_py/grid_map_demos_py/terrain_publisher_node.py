@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_terrain`: publishes real ground with holes, again and again."""
+"""Node `grid_map_terrain`: publishes a real terrain with holes at a fixed rate."""
 
 import sys
 
@@ -15,17 +15,17 @@ from .terrain import load_terrain
 
 
 class TerrainPublisherNode(Node):
-    """Publishes the same terrain with the time of the moment."""
+    """Publishes the same terrain with the current time."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")
-        topic = read_parameter(self, "topic", str, "/grid_map", description="the map goes there")
+        topic = read_parameter(self, "topic", str, "/grid_map", description="topic of the map")
         file = read_parameter(
             self,
             "file",
             str,
             "",
-            description="elevation model, an .npz file; empty for the one of this package",
+            description="elevation model, an .npz file; empty for the one in this package",
         )
         self._map = load_terrain(
             user_path(file) if file else share("data", "jacksboro_fault_dem.npz"),

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_tutorial_demo`: a tour of the library in one loop.
 
-A wave with its normal vectors is covered with noise and outliers, cleaned in a part of the map by
-a weighted mean of the neighbors, and compared with what it was. Publishes all layers on
-`grid_map`, 30 times a second, and logs once a second how large the error is.
+The demo adds noise and outliers to a wave, filters a part of the map by weighted means, and
+computes the error of the result. It publishes all layers on `grid_map`, 30 times a second, and logs
+the error once a second.
 """
 
 import sys
@@ -22,7 +22,7 @@ from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 MOST_NOISE = 1e3
 MOST_OUTLIERS = 100_000
 MOST_RADIUS = 1.0
-"""Beyond these there is nothing to be seen, at best."""
+"""Limits of the parameters; larger values hide the wave or take too long."""
 
 LAYERS = ["elevation", "normal_x", "normal_y", "normal_z"]
 
@@ -33,10 +33,10 @@ def make_map() -> GridMap:
 
 
 def add_wave(grid_map: GridMap, seconds: float) -> None:
-    """Set elevation and normal vectors as they are at a time: a sine along y, steeper with x."""
+    """Set elevation and normal vectors of the wave at a time: a sine along y that grows with x."""
     x, y = grid_map.axes()
     phase = 3.0 * seconds + 5.0 * y
-    # A column of x and a row of y give values for all cells.
+    # A column of x and a row of y broadcast to all cells.
     grid_map["elevation"] = -0.04 + 0.2 * np.sin(phase) * x[:, None]
     along_x = 0.2 * np.sin(phase) + 0.0 * x[:, None]
     along_y = np.cos(phase) * x[:, None]
@@ -47,35 +47,35 @@ def add_wave(grid_map: GridMap, seconds: float) -> None:
 
 
 def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) -> None:
-    """Set `noise`, evenly spread up to `largest` [m] up and down, and `elevation_noisy`."""
+    """Set `noise`, uniform between -`largest` and `largest` [m], and `elevation_noisy`."""
     grid_map["noise"] = random.uniform(-largest, largest, grid_map.size)
     grid_map["elevation_noisy"] = grid_map["elevation"] + grid_map["noise"]
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Make `elevation_noisy` infinite at random positions, of which some miss the map."""
+    """Set `elevation_noisy` to infinity at random positions, some of which miss the map."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf
 
 
 def cells_to_filter(grid_map: GridMap) -> Cells:
-    """Return the cells of 1.2 x 0.8 m whose corner with the largest x and y is (1, 0.4)."""
-    # The corner lies beyond the map, so that it is moved to its border.
+    """Return the cells of a rectangle of 1.2 m x 0.8 m below its upper left corner (1, 0.4)."""
+    # The corner lies outside of the map and is moved to its border.
     corner = grid_map.geometry.bound_position_to_range((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)
     return submap_cells(grid_map, grid_map.get_index(corner), (rows, columns))
 
 
 def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -> Layer:
-    """Return for each of N cells the mean of the finite values in the disc around it.
+    """Return the weighted means (N,) of the finite values in the discs around N cells.
 
-    Neighbours weigh `(radius - distance)**2`. The (N,) means are NaN where nothing is finite.
+    The weight of a value is `(radius - distance)**2`. A mean is NaN if no value is finite.
     """
     reach = int(radius / grid_map.resolution)
     steps = grid_map.resolution * np.arange(-reach, reach + 1)
     weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
-    # The windows around all cells share the memory of the layer; those of the cells are copied.
+    # The array of all windows is a view of the layer; the index copies those of the cells.
     windows = window_array(grid_map, layer, "empty", len(steps))[cells]
     known = np.isfinite(windows)
     with np.errstate(invalid="ignore"):
@@ -84,22 +84,22 @@ def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -
 
 
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
-    """Set `elevation_filtered`, which differs from the noisy one in some cells, and `error`."""
+    """Set `elevation_filtered`, with means in the given cells, and `error`, the absolute error."""
     grid_map["elevation_filtered"] = grid_map["elevation_noisy"]
     means = weighted_means(grid_map, "elevation_noisy", cells, radius)
     grid_map["elevation_filtered"][cells] = means
-    # Layers are arrays, and whatever NumPy does with arrays can be done with layers.
+    # Layers are arrays, so that all of NumPy works on them.
     grid_map["error"] = np.abs(grid_map["elevation_filtered"] - grid_map["elevation"])
 
 
 def root_mean_square(values: Layer) -> float:
-    """Return that of the finite values; NaN if there are none."""
+    """Return the root mean square of the finite values; NaN if there are none."""
     finite = values[np.isfinite(values)].astype(np.float64)
     return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
 
 
 class TutorialDemoNode(Node):
-    """Publishes a wave, the wave with noise, and the filtered wave."""
+    """Publishes the wave with its noisy and filtered layers."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
@@ -113,15 +113,15 @@ class TutorialDemoNode(Node):
 
     def _read_parameters(self) -> None:
         self._rate = read_positive(self, "publish_rate", 30.0, description="maps per second [Hz]")
-        about = "largest noise, upwards and downwards [m]"
+        about = "largest noise, up or down [m]"
         self._noise = read_parameter(self, "noise", float, 0.015, description=about)
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise", expected, self._noise)
-        about = "number of infinite heights; about half miss the map"
+        about = "number of outliers (infinite heights); about half miss the map"
         self._outliers = read_parameter(self, "outliers", int, 500, description=about)
         expected = f"0 or more, at most {MOST_OUTLIERS}"
         check(0 <= self._outliers <= MOST_OUTLIERS, "outliers", expected, self._outliers)
-        about = "radius of the disc that is averaged around a cell [m], at most 1.0"
+        about = "radius of the disc for the weighted mean [m], at most 1.0"
         self._radius = read_positive(self, "radius", 0.1, description=about)
         check(self._radius <= MOST_RADIUS, "radius", f"at most {MOST_RADIUS}", self._radius)
 
@@ -143,8 +143,8 @@ class TutorialDemoNode(Node):
         inside = 1e3 * root_mean_square(error[is_filtered])
         outside = 1e3 * root_mean_square(error[~is_filtered])
         self.get_logger().info(
-            f"root mean squared error: {inside:.1f} mm where it is filtered, "
-            f"{outside:.1f} mm elsewhere, without the outliers there",
+            f"root mean square error: {inside:.1f} mm in filtered cells, "
+            f"{outside:.1f} mm in the others without their outliers",
             throttle_duration_sec=1.0,
         )
 

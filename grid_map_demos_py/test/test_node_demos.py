@@ -229,7 +229,7 @@ def test_report_counts_only_valid_maps_and_chain_diagnostics():
     assert "Traceback" not in report.text
     assert "'/diagnostics': 1," in report.text
     assert "'/filtered_map': 0," in report.text
-    assert "does not count a map: info.resolution: expected a positive" in report.text
+    assert "ignored a map: info.resolution: expected a positive" in report.text
 
 
 def test_failing_node_ends_the_demo(tmp_path):

@@ -75,8 +75,8 @@ def assert_stayed(grid_map: GridMap, original: GridMap) -> None:
 def test_the_two_ways_take_turns():
     given = parameters("duration:=0.2")
     with peer() as other, running_node(f"grid_map_demos_py.{MODULE}", *given) as demo:
-        other.wait_until(lambda: demo.text.count("place of the map") >= 4, "two turns of each")
-    ways = [line.split("`")[1] for line in demo.lines if "place of the map" in line]
+        other.wait_until(lambda: demo.text.count("position of the map") >= 4, "two turns of each")
+    ways = [line.split("`")[1] for line in demo.lines if "position of the map" in line]
     assert ways[:4] == ["move", "position", "move", "position"]
 
 

@@ -106,7 +106,7 @@ def test_error_is_one_minus_the_absolute_cosine():
 def angles(noise: float) -> dict[tuple[str, ...], float]:
     """Return the mean angle [deg] by shape and algorithm, out of the table."""
     title, _, *rows = table(FilterChain.from_config(FILTERS), noise, 0.0)
-    assert title == f"angle between normals and the truth, noise {noise:g} m, outliers 0.0%"
+    assert title == f"angle to the true normals, noise {noise:g} m, outliers 0.0%"
     return {tuple(row.split()[:2]): float(row.split()[2]) for row in rows}
 
 

@@ -115,7 +115,7 @@ def test_the_tutorial_demo_publishes_all_layers_and_reports_the_error(recorded):
         other.listen("/grid_map", GridMapMessage)
         with running_node(f"grid_map_demos_py.{MODULE}") as demo:
             other.expect("/grid_map", 10)
-            other.wait_until(lambda: demo.text.count("root mean squared error") >= 2, "the error")
+            other.wait_until(lambda: demo.text.count("root mean square error") >= 2, "the error")
             lives(demo)
         first, *_, last = (from_message(message) for message in other.received["/grid_map"])
     assert last.layers == recorded.layers

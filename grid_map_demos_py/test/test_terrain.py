@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from conftest import MODEL
 
+from conftest import MODEL
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_demos_py.terrain import EXAGGERATION, METRES_PER_POST, load_terrain

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""RViz markers made of lines."""
+"""RViz markers that consist of lines."""
 
 import math
 
@@ -34,7 +34,7 @@ def line_marker(
     """Return a serialized `visualization_msgs/Marker` that draws lines in the frame of the map.
 
     Args:
-        points: (N, 3) x, y, z [m]; how they are connected is up to `kind`.
+        points: (N, 3) x, y, z [m]. `kind` says which of them are connected.
         kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
         namespace: the marker's `ns`.
         color: 0xRRGGBB of every point, opaque.

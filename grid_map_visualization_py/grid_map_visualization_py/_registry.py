@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The visualizations by the names under which YAML files ask for them.
+"""Registry of visualizations by their YAML type names.
 
-Other packages add theirs through the entry-point group `grid_map_visualization_py.visualizations`:
-the entry's name is the type, its value a class as `Visualization` describes it.
+Other packages add types through the entry-point group `grid_map_visualization_py.visualizations`.
+The name of an entry point is the type, its object a class that follows `Visualization`.
 """
 
 from collections.abc import Mapping
@@ -44,12 +44,12 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
     """Return the visualization that a parameter file describes.
 
     Args:
-        name: its name in the parameter file, for messages.
+        name: name that the user gave it, for error messages.
         config: `type`, a name in the registry, and `params`, its parameters by name.
 
     Raises:
         ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
-            package is not installed; the message names the visualization, its type and the cause.
+            package is not installed. The message names the visualization, its type and the cause.
     """
     type_name, parameters = _checked(name, config)
     try:
@@ -69,7 +69,7 @@ def _checked(name: str, config: Mapping[str, object]) -> tuple[str, Mapping[str,
         known = ", ".join(VISUALIZATIONS.types)
         found = "nothing" if type_name is None else repr(type_name)
         raise ConfigError(f"visualization {name!r}: type: expected one of {known}, found {found}")
-    # ROS hands over an empty mapping as a value without type.
+    # ROS passes an empty mapping as a parameter without type.
     parameters = {} if parameters is None else parameters
     if not isinstance(parameters, Mapping):
         raise ConfigError(

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Protocol of visualizations."""
+"""Protocol of visualizations: callables that turn a map into a message."""
 
 from typing import Any, ClassVar, Protocol
 

@@ -39,7 +39,7 @@ Colors: TypeAlias = npt.NDArray[np.uint8]
 """(..., 3) red, green, blue."""
 
 MISSING = 128
-"""Red, green and blue of cells without a value: gray."""
+"""Red, green and blue of cells without a value, which are gray."""
 
 DEFAULT_COLOR_MAP = "viridis"
 
@@ -49,7 +49,7 @@ _STEPS = 256
 
 
 def color_map_names() -> list[str]:
-    """Return the names of all color maps but the reversed ones.
+    """Return the names of all color maps except reversed ones.
 
     Raises:
         MissingPackageError: Matplotlib is not installed.
@@ -63,8 +63,8 @@ class ColorScale:
 
     Attributes:
         color_map: name of the color map.
-        lower, upper: values at its ends; values beyond have the colors of the ends. None means
-            the smallest and the largest finite value.
+        lower, upper: values at its ends. Values beyond them get the colors of the ends. None stands
+            for the smallest and the largest finite value.
         invert: swap the ends.
 
     Raises:
@@ -88,8 +88,8 @@ class ColorScale:
     def bounds(self, values: npt.NDArray[np.float32]) -> tuple[float, float]:
         """Return the values at the ends of the color map for these values.
 
-        A bound that is given stands, and the other is not beyond it. Where nothing is finite and
-        nothing given, they are 0 and 0.
+        A bound that is None is the smallest or the largest finite value, but never on the wrong
+        side of the given one. Both are 0 if no bound is given and no value is finite.
         """
         lower = min_of_finites(values) if self.lower is None else self.lower
         upper = max_of_finites(values) if self.upper is None else self.upper
@@ -110,7 +110,7 @@ class ColorScale:
         factor = _STEPS / (upper - lower) if upper > lower else 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             steps = (values - np.float32(lower)) * np.float32(factor)
-        # These two take NaN for the bound.
+        # Unlike minimum and maximum, these two replace NaN by the bound.
         steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
         table = _table(self.color_map)
         if self.invert:
@@ -127,14 +127,14 @@ def check_color(color: int) -> None:
 
 @dataclass(frozen=True)
 class Coloring:
-    """Where the colors of cells come from.
+    """Source of the colors of cells: a color scale, packed colors or one color.
 
     Attributes:
-        mode: "intensity", the values of a layer by a color map; "color", the packed colors of a
-            layer; "flat", one color for all.
-        layer: the layer of the first two.
-        scale: the color map of the first.
-        color: the one color, 0xRRGGBB.
+        mode: "intensity" maps the values of `layer` by `scale`, "color" unpacks the colors in
+            `layer`, and "flat" gives `color` to all cells.
+        layer: name of the layer.
+        scale: color map and bounds of the mode "intensity".
+        color: 0xRRGGBB, the color of the mode "flat".
     """
 
     mode: Literal["intensity", "color", "flat"] = "intensity"

@@ -1,12 +1,13 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as pictures, drawn by Matplotlib.
+"""Pictures of maps, drawn by Matplotlib.
 
-Maps are seen from above as in RViz: x runs to the right and y upwards, in metres, in the frame of
-the map. Cells without a value are left blank.
+`plot` shows a map from above as RViz does: x to the right and y upwards, in meters, in the frame of
+the map. Cells without a value are left blank. `plot_3d` draws a surface, and `plot_relief` a block
+of terrain in perspective.
 
-The light of shaded pictures comes from the upper left, 45 degrees high. Level ground keeps its
-color, slopes towards the light are lighter and slopes away from it darker.
+The hillshading of `plot` and `plot_3d` has its light in the upper left, 45 degrees high. Level
+ground keeps its color, slopes that face the light are lighter and slopes that face away darker.
 """
 
 import math
@@ -40,7 +41,7 @@ LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
 """Direction to the light."""
 
 MAX_CELLS_3D = 20_000
-"""Cells to which surfaces are thinned out by default; Matplotlib takes a second for so many."""
+"""Default limit of the cells of a surface, which Matplotlib draws in about a second."""
 
 _RELIEF_SIZE = (1200, 560)
 """Default width and height of pictures of terrain in relief [pixels]."""
@@ -64,30 +65,29 @@ def plot(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a layer as seen from above.
+    """Draw a layer from above.
 
     Args:
         grid_map: the map.
-        layer: gives the colors.
-        ax: Matplotlib axes to draw on; None means the current ones, as for Matplotlib's own
+        layer: layer that gives the colors.
+        ax: Matplotlib axes to draw on. None stands for the current axes, as in Matplotlib's own
             functions.
-        color_mode: "intensity" colors values by the color map, "color" takes the layer as packed
-            colors.
+        color_mode: "intensity" maps values by the color map, "color" reads packed colors.
         color_map: name of a color map of Matplotlib.
-        lower, upper: values at the ends of the color map; None means the smallest and the largest.
+        lower, upper: values at the ends of the color map; None stands for the smallest and largest.
         invert: swap the ends of the color map.
-        shade_by: layer of heights [m] that the light falls on; empty for no light.
-        exaggeration: factor on the heights for the light.
-        label: of the color bar; empty means the name of the layer.
-        title: above the picture.
-        color_bar: whether to draw a color bar.
+        shade_by: layer of heights [m] for hillshading; empty for none.
+        exaggeration: factor on the heights for hillshading.
+        label: label of the color bar; empty stands for the name of the layer.
+        title: title above the picture.
+        color_bar: draw a color bar.
 
     Returns:
         The axes.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option is invalid.
     """
     _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
@@ -95,7 +95,7 @@ def plot(
     values = _upright(grid_map.unwrapped(layer))
     bar = _mappable(scale, values)
     if color_mode == "intensity" and not shade_by:
-        # Not as an image of colors: the pointer then tells the values.
+        # An image of values instead of colors lets Matplotlib show the value under the pointer.
         pixels: Any = np.ma.masked_invalid(values)
     else:
         pixels = _rgba(Coloring(color_mode, layer, scale)(values), values)
@@ -127,23 +127,23 @@ def plot_3d(
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
-    """Draw a map as a shaded surface in three dimensions; see `surface` for its triangles.
+    """Draw a map as a shaded surface of triangles in three dimensions.
 
     Args:
         grid_map: the map.
         height_layer: heights [m].
-        ax: Matplotlib axes of the projection "3d"; None means new ones.
-        color_layer: gives the colors; empty means the heights.
+        ax: Matplotlib axes of the projection "3d"; None stands for new ones.
+        color_layer: layer that gives the colors; empty stands for the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
-        exaggeration: factor on the drawn heights; the labels of the axis are true heights.
-        max_cells: thin out larger maps to at most so many cells; 0 means never.
+        exaggeration: factor on the drawn heights. The axis shows true heights.
+        max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
 
     Returns:
         The axes.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option is invalid.
     """
     _check_options(color_mode, exaggeration)
     scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
@@ -154,7 +154,7 @@ def plot_3d(
     mesh = surface.mesh(Coloring(color_mode, layer, scale))
     x, y, z = (mesh.vertices + mesh.origin).T
     if len(mesh.faces):
-        # Antialiasing would let the background through between the triangles.
+        # With antialiasing the background shows between the triangles.
         options = {"shade": False, "linewidth": 0, "antialiased": False}
         drawn = axes.plot_trisurf(x, y, z, triangles=mesh.faces, **options)
         corners = mesh.vertices[mesh.faces] * np.array([1.0, 1.0, exaggeration])
@@ -167,7 +167,7 @@ def plot_3d(
     sides = np.array([x1 - x0, y1 - y0, height])
     axes.set_box_aspect(np.maximum(sides, 0.05 * sides.max()), zoom=0.95)
     axes.view_init(elev=45.0, azim=-60.0)
-    # Heights are small beside the map.
+    # The z axis is short, with room for few ticks.
     axes.locator_params(axis="z", nbins=3)
     if color_bar and color_mode == "intensity":
         bar = _mappable(scale, surface.values(layer))
@@ -196,14 +196,15 @@ def plot_relief(
 ) -> Any:
     """Draw a map as a block of terrain in perspective, with sunlight and shadows.
 
-    The surface is drawn at the resolution of the picture, which takes about a second. It shows how
-    the ground looks; `plot` and `plot_3d` have axes to read positions and heights from.
+    The surface is drawn at the resolution of the picture, in about a second. There are no axes:
+    use `plot` or `plot_3d` to read positions and heights.
 
     Args:
         grid_map: the map.
         height_layer: heights [m]. Holes get the height of the nearest cell.
-        ax: Matplotlib axes to draw on; None means the current ones.
-        color_layer: gives the colors; empty means the heights. Cells without a value are gray.
+        ax: Matplotlib axes to draw on; None stands for the current ones.
+        color_layer: layer that gives the colors; empty stands for the heights. Cells without a
+            value are gray.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor on the heights.
         azimuth: direction from the map to the camera [rad], from +x towards +y.
@@ -215,7 +216,7 @@ def plot_relief(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option is invalid.
     """
     _check_options(color_mode, exaggeration)
     # Near pi / 2 the picture of a camera that looks level is stretched beyond recognition.
@@ -251,14 +252,14 @@ def save_picture(
 
     Args:
         grid_map: the map.
-        layer: gives the colors of a flat picture, else the heights.
+        layer: layer that gives the colors of a flat picture, else the heights.
         path: the file; an existing one is replaced.
         style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
         options: those of that function, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option makes no sense.
+        ConfigError: the color map is unknown, or another option is invalid.
         OSError: the file cannot be written.
     """
     styles = "flat", "surface", "relief"
@@ -290,7 +291,7 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
 
 
 def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
-    """Return the mapping from values to colors for Matplotlib."""
+    """Return the color scale in the form that Matplotlib needs for a color bar."""
     colors: Colormap = matplotlib.colormaps[scale.color_map]
     return ScalarMappable(
         Normalize(*scale.bounds(values)), colors.reversed() if scale.invert else colors
@@ -303,9 +304,9 @@ def _rgba(colors: npt.NDArray[np.uint8], values: Layer) -> npt.NDArray[np.float6
 
 
 def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
-    """Return colors (..., 3) in [0, 1] in the light; where a normal (..., 3) is NaN, as they are.
+    """Return lit colors (..., 3) in [0, 1]; unchanged where a normal (..., 3) is NaN.
 
-    The blending is the soft light of Pegtop, which leaves colors alone at a half.
+    The blend mode is "soft light" (Pegtop), which keeps colors at a light of one half.
     """
     light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
     light = np.where(np.isnan(light), 0.5, light)[..., None]
@@ -313,7 +314,7 @@ def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) ->
 
 
 def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
-    """Return unit normals (..., 3) of a picture of heights; NaN where they are not known."""
+    """Return unit normals (..., 3) of an upright image of heights; NaN where unknown."""
     with np.errstate(invalid="ignore"):
         down, right = (_differences(heights, axis) / resolution for axis in (0, 1))
         normals = np.stack([-right, down, np.ones_like(down)], axis=-1)
@@ -349,7 +350,7 @@ def _extent(grid_map: GridMap) -> tuple[float, float, float, float]:
 
 
 def _pyplot() -> Any:
-    # It looks for a screen when it is imported.
+    # Its import looks for a screen.
     from matplotlib import pyplot
 
     return pyplot

@@ -1,15 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as surfaces of triangles, for markers and for meshes.
+"""Triangulation of a layer of heights, for markers and meshes.
 
-Three cells of a square of four neighbors make a triangle if all three have a height: a square with
-four heights is two triangles, one with three is one, and with fewer it is a hole. The corners of
-the triangles are the centers of the cells.
+The corners of the triangles are cell centers. Four neighboring cells in a square are two triangles
+if all have a height, one triangle if three have one, and a hole otherwise.
 
-Maps with more than `max_cells` cells are thinned out to every n-th row and column, and the first
-and the last ones, so that the surface reaches as far as the map. Values are those of the cells that
-stay, not means. Which rows and columns these are depends on where they lie in the frame of the map,
-not on the map: the surface of a map that moves does not flicker.
+Maps with more than `max_cells` cells are thinned out: every n-th row and column stay, and the first
+and the last ones, so that the surface covers the map. The remaining cells keep their values; no
+means are taken. Rows and columns are chosen by their position in the map frame, so that the surface
+of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -30,11 +29,11 @@ from .colors import Coloring, Colors
 __all__ = ["SMALLEST_MAX_CELLS", "Mesh", "Surface", "check_max_cells"]
 
 SMALLEST_MAX_CELLS = 9
-"""A map cannot be thinned out to fewer cells: first, last and one in between, both ways."""
+"""Smallest limit: the first, one inner and the last row and column."""
 
 
 def check_max_cells(max_cells: int) -> None:
-    """Raise `ConfigError` unless maps can be thinned out to so many cells, or 0 for never."""
+    """Raise `ConfigError` unless `max_cells` is 0 (no limit) or large enough to thin out maps."""
     sensible = max_cells == 0 or max_cells >= SMALLEST_MAX_CELLS
     expected = f"0 (never thin out) or at least {SMALLEST_MAX_CELLS}"
     check(sensible, "max_cells", expected, max_cells)
@@ -42,13 +41,12 @@ def check_max_cells(max_cells: int) -> None:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles that share their corners.
+    """Indexed triangle mesh.
 
     Attributes:
-        origin: (3,) where the vertices count from: the center of the map at height zero [m], map
-            frame.
-        vertices: (N, 3) float32 x, y, z from there [m], all finite.
-        faces: (M, 3) uint32 numbers of vertices; counter-clockwise, seen from above.
+        origin: (3,) origin of the vertices: the center of the map at height zero [m], map frame.
+        vertices: (N, 3) float32 x, y, z relative to `origin` [m], all finite.
+        faces: (M, 3) uint32 indices of vertices; counter-clockwise, seen from above.
         colors: (N, 3) uint8 red, green, blue of the vertices.
     """
 
@@ -60,21 +58,20 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The cells of a map that a surface shows, and the triangles between them.
+    """Cells of a map that a surface shows, and the triangles between them.
 
-    The arrays are transposed layers in map order: column after column, as the cells lie in memory.
-    A cell's number is its place in that order.
+    Arrays are transposed layers in map order, so that they are contiguous. The index of a cell
+    counts column after column.
 
     Args:
         grid_map: the map.
         height_layer: heights [m]; cells without a finite one are holes.
-        flat: draw all at height zero, holes all the same.
-        max_cells: thin out larger maps, see above; 0 for never, else at least
-            `SMALLEST_MAX_CELLS`.
+        flat: draw the surface at height zero, with the same holes.
+        max_cells: limit of the cells, at least `SMALLEST_MAX_CELLS`; 0 for no limit.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        ConfigError: no map can be thinned out to so few cells.
+        ConfigError: `max_cells` is negative or too small.
     """
 
     grid_map: GridMap
@@ -104,7 +101,7 @@ class Surface:
 
     @cached_property
     def triangles(self) -> npt.NDArray[np.int64]:
-        """Numbers (T, 3) of the corner cells; counter-clockwise, seen from above."""
+        """Indices (T, 3) of the corner cells; counter-clockwise, seen from above."""
         columns, rows = self.valid.shape
         if rows < 2 or columns < 2:
             return np.empty((0, 3), np.int64)
@@ -119,7 +116,7 @@ class Surface:
     def points(
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
-        """Return x, y, z (columns * rows, 3) of all cells [m], x and y counted from `origin`."""
+        """Return x, y, z (columns * rows, 3) of all cells [m], relative to `origin`."""
         (x, y), (x0, y0) = self._axes, np.asarray(origin)
         heights = self.values(self.height_layer)
         points = np.empty((*heights.shape, 3), dtype)
@@ -131,7 +128,7 @@ class Surface:
     def colors(self, coloring: Coloring) -> Colors:
         """Return red, green, blue (columns * rows, 3) of all cells.
 
-        Without a layer, the colors come from the heights. One color for all needs no layer.
+        A coloring without a layer uses the heights.
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
@@ -147,7 +144,7 @@ class Surface:
         """
         origin = self.grid_map.position
         valid = self.valid.ravel()
-        # Graphics libraries stumble over vertices that are not finite.
+        # Graphics libraries fail on vertices that are not finite.
         numbers = np.cumsum(valid, dtype=np.uint32) - np.uint32(1)
         return Mesh(
             np.append(origin, 0.0),
@@ -161,12 +158,12 @@ class Surface:
         rows, columns = self.grid_map.size
         if self.max_cells == 0 or rows * columns <= self.max_cells:
             return 1
-        # At most so many lines stay: every n-th, and two borders.
+        # Every n-th line stays, and up to two border lines.
         return next(n for n in count(2) if _lines(rows, n) * _lines(columns, n) <= self.max_cells)
 
     @cached_property
     def _kept(self) -> list[npt.NDArray[np.int64]]:
-        """Rows and columns, in map order, of the cells that are shown."""
+        """Indices of the rows and columns that are shown, in map order."""
         resolution = self.grid_map.resolution
         return [
             _every(self._step, axis, resolution)
@@ -184,11 +181,11 @@ class Surface:
 
 
 def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
-    """Yield the squares of a kind of triangle, and where its corners lie from a square's cell 0."""
+    """Yield, for each kind of triangle, a mask of the squares and the offsets of its corners."""
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)
     is_first[:, -1] = False
-    # Every square by its four cells: the first, the next row (-x), the next column (-y), both.
+    # Cells of a square: the first, the next row (-x), the next column (-y), and both.
     offsets = (0, 1, rows, rows + 1)
     squares = valid.size - offsets[-1]
     flat = valid.ravel()
@@ -196,7 +193,7 @@ def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     inside = is_first.ravel()[:squares]
     yield inside & first & row & column, (0, 1, rows)
     yield inside & row & both & column, (1, rows + 1, rows)
-    # The two of the other diagonal, where the diagonal above is cut.
+    # Triangles along the other diagonal, where one corner of the usual one is missing.
     yield inside & first & both & column & ~row, (0, rows + 1, rows)
     yield inside & first & row & both & ~column, (0, 1, rows + 1)
 
@@ -206,8 +203,8 @@ def _lines(cells: int, step: int) -> int:
 
 
 def _every(step: int, axis: Positions, resolution: float) -> npt.NDArray[np.int64]:
-    """Return which cells of an axis stay: every n-th of the frame, the first and the last."""
-    # The quarter keeps centers at whole and half cells, the usual ones, clear of rounding.
+    """Return the cells of an axis that stay: every n-th in the map frame, the first, the last."""
+    # The usual centers lie at whole or half cells; a quarter keeps them clear of rounding.
     first = int(np.floor(axis[0] / resolution + 0.25))
     kept = (first - np.arange(len(axis))) % step == 0
     kept[[0, -1]] = True

@@ -377,7 +377,7 @@ def test_page_continues_after_node_and_publisher_restart(chromium):
         assert url_of(node).endswith(f":{port}")
         warning, _ = (line for line in node.lines if not line.startswith("decoded"))
         assert "[WARN]" in warning
-        assert "everybody who reaches http://" in warning
+        assert "anyone who can reach http://" in warning
         browser.tab.goto(f"http://127.0.0.1:{port}")
         browser.wait_for(lambda: browser.values().get("Frame") == "odom", "the map")
     with running(start_viewer(color_map="coolwarm", **settings)):

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `grid_map_visualization`: publishes a map in the forms that its subscribers ask for."""
+"""Node `grid_map_visualization`: converts maps to messages that RViz and Foxglove show."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -32,10 +32,10 @@ from .._visualization import Visualization
 
 
 class GridMapVisualizationNode(Node):
-    """Subscribes to a map while somebody listens, and converts it for those outputs only.
+    """Subscribes to maps while an output has a subscriber, and converts for these outputs only.
 
-    The last map is kept as long as the subscription lasts, so that an output has something to show
-    to a listener who comes late.
+    The last map is kept while the node is subscribed, so that a late subscriber of an output gets
+    it at once.
     """
 
     def __init__(self) -> None:
@@ -45,19 +45,19 @@ class GridMapVisualizationNode(Node):
         self._throttle = LogThrottle()
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
-        about = "how often to look for listeners [Hz], where the middleware does not tell"
+        about = "rate at which the node counts subscribers [Hz], for middleware without events"
         rate = read_positive(self, "activity_check_rate", 2.0, description=about)
         self._outputs = [
-            Output(self, name, visualization, self._follow_listeners)
+            Output(self, name, visualization, self._follow_subscribers)
             for name, visualization in _read_visualizations(self).items()
         ]
-        # Listeners are noticed when they come and go; this is for those whose event went missing.
-        self.create_timer(1 / rate, self._follow_listeners, clock=_steady_clock())
+        # Events tell when subscribers come and go; the timer is for lost events.
+        self.create_timer(1 / rate, self._follow_subscribers, clock=_steady_clock())
         names = ", ".join(output.name for output in self._outputs) or "nothing"
-        self.get_logger().info(f"shows {self._topic} as {names}, while somebody listens")
+        self.get_logger().info(f"shows {self._topic} as {names}, while there are subscribers")
 
-    def _follow_listeners(self) -> None:
-        if sum(output.count_listeners() for output in self._outputs):
+    def _follow_subscribers(self) -> None:
+        if sum(output.count_subscribers() for output in self._outputs):
             self._subscribe()
         else:
             self._unsubscribe()
@@ -96,13 +96,13 @@ class Output:
 
     Args:
         node: the node that publishes.
-        name: name of the topic and of the visualization.
+        name: name of the visualization, which is also its topic.
         visualization: makes the messages.
-        on_match: called when a listener came or went.
+        on_match: called when a subscriber came or went.
 
     Attributes:
         name: as above.
-        is_due: listeners have not got the last map yet.
+        is_due: the last map has not been published for all subscribers yet.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class Output:
     ) -> None:
         self.name = name
         self.is_due = False
-        self._listeners = 0
+        self._subscribers = 0
         self._visualization = visualization
         self._on_match = on_match
         self._throttle = LogThrottle()
@@ -120,15 +120,15 @@ class Output:
             visualization.message_type, name, map_qos(), event_callbacks=events
         )
 
-    def count_listeners(self) -> int:
-        """Return how many listen now; more than before makes the output due."""
-        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
-        self.is_due |= self._listeners > before
-        return self._listeners
+    def count_subscribers(self) -> int:
+        """Return the number of subscribers; if it has grown, the output becomes due."""
+        before, self._subscribers = self._subscribers, self._publisher.get_subscription_count()
+        self.is_due |= self._subscribers > before
+        return self._subscribers
 
     def publish_if_due(self, grid_map: GridMap) -> None:
-        """Publish what the visualization makes of a map, if listeners wait for it."""
-        if not (self.is_due and self._listeners):
+        """Publish the message of a map if subscribers wait for it."""
+        if not (self.is_due and self._subscribers):
             return
         self.is_due = False
         try:
@@ -141,22 +141,22 @@ class Output:
             self._publisher.publish(message)
 
     def _match(self, status: Any) -> None:
-        # One who comes while another goes leaves the count as it was. The publisher's durability is
-        # not enough for those who come: by default RViz asks for a volatile topic.
+        # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough
+        # for a late subscriber, because RViz by default asks for a volatile topic.
         self.is_due |= status.total_count_change > 0
         self._on_match()
 
 
 def _read_topic(node: Node) -> str:
     name = "grid_map_topic"
-    about = "maps come from here"
+    about = "topic of the maps"
     return check_topic(node, name, read_parameter(node, name, str, "/grid_map", description=about))
 
 
 def _read_qos(node: Node) -> QoSProfile:
     about = (
-        "ask for the last map that was published before somebody listened; maps of a volatile "
-        "publisher arrive with `false` only"
+        "also get the last map that was published before the node subscribed; maps of a volatile "
+        "publisher arrive only if false"
     )
     transient_local = read_parameter(node, "transient_local", bool, False, description=about)
     return map_qos(transient_local=transient_local)
@@ -164,12 +164,12 @@ def _read_qos(node: Node) -> QoSProfile:
 
 def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
     parameter = "grid_map_visualizations"
-    about = "names of the visualizations; each is published on the topic of its name"
+    about = "names of the visualizations, which are also their topics"
     names = read_parameter(node, parameter, list[str], description=about)
     check(len(set(names)) == len(names), parameter, "every name once", names)
-    about = "log a visualization that is misconfigured and show the others, instead of ending"
+    about = "log a misconfigured visualization and continue with the others instead of ending"
     skip_invalid = read_parameter(node, "skip_invalid", bool, False, description=about)
-    about = "of the visualization of that name: `type`, and `params` by their names"
+    about = "`type` and `params` of the visualization of that name"
     visualizations = {}
     for name in names:
         try:

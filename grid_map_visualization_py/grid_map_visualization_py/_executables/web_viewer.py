@@ -26,26 +26,26 @@ from ..viewer.viewer import Viewer
 
 
 class WebViewerNode(Node):
-    """Hands maps over to a page."""
+    """Passes maps from a topic to the page."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "maps come from here"
+        about = "topic of the maps"
         topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
         max_cells = _read_max_cells(self)
-        about = "how often the page is brought up to date at most [Hz]"
+        about = "largest rate at which the page is updated [Hz]"
         period = 1 / read_positive(self, "update_rate", 20.0, description=about)
         self._page = _serve_page(self)
         self._viewer = Viewer(self._page, max_cells)
         self._throttle = LogThrottle()
         self._maps = MapSubscription(self, topic, self._viewer.receive)
-        # The page lives on while a simulation is paused.
+        # A steady clock updates the page also while a simulation is paused.
         self.create_timer(period, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(f"shows {topic} at {self._page.url}")
 
     def destroy_node(self) -> None:
-        """Give the node and its page up."""
+        """Destroy the node and close its page."""
         self._page.close()
         Node.destroy_node(self)
 
@@ -56,32 +56,32 @@ class WebViewerNode(Node):
 
 
 def _read_max_cells(node: Node) -> int:
-    about = "larger maps are thinned out to so many cells; 0 for never"
+    about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
     max_cells = read_parameter(node, "max_cells", int, 150_000, description=about)
     check_max_cells(max_cells)
     return max_cells
 
 
 def _serve_page(node: Node) -> Page:
-    about = "address at which the page is served; `127.0.0.1` is for this machine alone"
+    about = "address at which the page is served; `127.0.0.1` is reachable from this machine only"
     host = read_parameter(node, "host", str, "127.0.0.1", description=about)
-    about = "of that address; 0 takes a free one"
+    about = "port of the page; 0 for any free one"
     port = read_parameter(node, "port", int, 8080, description=about)
     check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
     page = Page(host, port, _read_settings(node))
     if not is_loopback(host):
         node.get_logger().warning(
-            f"everybody who reaches {page.url} sees the map and may change what is shown"
+            f"anyone who can reach {page.url} sees the map and can change the settings"
         )
     return page
 
 
 def _read_settings(node: Node) -> Settings:
-    about = "the layer that gives the heights at first"
+    about = "initial layer of the heights"
     height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
-    about = "the layer that gives the colors at first; empty for that of the heights"
+    about = "initial layer of the colors; empty for the heights"
     color_layer = read_parameter(node, "color_layer", str, "", description=about)
-    about = "the color map at first, by its name in Matplotlib"
+    about = "initial color map, a name of Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
     coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
     return Settings(height_layer=height_layer, coloring=coloring)

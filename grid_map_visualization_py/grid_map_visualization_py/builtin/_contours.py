@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lines of equal height."""
+"""Contour lines."""
 
 import math
 from collections.abc import Iterator
@@ -26,15 +26,15 @@ REMEDY = "install python3-matplotlib (apt) or contourpy (pip)"
 class ContoursVisualization:
     """Draw lines along which a layer has the same value, interpolated between centers of cells.
 
-    A line ends where a cell without a finite value is near: of a square of four cells, three must
-    have one.
+    A line ends near cells without a finite value: it crosses a square of four cells only if at
+    least three have one.
 
     Attributes:
-        layer: the layer, in most cases heights [m].
-        interval: lines at its multiples.
-        levels: lines at these values instead, in any order.
-        flat: draw the lines at height zero, for layers that are not heights; else each at its
-            value.
+        layer: the layer, usually heights [m].
+        interval: difference between the values of neighboring lines, which lie at its multiples.
+        levels: values of the lines, in any order; replaces `interval`.
+        flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
+            lies at the height of its value.
         line_width: width of the lines [m].
         color: 0xRRGGBB.
 
@@ -66,7 +66,7 @@ class ContoursVisualization:
 
         Raises:
             LayerNotFoundError: the map lacks the layer.
-            GridMapError: the interval is so small that there would be too many lines.
+            GridMapError: the interval is too small for the range of the values.
         """
         lines = list(self._lines(grid_map))
         return line_marker(
@@ -79,7 +79,7 @@ class ContoursVisualization:
         )
 
     def _lines(self, grid_map: GridMap) -> Iterator[npt.NDArray[np.float64]]:
-        """Yield (2 N, 3) ends of the pieces of the lines, level by level."""
+        """Yield the ends (2 N, 3) of the line segments, level by level."""
         values = grid_map.unwrapped(self.layer).T
         if min(values.shape) < 2:
             return
@@ -93,7 +93,7 @@ class ContoursVisualization:
             (points,), (offsets,) = generator.lines(level)
             if points is not None:
                 height = 0.0 if self.flat else level
-                yield np.insert(_pieces(points, offsets), 2, height, axis=1)
+                yield np.insert(_segments(points, offsets), 2, height, axis=1)
 
     def _levels_of(self, values: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
         if self.levels:
@@ -110,10 +110,10 @@ class ContoursVisualization:
         return np.arange(first, last + 1) * self.interval
 
 
-def _pieces(
+def _segments(
     points: npt.NDArray[np.float64], offsets: npt.NDArray[np.uint32]
 ) -> npt.NDArray[np.float64]:
-    """Return (2 N, 2) ends of the pieces of lines; line k begins at point `offsets[k]`."""
+    """Return the ends (2 N, 2) of line segments; line k begins at point `offsets[k]`."""
     begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
     return points[np.stack([begins, begins + 1], axis=-1).ravel()]
 

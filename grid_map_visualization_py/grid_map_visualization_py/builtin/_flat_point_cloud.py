@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells as points in a plane, with every layer as a field."""
+"""Point cloud of the cells at one height, with every layer as a field."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from grid_map_ros_py.messages import to_flat_point_cloud
 
 @dataclass(frozen=True, kw_only=True)
 class FlatPointCloudVisualization:
-    """Draw all cells as points at one height; those without finite basic layers are left out.
+    """Draw cells with finite basic layers as points at one height.
 
     Attributes:
         height: height of the points [m].

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells whose value is between two thresholds, as `nav_msgs/GridCells`."""
+"""Cells whose value lies between two thresholds."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ class GridCellsVisualization:
     """Show the cells of a layer whose value is finite and between two thresholds, both included.
 
     Attributes:
-        layer: the layer to look at.
-        lower_threshold: smallest value that is shown.
-        upper_threshold: largest value that is shown.
+        layer: layer with the values.
+        lower_threshold: smallest value of a shown cell.
+        upper_threshold: largest value of a shown cell.
 
     Raises:
-        ConfigError: the thresholds are not in order, so that nothing would ever be shown.
+        ConfigError: the lower threshold is above the upper one, so that no cell would be shown.
     """
 
     message_type: ClassVar[type] = msg.GridCells

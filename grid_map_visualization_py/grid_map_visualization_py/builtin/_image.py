@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A layer as a colored image."""
+"""Color image of a layer."""
 
 import array
 from dataclasses import dataclass
@@ -20,20 +20,20 @@ OPAQUE = 255
 
 @dataclass(frozen=True, kw_only=True)
 class ImageVisualization:
-    """Show a layer as an image: a pixel per cell, up is +x and left is +y.
+    """Show a layer as an image with one pixel per cell; up is +x and left is +y.
 
     Attributes:
         layer: the layer to show.
-        color_mode: "intensity" colors by its values, "color" takes the packed colors in it.
+        color_mode: "intensity" maps its values by a color map, "color" reads packed colors.
         color_map: name of a color map of Matplotlib.
-        lower: value at the lower end of the color map; without it the smallest.
-        upper: value at the upper end; without it the largest.
+        lower: value at the lower end of the color map; by default the smallest.
+        upper: value at the upper end; by default the largest.
         invert: swap the ends of the color map.
-        encoding: order of the colors. With alpha, cells without a value are transparent; without,
-            they are gray.
+        encoding: order of the channels. Cells without a value are transparent if there is an alpha
+            channel, otherwise gray.
 
     Raises:
-        ConfigError: the color map is unknown, or the bounds make no sense.
+        ConfigError: the color map is unknown, or the bounds are invalid.
         MissingPackageError: Matplotlib is not installed.
     """
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The outline of the map."""
+"""Outline of the map."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -50,7 +50,7 @@ class MapRegionVisualization:
 
 def _outline(grid_map: GridMap) -> npt.NDArray[np.float64]:
     points = np.zeros((len(_CORNERS), 3))
-    # The C++ node halves in single precision; the same points come out here to the last bit.
+    # In single precision as in the C++ node, so that the points are equal bit by bit.
     half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
     points[:, :2] = grid_map.position + _CORNERS * half_length
     return points

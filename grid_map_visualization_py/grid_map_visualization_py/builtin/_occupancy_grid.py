@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""One layer as an occupancy grid."""
+"""Occupancy grid of a layer."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,12 +15,12 @@ from grid_map_ros_py.messages import occupancies, to_occupancy_grid
 
 @dataclass(frozen=True, kw_only=True)
 class OccupancyGridVisualization:
-    """Show a layer in the 101 steps between free and occupied; NaN is unknown.
+    """Show a layer in 101 steps from free to occupied; NaN is unknown.
 
     Attributes:
         layer: the layer to show.
-        data_min: the value that counts as free.
-        data_max: the value that counts as occupied; it may be less than `data_min`.
+        data_min: value of free cells.
+        data_max: value of occupied cells; it may be less than `data_min`.
 
     Raises:
         ConfigError: the two bounds are equal or not finite.

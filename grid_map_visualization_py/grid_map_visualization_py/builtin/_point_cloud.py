@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells as points, with every layer as a field."""
+"""Point cloud of the cells, with every layer as a field."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,11 +15,11 @@ from ._flat_point_cloud import FlatPointCloudVisualization
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudVisualization:
-    """Draw the cells as points at the height that a layer gives.
+    """Draw cells as points at the height of a layer.
 
     Attributes:
-        layer: heights [m]; cells without a finite one are left out.
-        flat: draw all cells at height zero instead.
+        layer: heights [m]; cells without a finite height are left out.
+        flat: draw all cells at height zero.
     """
 
     message_type: ClassVar[type] = PointCloud2

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The map as a surface in three dimensions."""
+"""Surface of triangles in three dimensions."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -19,21 +19,21 @@ from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale, check_color
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceVisualization:
-    """Draw the map as a colored surface of triangles; cells without a height are holes.
+    """Draw the map as a colored surface of triangles, with holes where heights are missing.
 
     Attributes:
         height_layer: heights [m].
-        flat: draw all at height zero.
-        color_mode: "intensity" colors by the values of `color_layer`, "color" takes the packed
-            colors in it, "flat" paints everything in `color`.
-        color_layer: the layer that gives the colors; empty for the heights.
+        flat: draw the surface at height zero.
+        color_mode: "intensity" maps the values of `color_layer` by the color map, "color" reads
+            packed colors from it, and "flat" draws the surface in `color`.
+        color_layer: layer that gives the colors; empty for the heights.
         color_map: name of a color map of Matplotlib.
-        lower: value at the lower end of the color map; without it the smallest.
-        upper: value at the upper end; without it the largest.
+        lower: value at the lower end of the color map; by default the smallest.
+        upper: value at the upper end; by default the largest.
         invert: swap the ends of the color map.
         color: 0xRRGGBB.
-        opacity: from 0, invisible, to 1.
-        max_cells: thin out larger maps to at most so many cells; 0 for never.
+        opacity: from 0 (invisible) to 1 (opaque).
+        max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Vectors, such as surface normals, as lines."""
+"""Lines along vectors such as surface normals."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from .._markers import check_line, line_marker
 
 @dataclass(frozen=True, kw_only=True)
 class VectorsVisualization:
-    """Draw a line from the surface along a vector, for every cell where both are finite.
+    """Draw a line from the surface along the vector of each cell, where both are finite.
 
     Attributes:
-        layer_prefix: followed by x, y or z it is the name of the layer of that component.
+        layer_prefix: prefix of the three layers of the components, which end in x, y and z.
         position_layer: heights [m] at which the lines start.
-        scale: length of a line per length of its vector [m].
+        scale: length of the line of a vector of length 1 [m].
         line_width: width of the lines [m].
         color: 0xRRGGBB.
 
@@ -55,7 +55,7 @@ class VectorsVisualization:
         )
 
     def _lines(self, grid_map: GridMap) -> npt.NDArray[np.float64]:
-        """Return (N, 2, 3) start and end of the lines, column after column of the buffer."""
+        """Return start and end of the lines (N, 2, 3), column by column of the buffer."""
         components = [f"{self.layer_prefix}{axis}" for axis in "xyz"]
         valid = grid_map.valid_mask((self.position_layer, *components)).ravel("F")
         lines = np.empty((np.count_nonzero(valid), 2, 3))

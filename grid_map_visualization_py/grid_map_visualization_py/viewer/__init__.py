@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The parts of `web_viewer`.
 
-`settings` says what somebody wants to see, `scene` makes it of a map, `picking` tells where a ray
-meets it, and `page` shows it in a browser; `viewer` brings them together. None of them needs rclpy,
-and `page` alone needs viser.
+`settings` holds the choices of the user, `scene` applies them to a map, `picking` finds the clicked
+point, `page` shows the scene in a browser, and `viewer` brings them together. None of them needs
+rclpy, and only `page` needs viser.
 """

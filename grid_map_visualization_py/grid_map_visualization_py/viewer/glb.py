@@ -17,19 +17,19 @@ from ..surface import Mesh
 from .light import linear
 
 FLOAT, UNSIGNED_INT, UNSIGNED_SHORT = 5126, 5125, 5123
-"""Types of components, as glTF numbers them."""
+"""Component types of glTF."""
 
 
 def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
     """Return a mesh as the content of a GLB file.
 
     Args:
-        mesh: with at least one face; the vertices stay counted from its origin.
-        shaded: let lights fall on it.
-        opacity: below 1 the surface is translucent.
+        mesh: mesh with at least one face. Vertices are written relative to its origin.
+        shaded: use the lights of the scene; otherwise colors are unlit.
+        opacity: from 0 (invisible) to 1 (opaque).
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
-    # 16 bits keep dark colors apart, and rows of vertices must be whole multiples of four bytes.
+    # 16 bits distinguish dark colors. A fourth channel aligns vertices to four bytes.
     colors = np.take(_linear_light(), mesh.colors)
     colors = np.insert(colors, 3, 0xFFFF, axis=1)
     return _glb(
@@ -103,5 +103,5 @@ def _glb(
 
 @cache
 def _linear_light() -> npt.NDArray[np.uint16]:
-    """Return the light of the 256 values of a color, in which glTF counts."""
+    """Return the linear light of the 256 values of a color channel, in 16 bits."""
     return np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Conversion between screen colors and linear light."""
+"""Conversion between sRGB colors, linear light and tone-mapped colors on a screen."""
 
 from functools import cache
 
@@ -23,15 +23,15 @@ FROM_FILM = np.array(
 
 
 def linear(colors: Colors) -> Light:
-    """Return the light of colors (sRGB, IEC 61966-2-1)."""
+    """Return the linear light of sRGB colors (IEC 61966-2-1)."""
     return np.take(_table(), colors)
 
 
 def on_screen(colors: Colors) -> Colors:
-    """Return how a surface of these colors looks in full light.
+    """Return the screen colors of a surface of these colors in full light.
 
-    viser develops the scene like a film: strong light saturates. The curve is Stephen Hill's fit of
-    the Academy Color Encoding System, which three.js calls `ACESFilmicToneMapping`.
+    viser uses filmic tone mapping, in which strong light saturates. The curve is Stephen Hill's fit
+    of the Academy Color Encoding System, `ACESFilmicToneMapping` in three.js.
     """
     film = EXPOSURE * linear(colors) @ TO_FILM.T
     film = (film * (film + 0.0245786) - 0.000090537) / (

@@ -1,8 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The page in the browser: a scene, controls and texts. viser does the work.
+"""The page in the browser: scene, controls and texts, served by viser.
 
-All who look at the page share the controls; everybody has a view of their own.
+All browsers share the controls; each has its own view.
 """
 
 import contextlib
@@ -29,10 +29,10 @@ from .texts import as_note, legend
 REMEDY = "install viser (pip)"
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
-"""Color maps that stand at the top of the list."""
+"""Color maps at the top of the list."""
 
 MODES = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
-"""Names of the modes of `Coloring` on the page."""
+"""Modes of `Coloring` by their names on the page."""
 
 NO_LAYER = "(no map yet)"
 NO_VECTORS = "(none)"
@@ -40,18 +40,18 @@ MOST_HISTORY = 10
 SCREENSHOT_SECONDS = 60.0
 
 LINE_WIDTH, POINT_SIZE = 0.05, 0.3
-"""Parts of the distance between cells."""
+"""Sizes relative to the distance between cells."""
 
 MARKER_RADIUS = 0.008
-"""Part of the distance from which the map is seen at first."""
+"""Size relative to the distance from the camera to the map."""
 
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 
 AMBIENT = 0.3
-"""The part of the light on level ground that comes from everywhere."""
+"""Share of ambient light on level ground."""
 
 TO_SUN = (-1.0, 0.6, 1.2)
-"""Ambient light."""
+"""Direction to the directional light."""
 
 SHADOWLESS = {"cast_shadow": False, "receive_shadow": False}
 
@@ -64,12 +64,12 @@ class Page:
     """Serves the page.
 
     Args:
-        host: name or number of the address to serve at.
-        port: of that address; 0 takes a free one.
-        first: the layers and the color map that are chosen at first.
+        host: host name or IP address at which the page is served.
+        port: port of the page; 0 for any free one.
+        first: initial settings.
 
     Attributes:
-        url: where the page is.
+        url: address of the page.
 
     Raises:
         MissingPackageError: viser is not installed.
@@ -90,31 +90,31 @@ class Page:
 
     @property
     def is_watched(self) -> bool:
-        """True while a browser shows the page."""
+        """True while a browser is connected."""
         return bool(self._server.get_clients())
 
     @property
     def is_paused(self) -> bool:
-        """True while a user has paused the updates."""
+        """True while a user has paused the page."""
         return bool(self._paused.value)
 
     @property
     def height_layer(self) -> str:
-        """The layer of the heights that is chosen."""
+        """Chosen layer of the heights."""
         return str(self._height_layer.value)
 
     @property
     def color_layer(self) -> str:
-        """The layer of the colors that is chosen."""
+        """Chosen layer of the colors."""
         return str(self._color_layer.value)
 
     @property
     def vectors(self) -> str:
-        """The prefix of the vectors that is chosen; empty for none."""
+        """Chosen prefix of the vectors; empty for none."""
         return NONE if self._vectors.value == NO_VECTORS else str(self._vectors.value)
 
     def settings(self) -> Settings:
-        """Return what is chosen.
+        """Return the settings that the user has chosen.
 
         Raises:
             ConfigError: the bounds of the colors are not in order.
@@ -154,18 +154,18 @@ class Page:
         color_layer: str,
         vectors: str,
     ) -> None:
-        """Offer layers and prefixes of vectors, and choose those that are named."""
+        """Fill the lists of layers and vector prefixes, and select the given ones."""
         _offer(self._height_layer, layers, height_layer)
         _offer(self._color_layer, layers, color_layer)
         _offer(self._vectors, (NO_VECTORS, *prefixes), vectors or NO_VECTORS)
 
     def load(self, scene: Scene, settings: Settings, *, replaces: bool) -> None:
-        """Load a scene; it is shown when `turn` comes.
+        """Load a scene, which the next `turn` shows.
 
         Args:
-            scene: what to show.
-            settings: of the scene.
-            replaces: it shows the same map as the scene before.
+            scene: the scene.
+            settings: settings of the scene.
+            replaces: the scene shows the same map as the one before.
         """
         slot = self._slots.load(replaces=replaces)
         with self._server.atomic():
@@ -176,23 +176,23 @@ class Page:
         _set(self._legend, "content", bar)
 
     def turn(self, history: int) -> None:
-        """Show what was loaded and at most `history` maps."""
+        """Show the loaded scene, and keep at most `history` maps."""
         free = self._slots.turn(history)
         with self._server.atomic():
             for slot in self._slots.shown:
                 self._places[slot].is_visible = True
             for slot in free:
                 self._places[slot].is_visible = False
-            # One more is being loaded; places beyond are not used any more.
+            # One more slot is loading; higher ones are unused.
             for slot in [
                 slot for slot in self._places if slot > max([history, *self._slots.shown])
             ]:
                 self._places.pop(slot).remove()
 
     def look(self, view: View) -> None:
-        """Look this way: at first, and whenever somebody resets the view.
+        """Set the view of new browsers and of the button that resets the view.
 
-        Those who could see nothing of the map any more are taken there at once.
+        Browsers that would lose sight of the map move to the view at once.
         """
         if self._view is None or not view.is_like(self._view):
             self._view = view
@@ -204,11 +204,11 @@ class Page:
             self._aim = view
 
     def take_click(self) -> tuple[Positions, Positions] | None:
-        """Return start and direction of the ray of the last click, once."""
+        """Return start and direction of the ray of the last click, and forget it."""
         return self._clicks.pop() if self._clicks else None
 
     def mark(self, point: Positions | None) -> None:
-        """Put the marker to a point (3,); None takes it away."""
+        """Move the marker to a point (3,); None removes it."""
         if self._marker is not None:
             self._marker.remove()
             self._marker = None
@@ -222,27 +222,27 @@ class Page:
             )
 
     def tell(self, status: str) -> None:
-        """Say what is known of the map, as HTML."""
+        """Show the HTML text about the map."""
         _set(self._status, "content", status)
 
     def tell_values(self, readout: str) -> None:
-        """Say what was found under the pointer, as HTML."""
+        """Show the HTML text about the clicked cell."""
         _set(self._readout, "content", readout)
 
     def close(self) -> None:
-        """Serve no more."""
+        """Stop serving the page."""
         with _silence():
             self._server.stop()
 
     def _take_all(self, view: View) -> None:
-        """Take everybody to a view; the angle under which they look stays."""
+        """Move all browsers to a view; each keeps its viewing angle."""
         factor = view.reach / self._aim.reach if self._aim else 1.0
         for client in self._server.get_clients().values():
             camera = client.camera
             offset = factor * (camera.position - camera.look_at) if self._aim else view.offset
             with client.atomic():
                 _set_clipping(camera, view)
-                # The position takes the target along.
+                # Setting the position also moves the target.
                 camera.position = view.target + offset
                 camera.look_at = view.target
 
@@ -250,7 +250,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # Together they give level ground its own color: viser divides the light by pi.
+        # Both add up to pi on level ground, because viser divides light by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
@@ -299,11 +299,11 @@ class Page:
 
 
 class Place:
-    """A place in the scene for one map; hidden at first.
+    """Node of the scene graph for one map, hidden at first.
 
     Args:
-        scene: of viser.
-        name: of the place, as a path in the scene.
+        scene: scene of viser.
+        name: path of the node in the scene.
     """
 
     def __init__(self, scene: Any, name: str) -> None:
@@ -314,7 +314,7 @@ class Place:
 
     @property
     def is_visible(self) -> bool:
-        """True while this place is visible."""
+        """True if the map is shown."""
         return bool(self._frame.visible)
 
     @is_visible.setter
@@ -322,7 +322,7 @@ class Place:
         self._frame.visible = is_visible
 
     def fill(self, scene: Scene) -> None:
-        """Put a scene there, in place of what was there."""
+        """Replace the content by a scene."""
         self._frame.position = scene.mesh.origin
         parts = dict(self._parts_of(scene))
         for name in [name for name in self._parts if name not in parts]:
@@ -330,7 +330,7 @@ class Place:
         self._parts = parts
 
     def remove(self) -> None:
-        """Remove it from the scene."""
+        """Remove the node from the scene."""
         self._frame.remove()
 
     def _parts_of(self, scene: Scene) -> Iterator[tuple[str, Any]]:
@@ -359,7 +359,7 @@ class Place:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether an address is reached from this machine alone."""
+    """Return True if an address is reachable from this machine only."""
     if host == "localhost":
         return True
     try:
@@ -369,7 +369,7 @@ def is_loopback(host: str) -> bool:
 
 
 def url_of(host: str, port: int) -> str:
-    """Return where a page is that is served at an address; at all addresses: on this machine."""
+    """Return the URL of a page; for wildcard addresses, with the name of this machine."""
     name = socket.gethostname() if _is_any(host) else host
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
 
@@ -383,7 +383,7 @@ def _serve(host: str, port: int) -> Any:
         import viser
     except ImportError as error:
         raise MissingPackageError("viser", "web_viewer", REMEDY) from error
-    # viser would silently take the next port that is free.
+    # Without this check, viser would silently use the next free port.
     _check_free(host, port)
     with _silence():
         server = viser.ViserServer(host, port, label="Grid map", verbose=False)
@@ -413,7 +413,7 @@ def _taken(host: str, port: int, reason: object) -> str:
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Keep viser from printing; a node has a log."""
+    """Suppress what viser prints, because nodes use the log."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
 
@@ -434,7 +434,7 @@ def _set(element: Any, name: str, value: object) -> None:
 
 
 def _take_screenshot(event: Any) -> None:
-    """Send the one who asked for it a picture of the scene as they see it."""
+    """Send the browser a picture of its current view."""
     client = event.client
     if client is None:
         return
@@ -449,7 +449,7 @@ def _take_screenshot(event: Any) -> None:
 
 
 def _png(picture: npt.NDArray[np.uint8]) -> bytes:
-    """Return a picture (rows, columns, 4), red, green, blue, opacity, on white, as PNG."""
+    """Return an RGBA picture (rows, columns, 4) as PNG on a white background."""
     opacity = picture[..., 3:] / 255
     on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
     _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cell under the pointer."""
+"""Intersection of a ray with a mesh, to find the point under the pointer."""
 
 import numpy as np
 
@@ -9,21 +9,21 @@ from grid_map_core_py.arrays import Positions
 from ..surface import Mesh
 
 _PARALLEL = 1e-12
-"""Triangles that a ray sees at a smaller angle are seen edge on."""
+"""Triangles at a smaller angle to the ray count as parallel to it."""
 
 
 def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
-    """Return the first point (3,) of a mesh [m, map frame] that a ray meets, from either side.
+    """Return the first point (3,) at which a ray hits a mesh [m, map frame], from either side.
 
-    Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997, for all triangles.
+    Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
 
     Args:
         mesh: the surface.
-        start: (3,) where the ray starts [m], map frame.
-        direction: (3,) where it goes; of any length but zero.
+        start: (3,) start of the ray [m], map frame.
+        direction: (3,) direction of the ray, of any length except zero.
 
     Returns:
-        the point; None if the ray meets nothing.
+        The point, or None if the ray hits nothing.
     """
     direction = np.asarray(direction, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
@@ -35,14 +35,14 @@ def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
     volume = np.einsum("ij,ij->i", side, normal)
     across = np.cross(offset, side)
     area = np.einsum("ij,ij->i", side, side)
-    # Nothing that comes of a triangle seen edge on is used.
+    # Parallel triangles divide by zero; the mask below excludes them.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         u = np.einsum("ij,ij->i", offset, normal) / volume
         v = across @ direction / volume
         distance = np.einsum("ij,ij->i", other, across) / volume
-        is_met = (np.abs(volume) > _PARALLEL * area) & (u >= 0) & (v >= 0) & (u + v <= 1)
-        is_met &= distance > 0
-    if not is_met.any():
+        is_hit = (np.abs(volume) > _PARALLEL * area) & (u >= 0) & (v >= 0) & (u + v <= 1)
+        is_hit &= distance > 0
+    if not is_hit.any():
         return None
-    point: Positions = start + distance[is_met].min() * direction
+    point: Positions = start + distance[is_hit].min() * direction
     return point

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scene of a map for the browser: arrays made from a map and settings."""
+"""Scene of a map: the arrays that the browser draws."""
 
 import math
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from .settings import AXES, Settings
 Points = npt.NDArray[np.float32]
 
 LIFT = 0.02
-"""Height of lines above the surface, as a fraction of the spacing, so that they stay visible."""
+"""Height of lines above the surface, relative to the spacing, so that they stay visible."""
 
 SAME_VIEW = 0.001
-"""Views differ if a place differs by more than this part of the reach."""
+"""Largest shift of equal views, relative to the reach."""
 
 SAME_SCALE = 3.0
-"""Maps are much larger or smaller than others by this factor."""
+"""Factor of size above which a view is moved to a new map."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A map as the page shows it; positions count from `mesh.origin` [m].
+    """Map as the page shows it; positions are relative to `mesh.origin` [m].
 
     Attributes:
         mesh: the surface; it may have no face.
-        glb: the surface for the browser; None without a face.
-        grid_lines: (N, 2, 3) ends of the lines between neighboring cells; none unless wanted.
-        points: (N, 3) centers of the cells; none unless wanted.
+        glb: the surface as a GLB file; None without a face.
+        grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
+        points: (N, 3) centers of the cells; empty unless requested.
         point_colors: (N, 3) their colors.
-        vectors: (N, 2, 3) ends of the vectors; none unless wanted.
-        bounds: the values at the ends of the color map; None without a color map.
-        size: rows and columns of cells that are shown.
-        spacing: mean distance between neighbors that are shown [m].
+        vectors: (N, 2, 3) ends of the vectors; empty unless requested.
+        bounds: values at the ends of the color map; None without a color map.
+        size: number of rows and columns of shown cells.
+        spacing: mean distance between neighboring shown cells [m].
     """
 
     mesh: Mesh
@@ -56,15 +56,15 @@ class Scene:
 
 
 def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Scene:
-    """Return what a map looks like.
+    """Return the scene of a map.
 
     Args:
         grid_map: the map.
-        settings: what to show of it.
-        max_cells: larger maps are thinned out as `Surface` says; 0 for never.
+        settings: layers and style.
+        max_cells: limit of the cells, as for `Surface`.
 
     Raises:
-        LayerNotFoundError: the map lacks a layer that is to be shown.
+        LayerNotFoundError: the map lacks a layer of the settings.
     """
     surface = Surface(grid_map, settings.height_layer, settings.flat, max_cells)
     mesh = surface.mesh(settings.coloring)
@@ -87,36 +87,36 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera position (3,) and target (3,) [m]."""
+    """Camera pose: `start` (3,) is the position of the camera, `target` (3,) its aim [m]."""
 
     start: Positions
     target: Positions
 
     @property
     def offset(self) -> Positions:
-        """The way from the target to the start (3,) [m]."""
+        """Vector from the target to the start (3,) [m]."""
         return self.start - self.target
 
     @property
     def reach(self) -> float:
-        """The distance from the start to the target [m]."""
+        """Distance between start and target [m]."""
         return float(np.linalg.norm(self.offset))
 
     def is_like(self, other: "View") -> bool:
-        """Return whether two views look the same."""
+        """Return True if both views look the same."""
         tolerance = SAME_VIEW * self.reach
         starts, targets = self.start - other.start, self.target - other.target
         return bool(max(np.abs(starts).max(), np.abs(targets).max()) <= tolerance)
 
     def loses(self, other: "View") -> bool:
-        """Return whether the other view shows another place, or a very different scale."""
-        # Heights may be wrong for a moment, and nobody wants to be taken to and fro.
+        """Return True if the target of the other view is out of sight, or its size differs much."""
+        # Heights are ignored, because outliers would move the camera back and forth.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
         return is_beside or not 1 / SAME_SCALE < other.reach / self.reach < SAME_SCALE
 
 
 def view(mesh: Mesh, grid_map: GridMap) -> View:
-    """Return the view of a map from behind and above."""
+    """Return a view of the whole map from behind and above."""
     heights = mesh.vertices[:, 2] if len(mesh.vertices) else np.zeros(1)
     target = mesh.origin + [0.0, 0.0, 0.5 * (float(heights.min()) + float(heights.max()))]
     reach = float(np.hypot(*grid_map.length))
@@ -124,7 +124,7 @@ def view(mesh: Mesh, grid_map: GridMap) -> View:
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
-    """Return the lines between neighbors of which both have a height."""
+    """Return lines between neighboring cells that both have a height."""
     valid = surface.valid
     number = (np.cumsum(valid) - 1).reshape(valid.shape)
     pairs = [
@@ -140,7 +140,7 @@ def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
 
 
 def _vectors(surface: Surface, mesh: Mesh, settings: Settings) -> Points:
-    """Return lines from the surface along its vectors, where they are finite."""
+    """Return lines from the surface along the finite vectors."""
     valid = surface.valid
     layers = [surface.values(settings.vectors + axis)[valid] for axis in AXES]
     vectors = np.stack(layers, axis=-1)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of the web viewer: layers, colors, vectors and scale."""
+"""Settings of the page: layers to show and their style."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,25 +10,24 @@ from ..colors import Coloring
 AXES = "xyz"
 
 NONE = ""
-"""In place of a layer or prefix: there is none."""
+"""Stands for no layer or prefix."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What to show of a map, and how.
+    """Layers to show and their style.
 
     Attributes:
         height_layer: heights [m] of the surface.
         flat: draw everything at height zero.
-        coloring: where the colors come from.
-        shaded: let a light fall on the surface; without, colors are exactly those of the legend.
-        opacity: of the surface; 1 hides what is behind.
+        coloring: source of the colors.
+        shaded: light the surface; otherwise its colors are exactly those of the legend.
+        opacity: from 0 (invisible) to 1 (opaque).
         grid_lines: draw lines between neighboring cells.
         points: draw a point at every cell.
-        vectors: followed by x, y or z it is the name of the layer of that component of the vectors
-            to draw; empty for none.
-        vector_scale: length of a line per length of its vector [m].
-        history: so many maps are shown, older ones under newer ones.
+        vectors: prefix of three layers that end in x, y and z, drawn as vectors; empty for none.
+        vector_scale: length of the line of a vector of length 1 [m].
+        history: number of maps that stay in the scene.
     """
 
     height_layer: str
@@ -44,7 +43,7 @@ class Settings:
 
     @property
     def layers(self) -> set[str]:
-        """The layers that are needed."""
+        """Layers that these settings need."""
         needed = {self.height_layer}
         if self.coloring.mode != "flat" and self.coloring.layer:
             needed.add(self.coloring.layer)
@@ -54,7 +53,7 @@ class Settings:
 
 
 def follow(chosen: str, layers: Sequence[str], preferred: Sequence[str] = ()) -> str:
-    """Return which layer to show: the chosen one while it exists, else a preferred or the first.
+    """Return the chosen layer if it exists, else the first preferred one, else the first of all.
 
     Raises:
         IndexError: there are no layers.
@@ -63,7 +62,7 @@ def follow(chosen: str, layers: Sequence[str], preferred: Sequence[str] = ()) ->
 
 
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
-    """Return the prefixes that three layers share which end in x, y and z."""
+    """Return the common prefixes of three layers that end in x, y and z."""
     ending_in_x = (name.removesuffix("x") for name in layers if name.endswith("x"))
-    # Layers that are called x, y and z have none, and are more likely positions.
+    # Layers called just x, y and z are more likely positions.
     return [name for name in ending_in_x if name and all(name + axis in layers for axis in AXES)]

@@ -1,19 +1,19 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Double buffering of the displayed map.
+"""Double buffering of the maps on the page.
 
-A browser takes a moment to load a surface. Each map is therefore loaded into a hidden place first,
-and shown when it is ready.
+A browser needs a moment to load a surface. Each map is therefore loaded into a hidden slot and
+shown at the next turn, so that no gap is visible.
 """
 
 from itertools import count
 
 
 class Slots:
-    """Places for maps by number: some are shown, one may be loading.
+    """Numbered slots for maps: some are shown, one may be loading.
 
     Attributes:
-        shown: numbers of the places that are shown, the newest last.
+        shown: numbers of the slots that are shown, the newest last.
     """
 
     def __init__(self) -> None:
@@ -22,19 +22,19 @@ class Slots:
         self._replaces = False
 
     def load(self, *, replaces: bool) -> int:
-        """Return the place for what comes next.
+        """Return the slot into which the next map is loaded.
 
         Args:
-            replaces: it takes the place of the newest, as another picture of the same map.
+            replaces: the map replaces the newest one, because it is the same map in another style.
         """
-        # What has not been shown yet may give way as well, and is no map of its own then.
+        # A map that was loaded but never shown is replaced as well.
         self._replaces = replaces and (self._loading is None or self._replaces)
         if self._loading is None:
             self._loading = next(slot for slot in count() if slot not in self.shown)
         return self._loading
 
     def turn(self, history: int) -> set[int]:
-        """Show what was loaded, and at most `history` maps; return the places that are free now."""
+        """Show the loaded map and at most `history` maps; return the slots that became free."""
         before = {*self.shown}
         if self._loading is not None:
             if self._replaces:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Texts of the page, as HTML. Names come from messages, so all text is escaped."""
+"""HTML texts of the page. Everything is escaped, because names come from messages."""
 
 import math
 from collections.abc import Iterable
@@ -17,14 +17,14 @@ from .light import on_screen
 TEXT = "font-size:0.8em;padding:0 1em"
 
 STOPS = 16
-"""Colors of the legend, between which the browser blends."""
+"""Number of colors in the legend, between which the browser interpolates."""
 
 PACKED = "color"
-"""Layers whose names end so hold packed colors."""
+"""Ending of the names of layers with packed colors."""
 
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
-    """Return rows of a name and a value."""
+    """Return a table of names and values."""
     cells = "".join(
         f"<tr><td>{escape(name)}</td><td style='text-align:right'>{escape(value)}</td></tr>"
         for name, value in rows
@@ -33,21 +33,21 @@ def as_table(rows: Iterable[tuple[str, str]]) -> str:
 
 
 def as_note(text: str) -> str:
-    """Return a sentence."""
+    """Return a paragraph."""
     return f"<div style='{TEXT}'>{escape(text)}</div>"
 
 
 def status(
     grid_map: GridMap, shown: Size, rate: float, age: float, *, is_paused: bool = False
 ) -> str:
-    """Return what is known of the map.
+    """Return the table about the map as a whole.
 
     Args:
         grid_map: the map.
-        shown: rows and columns of cells that are shown.
+        shown: number of rows and columns of shown cells.
         rate: maps per second.
-        age: seconds since the last map came.
-        is_paused: whether it is not shown.
+        age: seconds since the last map.
+        is_paused: new maps are not shown.
     """
     cells = "{} x {}".format(*grid_map.size)
     thinned = "{} x {} of {}".format(*shown, cells)
@@ -63,7 +63,7 @@ def status(
 
 
 def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
-    """Return a bar of colors, as the surface has them, with the values at its ends."""
+    """Return a color bar with the values at its ends, in the colors of the lit surface."""
     colors = ColorScale(color_map=scale.color_map, lower=0.0, upper=1.0, invert=scale.invert)
     stops = ",".join(
         "rgb({},{},{})".format(*color.tolist())
@@ -79,7 +79,7 @@ def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
 
 
 def readout(grid_map: GridMap, position: Positions) -> str:
-    """Return the cell at a position and its values in all layers.
+    """Return the table of the cell at a position, with its values in all layers.
 
     Args:
         grid_map: the map, unwrapped, with all layers.
@@ -89,7 +89,7 @@ def readout(grid_map: GridMap, position: Positions) -> str:
     if not grid_map.is_inside(position):
         return as_table([*place, ("cell", "outside the map")])
     row, column = grid_map.get_index(position)
-    # Layers may be called x, y and cell, too.
+    # A list of pairs, because layers may also be called x, y or cell.
     values = [(layer, _text(layer, grid_map[layer][row, column])) for layer in grid_map.layers]
     return as_table([*place, ("cell", f"{row}, {column}"), *values])
 

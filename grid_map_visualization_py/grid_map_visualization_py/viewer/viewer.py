@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Viewer: shows incoming maps with the settings of the page."""
+"""Controller that brings maps, settings and the page together."""
 
 import time
 from collections.abc import Callable
@@ -23,11 +23,11 @@ PREFERRED_LAYERS = ("elevation",)
 class Viewer:
     """Shows maps on a page.
 
-    Nothing is decoded as long as nobody looks at the page, and then only what is shown.
+    Maps are decoded only while a browser is connected, and only the shown layers.
 
     Args:
         page: the page.
-        max_cells: larger maps are thinned out; 0 for never.
+        max_cells: limit of the cells, as for `Surface`.
         clock: returns the time [s].
     """
 
@@ -48,16 +48,16 @@ class Viewer:
         self._problem = ""
 
     def receive(self, received: ReceivedMap) -> None:
-        """Take a map; it is shown at the next `update`."""
+        """Accept a map, which is shown at the next `update`."""
         self._latest = received
         self._rate.add(self._clock())
 
     def update(self) -> str:
-        """Bring the page up to date.
+        """Update the page.
 
         Returns:
-            what is wrong with the last map, or with what is to be shown of it; empty if nothing.
-            The page says so, too, and goes on showing what was there.
+            The problem with the last map or with the settings, empty if there is none. The page
+            shows this text as well, and keeps the map that it had.
         """
         if self._page.is_watched:
             self._page.turn(self._settings.history if self._settings else 1)
