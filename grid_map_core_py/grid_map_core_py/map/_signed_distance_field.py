@@ -437,15 +437,19 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
     Sampled Functions, 2012), for one axis after the other.
     """
+    # Nothing but the call holds the gaps, so that their memory is free for the second transform.
+    squares = _transformed(_transformed(_squared_gaps(upper, lower), resolution), resolution)
+    return np.sqrt(squares, out=squares)
+
+
+def _squared_gaps(upper: ArrayLike, lower: ArrayLike) -> Layer:
     # In float64, because the difference of large heights may be small.
     gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
     np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")
     np.maximum(gaps, 0, out=gaps)
     # A square beyond float32 becomes infinite: that column is out of reach.
     with np.errstate(over="ignore"):
-        gaps *= gaps
-    squares = _transformed(_transformed(gaps, resolution), resolution)
-    return np.sqrt(squares, out=squares)
+        return np.multiply(gaps, gaps, out=gaps)
 
 
 def _transformed(costs: Layer, resolution: float) -> Layer:
