@@ -12,15 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from ..arrays._checks import Positions, as_number
 from ..arrays._ragged import Integers
 from ..errors import ConfigError, GridMapError
 from ..map._grid_map import GridMap
 from ..plugins._parameters import build, check
-from ._clusters import euclidean_clusters
 from ._point_layers import fitting_geometry
 from ._voxels import downsample, finite_points
 
@@ -219,6 +216,8 @@ class PointCloudPipeline:
             )
         if voxels.is_downsample_cloud:
             cloud = downsample(cloud, voxels.voxel_size)
+        from scipy.spatial.transform import Rotation  # slow to import
+
         transform = self.cloud_transform
         rotation = Rotation.from_euler("XYZ", transform.rotation).as_matrix()
         moved: Positions = cloud @ rotation.T + transform.translation
@@ -242,6 +241,8 @@ class PointCloudPipeline:
 
     def _fill(self, heights: npt.NDArray[np.float32], cells: Integers, points: Positions) -> None:
         """Set the heights of the cells that these points are in."""
+        from ._clusters import euclidean_clusters  # slow to import
+
         extraction = self.cluster_extraction
         clusters = euclidean_clusters(
             points,
@@ -306,6 +307,8 @@ def remove_outliers(
 
 def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArray[np.float64]:
     """Return the mean distance (N,) of each point to its nearest neighbors."""
+    from scipy.spatial import cKDTree  # slow to import
+
     # A search tree cannot split points at the same place, and sensors may give thousands of them.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
     # SciPy marks a neighbor at infinite distance by the index after the last.

@@ -10,17 +10,19 @@ any block of the result can be computed from the part of the layer that it needs
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from ..arrays._checks import Layer, Size
 from ..arrays._pieces import slices
 from ..errors import GeometryError
 from . import _ring_buffer as ring_buffer
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 _REACH = 5
 """Largest reach of a kernel [cells] (Lanczos); resampling by area adds half a target cell."""
@@ -72,6 +74,8 @@ class Axis:
     @cached_property
     def weights(self) -> "Weights":
         """The weights of the source cells in the target cells."""
+        from scipy import sparse  # slow to import
+
         # Sources that are too far apart to meet in one target share a line.
         by_area = self.interpolation == cv2.INTER_AREA
         reach = _REACH + (math.ceil(0.5 / self.factor) if by_area else 0)
@@ -131,6 +135,8 @@ class Weights:
 
     def part(self, targets: slice) -> tuple[slice, "Weights"]:
         """Return the sources that some targets are made from, and their weights."""
+        from scipy import sparse  # slow to import
+
         ends = self.matrix.indptr[targets.start : targets.stop + 1]
         used = slice(ends[0], ends[-1])
         sources = self.matrix.indices[used]
