@@ -54,7 +54,7 @@ class ImageToGridmapDemoNode(Node):
             "map_frame_id",
             str,
             "map",
-            description="coordinate frame of the map; empty for that of the image",
+            description="coordinate frame of the map; empty for the frame of the image",
         )
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         check_topic(self, "image_topic", topic)

@@ -176,7 +176,7 @@ def _own_layers(result: GridMap, given: GridMap, own: dict[str, Layer]) -> dict[
     """Return the arrays behind the layers of a result that nothing else shares.
 
     Args:
-        result: what a filter has made.
+        result: output of a filter.
         given: its read-only input.
         own: the same for the input.
     """

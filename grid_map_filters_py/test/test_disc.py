@@ -15,7 +15,7 @@ RESOLUTION = 0.1
 
 
 def offsets_in_disc(radius: float, size: tuple[int, int]) -> list[tuple[int, int]]:
-    """Rows and columns to the cells of a disc, of which none is further away than the map's."""
+    """Return row and column offsets to the cells of a disc, at most the size of the map."""
     rows, columns = (np.arange(1 - length, length) for length in size)
     return [
         (int(row), int(column))

@@ -19,8 +19,8 @@ class MessageError(GridMapError, ValueError):
 
     Attributes:
         field: path of the field in the message, such as `data[0].layout.dim[1].size`.
-        expected: what it must hold, in words.
-        found: what it holds.
+        expected: description of a correct value.
+        found: actual value.
     """
 
     def __init__(self, field: str, expected: str, found: object) -> None:

@@ -94,7 +94,7 @@ def test_layers_are_sent_in_the_order_in_which_they_are_named() -> None:
 
 
 def test_a_message_with_some_of_the_layers_can_be_read() -> None:
-    # The C++ library also lists basic layers that it did not send, and readers stumble over them.
+    # The C++ library also lists basic layers that it did not send, and readers fail on them.
     message = to_message(sample_map(), ["variance"])
     assert message.basic_layers == []
     assert from_message(message).layers == ("variance",)

@@ -41,7 +41,7 @@ def draw_relief(
         colors: (nx, ny, 3) red, green, blue.
         size: width and height of the picture [pixels].
         azimuth: direction from the map to the camera, from +x towards +y [rad].
-        elevation: of the camera above the ground [rad].
+        elevation: elevation of the camera above the ground [rad].
     """
     width, height = (_SUPERSAMPLING * side for side in size)
     picture = np.ones((height, width, 3))

@@ -102,7 +102,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     Args:
         values: a tuple (rows, cols), as NumPy takes it for an index, or (N, 2) rows and columns.
             One cell is (row, col) either way.
-        name: of the parameter, for the message.
+        name: name of the parameter, for the message.
     """
     if isinstance(values, tuple):
         numbers = [_as_integers(value, name) for value in values]

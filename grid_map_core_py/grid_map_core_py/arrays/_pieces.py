@@ -27,8 +27,8 @@ def elementwise(
 
     Args:
         function: takes and returns (n,) arrays of equal length.
-        dtype: of the result.
-        arrays: of shapes that broadcast.
+        dtype: dtype of the result.
+        arrays: arrays of shapes that broadcast.
 
     Returns:
         An array of the broadcast shape, in the memory order of the arrays.

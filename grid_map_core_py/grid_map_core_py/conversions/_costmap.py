@@ -194,7 +194,7 @@ def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
-        codec: what turns them into costs: `CENTURY`, `DIRECT`, another table or a range.
+        codec: converts values to costs: `CENTURY`, `DIRECT`, another table or a range.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
@@ -220,7 +220,7 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
     Args:
         costmap: a `Costmap`, or anything with its attributes such as nav2's `PyCostmap2D`.
         layer: name of the layer.
-        codec: what turns costs into values.
+        codec: converts costs to values.
         timestamp: time of the data [ns].
 
     Raises:

@@ -108,7 +108,7 @@ def to_color_image(
         layer: a layer of values as `color_vector_to_value` makes them.
         dtype: uint8, uint16, float32 or float64.
         channels: 3, or 4 with alpha.
-        order: of the channels; "bgr" suits OpenCV.
+        order: order of the channels; "bgr" suits OpenCV.
 
     Returns:
         (rows, cols, channels), C-contiguous.
@@ -241,7 +241,7 @@ def from_image(
         position: (2,) center of the map [m].
         alpha_threshold: pixels with less than this share of full alpha are NaN; in integer images
             the threshold is rounded down to a whole number.
-        order: of the color channels; "bgr" is what `cv2.imread` returns.
+        order: order of the color channels; "bgr" is what `cv2.imread` returns.
         frame_id: coordinate frame of the map.
         timestamp: time of the data [ns].
 

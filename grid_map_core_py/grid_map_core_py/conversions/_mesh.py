@@ -74,7 +74,7 @@ def from_mesh(
     Args:
         resolution: side of a cell [m].
         frame_id: frame of the vertices and of the map.
-        timestamp: of the map [ns].
+        timestamp: timestamp of the map [ns].
 
     Raises:
         GridMapError: no face has a finite vertex, or the extent takes too many cells; and all that
@@ -98,7 +98,7 @@ def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
 
     Args:
         faces: (F, n) integers, n >= 3.
-        vertices: how many vertices there are.
+        vertices: number of vertices.
 
     Raises:
         GeometryError: the shape or type is another, or a face names a vertex that does not exist.

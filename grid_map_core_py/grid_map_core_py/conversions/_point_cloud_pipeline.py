@@ -157,7 +157,7 @@ class PointCloudPipeline:
         """Return the pipeline that a parameter file describes.
 
         Args:
-            config: what YAML made of the file, with or without `pcl_grid_map_extraction` around it.
+            config: content of the YAML file, with or without `pcl_grid_map_extraction` around it.
                 What is not in it has the default that upstream has in its code.
 
         Raises:
@@ -185,7 +185,7 @@ class PointCloudPipeline:
             points: (N, 3) or wider, x, y, z [m]; those that are not finite are left out.
             layer: name of the layer with the heights [m].
             frame_id: frame of the map.
-            timestamp: of the map [ns].
+            timestamp: timestamp of the map [ns].
 
         Raises:
             GeometryError: the points have the wrong shape or are no numbers.

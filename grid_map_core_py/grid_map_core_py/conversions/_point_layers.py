@@ -110,7 +110,7 @@ def from_points(
             which are not left out.
         position: (2,) center of the map [m]; None takes the middle of the extent of those points.
         frame_id: frame of the points and of the map.
-        timestamp: of the map [ns].
+        timestamp: timestamp of the map [ns].
 
     Raises:
         GridMapError: no point is left to take the extent from, or the extent takes too many cells;
@@ -142,7 +142,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
 
     Args:
         values: (N,) 0xAARRGGBB as integers or as the bits of float32; the common NaN is no color.
-        name: of the values, for the error.
+        name: name of the values, for the error.
 
     Raises:
         GeometryError: they are not numbers.

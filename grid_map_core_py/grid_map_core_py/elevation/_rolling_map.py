@@ -40,7 +40,7 @@ class RollingMap:
             last cloud with points in the cell. `mean` weighs all points of all clouds alike, and
             makes the layers `variance` (population variance [m^2]) and `count` (points, 0 without)
             too.
-        reduction: which height a cell takes from one cloud: `max`, `min`, `mean`, `median`, `first`
+        reduction: height of a cell from one cloud: `max`, `min`, `mean`, `median`, `first`
             or `last`. Plays no part in the fusion `mean`.
         max_count: for the fusion `mean`, the number of points that the past counts for at most, so
             that the map follows the ground when it changes; 0 is no limit.
@@ -138,7 +138,7 @@ class RollingMap:
 
     def _take(self, new: GridMap) -> None:
         old = self._map
-        # Absurd heights become infinities.
+        # Heights beyond float32 become infinite.
         with np.errstate(over="ignore", invalid="ignore"):
             fused = self._fusion(
                 {name: old[name] for name in self._layers},

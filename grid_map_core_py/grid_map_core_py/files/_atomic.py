@@ -55,7 +55,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     and the next `new_folder` find it.
 
     Args:
-        path: where the folder belongs.
+        path: path of the new folder.
         check_old: is called with what is there, before anything is written and before it is
             replaced; it raises to keep it.
 

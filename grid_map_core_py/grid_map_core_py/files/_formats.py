@@ -45,9 +45,9 @@ class Format:
     Attributes:
         name: short and unique, such as "npz".
         description: a few words for tables and messages.
-        endings: of file names, in lower case, such as ".npz".
+        endings: endings of file names, in lower case, such as ".npz".
         needs: packages that must be installed beside the package that adds the format.
-        install: how to install them, a command.
+        install: command that installs them.
         reads: tells whether a path can be read, for folders and for endings that several formats
             share; None goes by the endings.
         writes: tells whether a name can be written to; None goes by the endings.
@@ -107,9 +107,9 @@ def load(
 
     Args:
         path: the file or folder.
-        format: name of the format, whatever the name of the file is.
-        options: of the format, such as `layers` (all formats), `resolution` (clouds, meshes, height
-            images), `topic` and `index` (bags).
+        format: name of the format; the default follows from the name of the file.
+        options: options of the format, such as `layers` (all formats), `resolution` (clouds,
+            meshes, height images), `topic` and `index` (bags).
 
     Raises:
         LayerNotFoundError: the file lacks a layer that `layers` names.
@@ -136,9 +136,9 @@ def save(
     Args:
         grid_map: the map.
         path: the file or folder.
-        format: name of the format, whatever the name of the file is.
-        options: of the format, such as `compress` (.npz, GeoTIFF), `bits` (images), `mode` (nav2's
-            map_server), `topic` (bags).
+        format: name of the format; the default follows from the name of the file.
+        options: options of the format, such as `compress` (.npz, GeoTIFF), `bits` (images), `mode`
+            (nav2's map_server), `topic` (bags).
 
     Raises:
         MissingPackageError: a package that the format needs is not installed.
@@ -174,7 +174,7 @@ def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None 
     Args:
         path: the file or folder.
         options: names of options that the format must have.
-        name: of the format, if it is not to be told by the path.
+        name: name of the format, if it is not to be told by the path.
 
     Raises:
         GridMapError: no format fits, or it lacks an option.

@@ -38,7 +38,7 @@ def load_cloud(
         resolution: side of a cell [m]; required.
         kind: "points" or "mesh"; None takes the mesh if the file has faces.
         height_layer: name of the layer of the heights.
-        reduction: of the heights of the points in a cell, as in `from_points`.
+        reduction: reduction of the heights of the points in a cell, as in `from_points`.
         min_height, max_height: points below and above are left out [m].
         frame_id: frame of the map.
 

@@ -61,7 +61,7 @@ def save_images(
 
     Args:
         grid_map: the map; it may have moved, which the images do not show.
-        folder: where to write; the folder above it must exist.
+        folder: path of the new folder; its parent must exist.
         layers: names of the layers; None means all. The first one is what `map_server` shows.
         bits: 16 or 8, per pixel.
         ranges: `lower` and `upper` by layer, the values of black and white, beyond which values are

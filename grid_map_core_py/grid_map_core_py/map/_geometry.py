@@ -129,7 +129,7 @@ class GridGeometry:
 
         Args:
             positions: (..., 2) x, y [m], map frame.
-            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
+            start_index: place of cell (0, 0) in the circular buffer; cells are buffer indices.
 
         Returns:
             cells: (rows, cols), each (...) int64; for a position outside, the border cell nearest
@@ -166,7 +166,7 @@ class GridGeometry:
 
         Args:
             cells: (rows, cols), or (N, 2).
-            start_index: where in a circular buffer cell (0, 0) lies; the cells are counted there.
+            start_index: place of cell (0, 0) in the circular buffer; cells are buffer indices.
 
         Returns:
             (N, 2) x, y [m], map frame; (2,) for one cell.
@@ -201,7 +201,7 @@ class GridGeometry:
 
         Args:
             cells: (rows, cols), or (N, 2).
-            name: of the parameter, for the message.
+            name: name of the parameter, for the message.
 
         Raises:
             OutOfMapError: a cell lies outside the map; the message names the first one.

@@ -154,7 +154,7 @@ def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
 
     Args:
         layer: (rows, cols) the buffer.
-        start: where cell (0, 0) of the map lies in it.
+        start: start index of the circular buffer.
         rows, columns: the axes, `rows.sources` by `columns.sources`.
 
     Returns:

@@ -60,7 +60,7 @@ def block(
 
     Args:
         layer: (rows, cols) the whole buffer.
-        start: where cell (0, 0) of the map lies.
+        start: start index of the circular buffer.
         rows, columns: the block, as cells of the map.
         out: array of the block's shape to copy into; None makes one.
     """

@@ -58,7 +58,7 @@ class SignedDistanceField:
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
         max_height: z that the highest level reaches at least [m]; there are two levels or more.
-        unknown: what cells without data (NaN) are; None refuses them, "free" takes them for cells
+        unknown: meaning of cells without data (NaN); None refuses them, "free" treats them as cells
             of height -inf.
 
     Raises:
@@ -285,7 +285,7 @@ class _Trilinear:
         Args:
             points: (N, 3).
             rounded: makes coordinates whole numbers.
-            width: so many nodes must follow along each axis, the first one included.
+            width: number of nodes needed along each axis, the first one included.
 
         Returns:
             places: counted in nodes; NaN unless finite.

@@ -110,7 +110,7 @@ def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _
         row: (4,) of the transform, for this coordinate.
         x: (rows,) before the move.
         y: (cols,) before the move.
-        lift: what height and translation add, for every point or for all alike.
+        lift: sum of height and translation, per point or for all points.
     """
     moved: _Numbers = row[0] * x + (row[1] * y)[:, None]
     moved += lift
@@ -166,11 +166,11 @@ class _Points:
 
 
 class _Surface:
-    """The highest points that have come down on each cell of a grid.
+    """The highest point in each cell of a grid.
 
     Args:
-        geometry: of the grid.
-        with_sources: whether to keep which cell the highest points came from.
+        geometry: geometry of the grid.
+        with_sources: whether to keep the source cell of each highest point.
     """
 
     def __init__(self, geometry: GridGeometry, *, with_sources: bool) -> None:

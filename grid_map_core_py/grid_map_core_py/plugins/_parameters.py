@@ -47,7 +47,7 @@ def cast(name: str, value: object, hint: Any) -> Any:
     """Return the value of a parameter as the type that a field, or anything else, declares.
 
     Args:
-        name: of the parameter, for the error.
+        name: name of the parameter, for the error.
         value: as YAML gave it; None, as which an empty list in a ROS parameter file arrives, is an
             empty tuple or list where one is wanted.
         hint: one of the types that `build` knows.

@@ -20,8 +20,8 @@ class Registry(Generic[T]):
 
     Attributes:
         built_in: classes by type name.
-        group: of the entry points; the name of one is the type, its object the class. They are
-            looked up on first request.
+        group: group of the entry points. The name of an entry point is the type, its object the
+            class. They are looked up on first request.
     """
 
     built_in: Mapping[str, type[T]]

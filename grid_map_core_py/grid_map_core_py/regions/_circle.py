@@ -43,8 +43,8 @@ def half_chords(radius: float, distances: NDArray[np.float64]) -> NDArray[np.flo
     """Return half the lengths of chords of a disc; negative for lines that miss the disc.
 
     Args:
-        radius: of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to let cell centers on the rim
-            belong to the disc, as `circle_cells` does.
+        radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
+            on the rim, as `circle_cells` does.
         distances: (...) from the center of the disc to the chords, in the unit of the radius.
     """
     # In units of the radius, squares cannot overflow.

@@ -86,7 +86,7 @@ class Polygon:
 
         Args:
             center1, center2: (2,) centers [m]; one circle when they are the same.
-            radius: of both [m], not negative.
+            radius: radius of both [m], not negative.
             n: number of vertices, at least 3; one is added if it is odd and the centers differ.
 
         Raises:

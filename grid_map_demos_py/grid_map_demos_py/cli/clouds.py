@@ -23,7 +23,7 @@ class Gridding(NamedTuple):
         resolution: side of a cell [m].
         kind: "points" or "mesh"; None takes the mesh where there is one.
         layer: name of the layer of the heights.
-        reduction: of the heights of the points in a cell.
+        reduction: reduction of the heights of the points in a cell.
         min_height, max_height: points beyond are left out [m].
     """
 

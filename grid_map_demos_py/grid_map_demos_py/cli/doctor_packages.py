@@ -12,11 +12,11 @@ class Package(NamedTuple):
     """A package that we use.
 
     Attributes:
-        module: its name for Python.
+        module: name of the Python module.
         group: "required", "ROS" or "optional".
-        gives: what it is good for.
-        remedy: how to install it.
-        distribution: its name for pip; empty for that of the module.
+        gives: feature that needs it.
+        remedy: command that installs it.
+        distribution: name of the pip package; empty if equal to the module.
     """
 
     module: str

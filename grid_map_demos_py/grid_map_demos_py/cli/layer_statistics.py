@@ -12,7 +12,7 @@ class LayerStatistics(NamedTuple):
     """Of the finite values of a layer; None and empty where there are none, or only colours.
 
     Attributes:
-        name: of the layer.
+        name: name of the layer.
         is_color: whether it holds packed colours, going by its name.
         cells, nan, infinite: how many there are.
         deviation: standard deviation of the population.

@@ -54,7 +54,7 @@ class Destination:
 
         Args:
             reader: the bag.
-            index: of the record that is asked for; None means all, or the last one.
+            index: index of the record that is asked for; None means all, or the last one.
 
         Raises:
             CommandError: the bag would be written in its own place.
@@ -72,7 +72,7 @@ class Destination:
 
         Args:
             maps: each is written before the next is asked for.
-            topic: of the maps in a bag, unless the options name one.
+            topic: topic of the maps in a bag, unless the options name one.
 
         Raises:
             CommandError, GridMapError, OSError: they cannot be written.

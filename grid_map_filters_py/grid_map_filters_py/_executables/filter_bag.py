@@ -50,7 +50,7 @@ def filter_bag(
         source: the bag, or a single file of one.
         destination: folder of the new bag.
         topic: the maps' topic in the source; None will do where it has a single topic of maps.
-        output_topic: of the filtered maps.
+        output_topic: output topic of the filtered maps.
         overwrite: replace a bag that is there.
         compression: "none", "lz4" or "zstd".
         failures, observer, progress: as for `filter_maps`.

@@ -99,7 +99,7 @@ class FilterChainNode(Node):
     def __init__(self) -> None:
         # A filter that is added while the node runs brings parameters that are not declared.
         super().__init__(NODE_NAME, allow_undeclared_parameters=True)
-        topic = _read_topic(self, "input_topic", "/grid_map", "maps come from here")
+        topic = _read_topic(self, "input_topic", "/grid_map", "topic of the incoming maps")
         output = _read_topic(self, "output_topic", "/filtered_map", "filtered maps go there")
         self._chain = FilterChain.from_config(self._read_chain())
         self._next_chain: FilterChain | None = None
@@ -120,7 +120,7 @@ class FilterChainNode(Node):
 
     def _read_chain(self) -> dict[str, Any]:
         name = "filter_chain_parameter_name"
-        about = "which parameter holds the chain"
+        about = "name of the parameter with the chain"
         self._chain_name = read_parameter(self, name, str, "filters", description=about)
         about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
         return read_parameter_tree(self, self._chain_name, read_only=False, description=about)

@@ -78,7 +78,7 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
 
     Args:
         layer: (rows, cols) heights [m] in map order; not finite where unknown.
-        radius: of the disc [m].
+        radius: radius of the disc [m].
         resolution: side of a cell [m].
 
     Returns:
@@ -128,7 +128,7 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
 
     Args:
         layer: (rows, cols) heights [m] in map order; not finite where unknown.
-        radius: of the disc [m].
+        radius: radius of the disc [m].
         resolution: side of a cell [m].
 
     Returns:
@@ -222,7 +222,7 @@ def _moments_across(
     """Return the sums of values times powers of their distance across the lines along `axis`.
 
     Args:
-        tile: whose discs.
+        tile: tile of cells whose discs are summed.
         values: flat.
         axis: direction of the lines; the distance is along the other axis.
         orders: the powers, from 0 to 2.

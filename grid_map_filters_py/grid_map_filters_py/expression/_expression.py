@@ -124,10 +124,10 @@ class Expression:
         cells are computed together, in double precision; memory is in the order of the layer.
 
         Args:
-            name: of the input layer in the expression, where it stands for the window.
+            name: name of the input layer in the expression, where it stands for the window.
             layer: (rows, columns), unwrapped (start index (0, 0)).
             window_size: odd number of cells along a side.
-            edge_handling: how to treat windows that reach beyond the border. `inside`: their cells
+            edge_handling: treatment of windows beyond the border. `inside`: their cells
                 are NaN. `crop`: they are the part on the map. `empty`: the part outside is NaN.
                 `mean`: the part outside is the mean of the finite values of the part on the map.
             compute_empty_cells: False leaves cells NaN where the input is NaN.

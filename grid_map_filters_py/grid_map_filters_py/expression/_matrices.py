@@ -24,7 +24,7 @@ def apply(
     Args:
         function: a ufunc, or a function of arrays.
         values: floats and arrays of equal shapes (or 1 x 1).
-        dtype: of the resulting array.
+        dtype: dtype of the resulting array.
 
     Returns:
         A new array or a used-up temporary, or a float if all values are numbers.

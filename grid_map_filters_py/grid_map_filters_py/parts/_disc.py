@@ -167,7 +167,7 @@ class Tile:
             moments: sum up the values times their distance from the middle of the line instead.
 
         Yields:
-            distance: of the line from the center [cells].
+            distance: distance of the line from the center [cells].
             ahead, behind: flat sums over the lines at this distance on both sides of the center;
                 the same for distance 0. The next step overwrites them.
         """

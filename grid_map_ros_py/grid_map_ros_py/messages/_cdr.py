@@ -141,7 +141,7 @@ class Deferred:
     """A sequence of numbers for `serialize_view` that is written where it belongs in the bytes.
 
     Args:
-        count: how many numbers there are.
+        count: number of numbers.
         write: is called with an array (count,) of the type on the wire, and fills it.
     """
 

@@ -92,7 +92,7 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     Raises:
         MessageError: size, resolution, origin or the number of costs of the message make no sense,
             or it is rotated.
-        GeometryError: those of the `PyCostmap2D` make no sense.
+        GeometryError: size or resolution of the `PyCostmap2D` is invalid.
         GridMapError: the layer has no name.
     """
     read = _from_message if hasattr(costmap, "metadata") else _from_py_costmap

@@ -38,9 +38,9 @@ class Encoding:
     """How a pixel is stored.
 
     Attributes:
-        dtype: of a channel, little-endian.
+        dtype: dtype of a channel, little-endian.
         channels: 1, 3, or 4 with alpha.
-        order: of the colours.
+        order: order of the colours.
     """
 
     dtype: np.dtype[Any]

@@ -68,7 +68,7 @@ def from_multi_array(
     Args:
         message: the layer.
         size: rows and columns that it must have.
-        field: what to call the message in an error.
+        field: name of the message in errors.
 
     Raises:
         MessageError: labels, sizes, strides or the number of values are not those of such an array.

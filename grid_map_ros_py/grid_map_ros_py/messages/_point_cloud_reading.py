@@ -61,7 +61,7 @@ def from_point_cloud(
         message: the cloud, organised or not.
         layer: name of the layer that holds heights [m].
         resolution: side of a cell [m].
-        reduction: which height a cell gets: `max`, `min`, `mean`, `median`, `first`, `last`,
+        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
             `variance` or `count`; see `grid_map_core_py.from_points`.
         length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
         position: (2,) centre of the map [m]; None takes the middle of the extent of the points.

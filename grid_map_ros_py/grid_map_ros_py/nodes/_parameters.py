@@ -36,7 +36,7 @@ def read_parameter(
         name: full name, such as `elevation.params.layer`.
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: the value if none is given; None makes the parameter required.
-        description: what `ros2 param describe` shows.
+        description: text that `ros2 param describe` shows.
 
     Raises:
         ConfigError: the parameter is required but not given, or has another type.
@@ -80,7 +80,7 @@ def read_parameter_tree(
         prefix: name of the tree.
         read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
             integer that may become 1.5.
-        description: what `ros2 param describe` shows of each of them.
+        description: text that `ros2 param describe` shows for each of them.
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.

@@ -24,8 +24,8 @@ class LatchedSubscription:
 
     Args:
         node: the node that subscribes.
-        message_type: of the topic.
-        topic: its name.
+        message_type: message type of the topic.
+        topic: name of the topic.
         callback: gets every message.
         qos: quality of service, for subscriptions that do not change; None means the above.
         raw: whether the callback gets the bytes of the message.
@@ -109,7 +109,7 @@ class MapSubscription(LatchedSubscription):
 
     Args:
         node: the node that subscribes.
-        topic: of `grid_map_msgs/GridMap`.
+        topic: name of a topic of `grid_map_msgs/GridMap`.
         callback: gets every map.
         qos: quality of service, for subscriptions that do not change; None means what is said at
             `LatchedSubscription`.

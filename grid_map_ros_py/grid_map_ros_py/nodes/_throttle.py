@@ -17,7 +17,7 @@ class LogThrottle:
 
     Args:
         period: for how long a text that was logged is not logged again [s].
-        limit: so many different texts are logged within a period; further ones are not.
+        limit: maximum number of different texts logged within a period.
         clock: returns the time [s]; the default goes on while a simulation is paused.
     """
 
