@@ -16,8 +16,8 @@ def killed_at_every_step(work: Callable[[], object], limit: int = 1000) -> Itera
     folders and so on. The last copy is not killed, since it has come to its end.
 
     Args:
-        work: what to do.
-        limit: so many steps are expected at most.
+        work: operation to run.
+        limit: maximum number of steps.
 
     Yields:
         The number of the step before which the copy has died.

@@ -255,7 +255,7 @@ def save_picture(
         layer: layer that gives the colors of a flat picture, else the heights.
         path: the file; an existing one is replaced.
         style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
-        options: those of that function, except `ax`.
+        options: options of `plot` or `plot_3d`, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.

@@ -222,7 +222,7 @@ def _set_weights(weights: Numbers, t: Numbers) -> None:
     """Set the weights (K, ...) of K neighbors in a row, the lowest one first.
 
     Args:
-        weights: of 2 cells, linear, or of 4, cubic.
+        weights: weights of 2 cells, linear, or of 4, cubic.
         t: (...) where between the two inner ones, from 0 at the lower to 1 at the higher.
     """
     rest = 1.0 - t
