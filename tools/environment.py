@@ -133,7 +133,7 @@ def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
 
 def _install_ros(outer: Mapping[str, str]) -> None:
     _pip(VENV, outer, "-r", REQUIREMENTS, "-c", CONSTRAINTS)
-    # A requirement of ROS brings the outdated lark-parser, whose files lie on top of lark's.
+    # A requirement of ROS brings the outdated lark-parser, whose files are on top of lark's.
     _pip(VENV, outer, "--force-reinstall", "--no-deps", *_pins_of(["lark"]))
     _point_cmake_here()
 

@@ -40,15 +40,15 @@ class LayerNotFoundError(GridMapError, KeyError):
 
 
 class OutOfMapError(GridMapError, IndexError):
-    """A position or an index lies outside the map."""
+    """A position or an index is outside the map."""
 
 
 class GeometryError(GridMapError, ValueError):
-    """A size, length, resolution, position or array shape makes no sense."""
+    """A size, length, resolution, position or array shape is invalid."""
 
 
 class ConfigError(GridMapError, ValueError):
-    """A parameter is unknown, missing, of the wrong type or of a value that makes no sense."""
+    """A parameter is unknown, missing, of the wrong type or of a value that is invalid."""
 
 
 class MissingPackageError(GridMapError, ImportError):

@@ -53,7 +53,7 @@ def register_profiles() -> None:
     """Register and load profiles of hypothesis, for the `conftest.py` of a package.
 
     The profile `grid_map`, which is loaded, tries the same examples every time, so that a change is
-    judged by what it changes. `explore` tries others, and more of them, every time:
+    judged by its effect. `explore` tries others, and more of them, every time:
     `pytest --hypothesis-profile=explore`, or `make explore`. In neither does an example have to be
     quick: that says more about the machine than about the code.
     """

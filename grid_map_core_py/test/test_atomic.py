@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders appear complete or not at all, whenever the process dies."""
+"""Files and folders are written atomically, whenever the process dies."""
 
 import errno
 import os

@@ -151,7 +151,7 @@ def test_a_huge_disc_holds_the_entire_map():
 
 @by_map
 def test_spiral_cells_equal_cpp(name, case):
-    """Where C++ is right: it ignores the start index, reads beyond its buffers and rounds rims.
+    """Select the cases where C++ is right: unmoved maps, inside its buffers, no cell on the rim.
 
     Contract 3: moved maps must work, and cells that exist in the disc must not be missed.
     """
@@ -270,7 +270,7 @@ lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 
 @given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
 def test_polygon_cells_are_those_whose_center_is_inside(grid_map, corners):
-    """Vertices and edges often lie exactly on centers of cells."""
+    """Vertices and edges often are exactly on centers of cells."""
     x, y = (axis[len(axis) // 2] for axis in grid_map.axes())
     polygon = Polygon(
         [

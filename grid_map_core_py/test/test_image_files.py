@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as images and YAML: what comes back, what other readers see, what is refused."""
+"""Maps as images and YAML: round trips, other readers, errors."""
 
 import struct
 import tempfile

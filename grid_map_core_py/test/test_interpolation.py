@@ -141,7 +141,7 @@ def golden_map(name: str) -> GridMap:
 
 
 class Cpp:
-    """Which cells the C++ library reads from the raw buffer, and whether they are the right ones.
+    """Return the cells that C++ reads from the raw buffer, and whether they are the right ones.
 
     It is wrong where one of these rules holds:
 

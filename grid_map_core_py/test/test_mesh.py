@@ -39,9 +39,9 @@ def height_at(point, corners) -> float | None:
 
 @st.composite
 def meshes(draw):
-    """A map, and triangles whose corners lie at or between its cell centers, or anywhere near."""
+    """A map, and triangles whose corners are at or between its cell centers, or anywhere near."""
     grid_map = draw(grid_maps(max_side=7))
-    # Quarters of cells: the oracle and we agree on whether a center lies on an edge.
+    # Quarters of cells: the oracle and we agree on whether a center is on an edge.
     quarters = arrays.arrays(np.int64, (draw(st.integers(3, 9)), 2), elements=st.integers(-8, 36))
     corner = grid_map.geometry.corner - 0.5 * grid_map.resolution
     xy = corner - 0.25 * grid_map.resolution * draw(quarters)

@@ -83,7 +83,7 @@ def test_blocks_are_stored_in_the_regions_that_cpp_names():
 
 
 def put_together(layer: np.ndarray, regions: list[list]) -> np.ndarray:
-    """Return the block whose quadrants lie in these regions of the buffer."""
+    """Return the block whose quadrants are in these regions of the buffer."""
     quadrants = {name: layer[i : i + rows, j : j + cols] for i, j, rows, cols, name in regions}
     lines = [
         [quadrants[side + end] for end in ("Left", "Right") if side + end in quadrants]

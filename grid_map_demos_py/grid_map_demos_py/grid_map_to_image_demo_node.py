@@ -3,7 +3,7 @@
 """Node `grid_map_to_image_demo`: saves a layer of the next map as an image file and ends.
 
 Pixel (row, column) is cell (row, column) in map order, with +x up and +y to the left. The file
-appears complete or not at all.
+is written atomically.
 """
 
 import math

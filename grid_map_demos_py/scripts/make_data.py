@@ -4,7 +4,7 @@
 
     scripts/make_data.py [DIRECTORY]
 
-Writes `terrain.png`, `terrain_16bit.png` and `room.bt`, into `data` unless told otherwise.
+Writes `terrain.png`, `terrain_16bit.png` and `room.bt`, into `data` by default.
 """
 
 import sys
@@ -59,7 +59,7 @@ DOOR = (slice(0, 1), slice(22, 40), slice(1, 42))
 
 
 def room() -> np.ndarray:
-    """Return the voxels (N, 3) of a room around the origin, whose floor lies below z = 0."""
+    """Return the voxels (N, 3) of a room around the origin, whose floor is below z = 0."""
     occupied = np.zeros((80, 60, 50), dtype=bool)
     for first, end in BOXES:
         occupied[tuple(map(slice, first, end))] = True

@@ -39,7 +39,7 @@ def grid_map(
 
 
 def printed(*words: str | Path, cwd: Path, **options: object) -> str:
-    """Run `grid-map words`, which must work, and return what it prints."""
+    """Run `grid-map words`, which must succeed, and return its output."""
     done = grid_map(*words, cwd=cwd, **options)
     assert done.returncode == 0, done.stderr.decode()
     return done.stdout.decode()

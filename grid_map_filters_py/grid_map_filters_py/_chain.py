@@ -86,7 +86,7 @@ class FilterChain:
         """Return the filtered map.
 
         Args:
-            grid_map: stays as it is.
+            grid_map: stays unchanged.
             observer: is called after each step with the step and its duration [s].
             warnings: list to which the warnings of the filters are appended; None issues each as a
                 `FilterWarning`.
@@ -114,7 +114,7 @@ class FilterChain:
         Layers that no filter has changed are those of the input, unless it has moved. All layers
         are read-only. Nodes use this to write the result into a message at once.
 
-        Args and errors are those of a call.
+        Arguments and errors: see a call.
         """
         result, _ = self._run(grid_map, observer, warnings)
         return result, self._start_index(grid_map, result)

@@ -23,7 +23,7 @@ class Filter(Protocol):
     """Anything that turns one map into another; a dataclass when it is to be found in YAML."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
-        """Return the filtered map; the input stays as it is."""
+        """Return the filtered map; the input stays unchanged."""
 
 
 class FilterWarning(UserWarning):

@@ -41,7 +41,7 @@ BUILT_IN: dict[str, type[Filter]] = {
 }
 
 PREFIXES = ("gridMapFilters/", "gridMapCv/", "")
-"""Prefixes of the name of a built-in filter; the last one is that of the short form."""
+"""Prefixes of the type of a built-in filter; the last one is the short form."""
 
 
 def _aliases(type_name: str) -> set[str]:

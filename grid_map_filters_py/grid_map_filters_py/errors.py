@@ -14,7 +14,7 @@ __all__ = ["ExpressionError", "FilterConfigError", "FilterError"]
 
 
 class FilterError(GridMapError):
-    """A filter, or the chain it stands in, failed; the message names filter and cause."""
+    """A filter or its chain failed; the message names filter and cause."""
 
 
 class FilterConfigError(FilterError, ConfigError):

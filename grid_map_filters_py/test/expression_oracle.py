@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Window expressions as they are defined: one window after the other."""
+"""Oracle of window expressions: one window after the other."""
 
 import numpy as np
 

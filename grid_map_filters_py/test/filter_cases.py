@@ -52,7 +52,7 @@ def points_in_disc(grid_map, index, radius) -> np.ndarray:
 
 
 def assert_cells_are(result, expected, **tolerances):
-    """Compare a layer with what a function of the index gives."""
+    """Compare a layer with the values of a function of the index."""
     wanted = [expected(index) for index in np.ndindex(result.shape)]
     np.testing.assert_allclose(result, np.reshape(wanted, result.shape), **tolerances)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 
 def loop(function, layer) -> np.ndarray:
-    """Return what a function of the cell gives for every cell."""
+    """Return the values of a function for every cell."""
     result = np.full(layer.shape, np.nan)
     for cell in np.ndindex(layer.shape):
         result[cell] = function(*cell)

@@ -63,7 +63,7 @@ def other_side():
 def terrain(
     size=(12, 7), start=(0, 0), holes=((3, 4), (11, 6)), timestamp=1_500_000_001
 ) -> GridMap:
-    """A slope with holes; the same world whatever the start index."""
+    """A slope with holes; the same world for every start index."""
     values = np.fromfunction(lambda i, j: 0.3 * i + np.sin(j), size).astype(np.float32)
     for hole in holes:
         values[hole] = np.nan

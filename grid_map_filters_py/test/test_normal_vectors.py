@@ -12,7 +12,7 @@ from grid_map_core_py.testing import grid_maps
 
 
 def normals(grid_map, **params):
-    """Return the normals (rows, columns, 3), upward unless told otherwise."""
+    """Return the normals (rows, columns, 3), upward by default."""
     params = {
         "input_layer": "elevation",
         "output_layers_prefix": "normal_",

@@ -77,7 +77,7 @@ def test_from_the_layers_of_cpp_every_other_step_gives_what_cpp_recorded(theirs)
 def closest_mean(inpainted: GridMap, expected: np.ndarray) -> np.ndarray:
     """Return the distance to the mean with whichever rim cells come closest to what is expected.
 
-    The radius of 0.06 m is three cells of 0.02 m: four centres lie exactly on the rim.
+    The radius of 0.06 m is three cells of 0.02 m: four centres are exactly on the rim.
     """
     heights = inpainted["elevation_inpainted"]
     offset, known = np.nanmean(heights, dtype=float), np.isfinite(heights)

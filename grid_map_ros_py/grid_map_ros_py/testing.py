@@ -85,7 +85,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
     """Return an environment for processes that see only each other.
 
     Args:
-        domain: one of `reserve_domain`; None means that of all tests of this process.
+        domain: one of `reserve_domain`; None means the domain of all tests of this process.
     """
     return {
         **os.environ,
@@ -208,7 +208,7 @@ class Peer:
     def listen(
         self, topic: str, message_type: type, qos: QoSProfile | int | None = None
     ) -> Subscription:
-        """Collect the messages of a topic; without `qos` as those of a map, last one included."""
+        """Collect the messages of a topic; without `qos` with the profile of maps (latched)."""
         messages = self.received.setdefault(topic, [])
         return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 

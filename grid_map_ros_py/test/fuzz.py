@@ -285,7 +285,7 @@ def _damaged_array(values: "array.array[Any]", generator: random.Random) -> "arr
 
 
 def _another(value: Any, kind: str, generator: random.Random) -> Any:
-    """Return a value of a type of messages, at a border of what it can hold or beside `value`."""
+    """Return a value of a message type, at a limit of its range or next to `value`."""
     if isinstance(value, str):
         return generator.choice(TEXTS)
     if isinstance(value, bool):

@@ -42,7 +42,7 @@ def write_binary(leaves: Mapping[Path, bool], path: Path = ()) -> bytes:
 def write_full(
     leaves: Mapping[Path, bool], payload: Callable[[bool], bytes], path: Path = ()
 ) -> bytes:
-    """Write a node and all below it; `payload` gives what a node holds before its children."""
+    """Write a node and its descendants; `payload` returns data that precedes the children."""
     if path in leaves:
         return payload(leaves[path]) + b"\0"
     mask, below = 0, b""

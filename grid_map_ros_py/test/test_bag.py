@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags: what is written can be read, by others too, and what others write is read."""
+"""Bags: written bags can be read, by other readers too, and what others write is read."""
 
 import shutil
 import sqlite3

@@ -151,7 +151,7 @@ arrays of numbers, a message without fields, and messages five deep."""
 
 @st.composite
 def messages(draw: st.DrawFn, message_type: type) -> Any:
-    """Draw a message with whatever its types allow."""
+    """Draw a message with any values that its types allow."""
     message = message_type()
     for name, kind in zip(
         message.get_fields_and_field_types(), message_type.SLOT_TYPES, strict=True

@@ -19,7 +19,7 @@ from grid_map_ros_py.errors import BagError, RequestError
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    """Return a directory for bags; beside it is one that nobody may touch."""
+    """Return a directory for bags; a directory beside it is off limits."""
     for name in ("bags", "secret"):
         (tmp_path / name).mkdir()
     save_to_bag(sample_map(), tmp_path / "secret" / "bag", "/map")
@@ -104,7 +104,7 @@ def test_a_map_is_saved_and_loaded_again(server: MapServer, directory: Path) -> 
         server.load("third")
 
 
-# --- what lies outside ----------------------------------------------------------------------------
+# --- what is outside ----------------------------------------------------------------------------
 
 OUTSIDE = [
     "",

@@ -59,7 +59,7 @@ def ground(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 class Robot:
-    """Drives a curve, and sends its odometry and what it sees ten times a second.
+    """Drives a curve, and publishes odometry and clouds ten times a second.
 
     Every third cloud is broken.
     """

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as they are received, undecoded."""
+"""Subscriptions that deliver undecoded maps."""
 
 from collections.abc import Iterator
 

@@ -217,7 +217,7 @@ class TransformException(Exception):
 
 
 class Tree:
-    """Stands in for the buffer of tf2: knows where everything is from a certain time on."""
+    """Test double for the buffer of tf2: knows the pose of everything is from a certain time on."""
 
     def lookup_transform(self, target: str, source: str, time: Any) -> TransformStamped:
         if time.nanoseconds < SECOND:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as bytes: those of rclpy, and read with the checks of messages."""
+"""Maps as bytes: equal to rclpy, and read with the checks of messages."""
 
 import struct
 import tracemalloc

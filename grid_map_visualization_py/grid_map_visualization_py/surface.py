@@ -204,7 +204,7 @@ def _lines(cells: int, step: int) -> int:
 
 def _every(step: int, axis: Positions, resolution: float) -> npt.NDArray[np.int64]:
     """Return the cells of an axis that stay: every n-th in the map frame, the first, the last."""
-    # The usual centers lie at whole or half cells; a quarter keeps them clear of rounding.
+    # The usual centers are at whole or half cells; a quarter keeps them clear of rounding.
     first = int(np.floor(axis[0] / resolution + 0.25))
     kept = (first - np.arange(len(axis))) % step == 0
     kept[[0, -1]] = True

@@ -137,7 +137,7 @@ class CostRange:
     def to_costs(self, values: ArrayLike) -> Costs:
         """Return `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`.
 
-        The arithmetic is that of float32, as in the C++ library.
+        Computed in float32, as in the C++ library.
 
         Args:
             values: (...), any numbers.

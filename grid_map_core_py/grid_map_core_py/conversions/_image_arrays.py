@@ -5,7 +5,7 @@
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
 is +x, left is +y. Images of maps that have moved look the same.
 
-**Color images are BGR unless told otherwise**, as `cv2.imread` returns and `cv2.imwrite` takes
+**Color images are BGR by default**, as `cv2.imread` returns and `cv2.imwrite` takes
 them. For images from elsewhere (Matplotlib, Pillow, ROS `rgb8`) pass `order="rgb"`; a fourth
 channel is always alpha.
 
@@ -85,7 +85,7 @@ def to_image(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        GeometryError: the type, the channels or the bounds make no sense.
+        GeometryError: the type, the channels or the bounds are invalid.
     """
     pixel = _pixel_type(dtype, "dtype")
     _check(channels in (1, 3, 4), "channels", "1, 3 or 4", channels)
@@ -115,7 +115,7 @@ def to_color_image(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        GeometryError: the type, the channels or the order make no sense.
+        GeometryError: the type, the channels or the order are invalid.
     """
     pixel = _pixel_type(dtype, "dtype")
     _check(channels in (3, 4), "channels", "3 or 4", channels)
@@ -168,7 +168,7 @@ def _encoder(
 def _value_range(
     values: Layer, lower: float | None, upper: float | None
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds; those of the finite values replace bounds that are not given."""
+    """Return the bounds; the range of the finite values replaces bounds that are not given."""
     if lower is not None and upper is not None:
         return _given_range(lower, upper)
     low = min_of_finites(values) if lower is None else _finite(lower, "lower")
@@ -241,12 +241,12 @@ def from_image(
         position: (2,) center of the map [m].
         alpha_threshold: pixels with less than this share of full alpha are NaN; in integer images
             the threshold is rounded down to a whole number.
-        order: order of the color channels; "bgr" is what `cv2.imread` returns.
+        order: order of the color channels; `cv2.imread` returns "bgr".
         frame_id: coordinate frame of the map.
         timestamp: time of the data [ns].
 
     Raises:
-        GeometryError: the image, the bounds, the order or the grid make no sense.
+        GeometryError: the image, the bounds, the order or the grid are invalid.
     """
     pixels = _as_image(image)
     values = _read_gray(pixels, lower, upper, alpha_threshold, order)
@@ -296,7 +296,7 @@ def add_color_layer_from_image(
         alpha_threshold, order: as in `from_image`.
 
     Raises:
-        GeometryError: the image is not of the size of the map, or it or the order make no sense.
+        GeometryError: the image is not of the size of the map, or it or the order are invalid.
     """
     _check_order(order)
     pixels = _as_image(image, grid_map.size)

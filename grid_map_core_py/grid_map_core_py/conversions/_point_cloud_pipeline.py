@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
 
-The parameters are those of upstream's package `grid_map_pcl`, whose files load as they are. What
+The parameters are those of the C++ package `grid_map_pcl`, whose files load as they are. What
 upstream calls PCL for is in `voxels`, `clusters` and here, for all cells at once.
 """
 
@@ -161,7 +161,7 @@ class PointCloudPipeline:
                 What is not in it has the default that upstream has in its code.
 
         Raises:
-            ConfigError: a parameter is unknown, of the wrong type or makes no sense.
+            ConfigError: a parameter is unknown, of the wrong type or is invalid.
         """
         config = _as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config))
         sections = {
@@ -290,7 +290,7 @@ def remove_outliers(
 
     Raises:
         GeometryError: the points have the wrong shape or are no numbers.
-        ConfigError: `mean_k` or `stddev_threshold` makes no sense.
+        ConfigError: `mean_k` or `stddev_threshold` is invalid.
     """
     deviations = as_number(stddev_threshold, "stddev_threshold")
     check(np.isfinite(deviations), "stddev_threshold", "a finite number", stddev_threshold)
@@ -353,7 +353,7 @@ def _section(name: str, kind: type[Any], section: object) -> object:
 
 
 def _in_order(name: str, value: object) -> object:
-    """Return the numbers of a mapping as a list, anything else as it is."""
+    """Return the numbers of a mapping as a list, anything else unchanged."""
     letters = _TRIPLES.get(name)
     if letters is None or not isinstance(value, Mapping):
         return value

@@ -3,7 +3,7 @@
 """Layers from point clouds: the points in each cell reduced to one value.
 
 Points are arrays (N, 3) or wider; columns beyond x, y, z are ignored. Points that are not finite,
-lie beside the map or beyond the height limits are left out.
+are outside the map or beyond the height limits are left out.
 
 Reductions, of heights as of other fields:
 
@@ -76,7 +76,7 @@ def rasterize(
 
     Raises:
         GeometryError: an array has the wrong shape or holds no numbers.
-        ConfigError: a reduction is unknown or does not suit colors, or a limit makes no sense.
+        ConfigError: a reduction is unknown or does not suit colors, or a limit is invalid.
         GridMapError: a layer is to be made both from heights and from a field.
     """
     cloud = _Cloud.of(points, min_height, max_height)
@@ -102,7 +102,7 @@ def from_points(
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
-    """Return a map made of points; the other arguments are those of `rasterize`.
+    """Return a map made of points; the other arguments are as in `rasterize`.
 
     Args:
         resolution: side of a cell [m].

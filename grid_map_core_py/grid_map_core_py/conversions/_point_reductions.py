@@ -198,7 +198,7 @@ class MeanColor:
 
 
 _SHIFTS = np.array([16, 8, 0], np.uint32)
-"""Where red, green and blue begin in a packed color."""
+"""Bit positions of red, green and blue in a packed color."""
 
 _SIGN = np.uint32(1 << 31)
 

@@ -109,11 +109,11 @@ class RollingMap:
             columns: (N,) further values of the points by the names of their layers. These hold the
                 mean over the last cloud with values in the cell.
             position: (2,) where the map moves first [m]; None leaves it where it is.
-            timestamp: time of the cloud [ns], which becomes that of the map.
+            timestamp: time of the cloud and then of the map [ns].
 
         Raises:
             GridMapError: a column is called like a layer of heights, or an array or the position
-                makes no sense.
+                is invalid.
         """
         geometry = self._map.geometry
         if position is not None:
@@ -188,4 +188,4 @@ FUSIONS: Mapping[str, Callable[[Layers, Layers, float], Layers]] = MappingProxyT
         "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
     }
 )
-"""Fusions of the known layers with those of a new cloud, by name."""
+"""Functions that fuse a layer with the layer of a new cloud, by name."""

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders that appear complete, or not at all.
+"""Files and folders that are written atomically.
 
 They are written beside the place where they belong, under a hidden name that ends in `.partial`,
 and renamed once the disk has them. Whatever happens before, an error or the end of the process,
@@ -108,7 +108,7 @@ def _make_file(path: Path) -> None:
 
 
 def _is_locked(file: int) -> bool:
-    """Take a lock, and tell whether nobody else has it."""
+    """Try to take a lock, and return whether it was free."""
     try:
         _lock(file)
     except BlockingIOError:

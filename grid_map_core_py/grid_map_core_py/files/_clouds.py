@@ -29,7 +29,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     """Read a point cloud, or the vertices of a mesh, from a PCD, PLY, OBJ or STL file.
 
     Args:
-        path: the file; its ending tells the format.
+        path: the file; its ending selects the format.
 
     Returns:
         points: (N, 3) x, y, z, float32 or float64 as in the file; they may hold NaN. The viewpoint
@@ -66,7 +66,7 @@ def load_mesh(
     be read only if all its faces have the same number of vertices.
 
     Args:
-        path: the file; its ending tells the format.
+        path: the file; its ending selects the format.
 
     Returns:
         vertices: (V, 3) x, y, z.

@@ -17,7 +17,7 @@ def map_facts(
 
     Args:
         grid_map: the map, perhaps without its layers.
-        layers, basic_layers: names to tell in place of those of the map.
+        layers, basic_layers: names to list in place of the names of the map.
     """
     return {
         "frame_id": grid_map.frame_id,

@@ -48,7 +48,7 @@ class Format:
         endings: endings of file names, in lower case, such as ".npz".
         needs: packages that must be installed beside the package that adds the format.
         install: command that installs them.
-        reads: tells whether a path can be read, for folders and for endings that several formats
+        reads: returns whether a path can be read, for folders and for endings that several formats
             share; None goes by the endings.
         writes: tells whether a name can be written to; None goes by the endings.
         load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
@@ -99,7 +99,7 @@ def load(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> GridMap:
-    """Return the map in a file or folder, in the format that its name tells.
+    """Return the map in a file or folder, in the format that its name selects.
 
     `formats()` lists the formats; [bags and files] in the documentation lists their options. If
     several formats share an ending, the first that has all given options is taken: `load("a.tif")`
@@ -128,9 +128,9 @@ def save(
     format: str | None = None,  # noqa: A002
     **options: Any,
 ) -> None:
-    """Write a map to a file or folder, in the format that its name tells.
+    """Write a map to a file or folder, in the format that its name selects.
 
-    The file or folder appears complete or not at all; one of the same format is replaced. If
+    The file or folder is written atomically; one of the same format is replaced. If
     several formats share an ending, the first that has all given options is taken.
 
     Args:
@@ -150,7 +150,7 @@ def save(
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: those of this package, then those that other packages add.
+    """Return all formats by name: those of this package, then those of other packages add.
 
     A package adds one by an entry point of the group `grid_map_core_py.formats`, whose name is that
     of the format and whose object is a `Format`. One that cannot be loaded is left out, with a
@@ -189,7 +189,7 @@ def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None 
 
 
 def format_to_write(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
-    """Return the format in which to write; arguments and errors are those of `format_to_read`."""
+    """Return the format to write; arguments and errors: see `format_to_read`."""
     if name is not None:
         found = [_named(name, "written", lambda one: one.save)]
     else:

@@ -28,7 +28,7 @@ from ._npz import storage_errors
 
 _TAG = "GRID_MAP"
 _FRAME = "map"
-"""Of rasters that name none."""
+"""Layer name of rasters without band names."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Between the sides of a pixel, as part of them."""
@@ -39,7 +39,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file appears complete or not at all; an existing one is replaced.
+    The file is written atomically; an existing one is replaced.
 
     Args:
         grid_map: the map; a moved one is stored in map order.

@@ -52,7 +52,7 @@ def load_height_image(
     Raises:
         LayerNotFoundError: `layers` asks for another layer.
         GridMapError: the file cannot be read or is no image, `resolution` is missing, or a bound
-            makes no sense.
+            is invalid.
     """
     file = Path(path)
     with storage_errors(file, "read"):
@@ -87,7 +87,7 @@ def save_height_image(
 ) -> None:
     """Write one layer as a height image.
 
-    The file appears complete or not at all; an existing one is replaced. NaN becomes transparent,
+    The file is written atomically; an existing one is replaced. NaN becomes transparent,
     and stays NaN in an image of float32.
 
     Args:
@@ -100,7 +100,7 @@ def save_height_image(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option makes no sense, or the file cannot be written.
+        GridMapError: an option is invalid, or the file cannot be written.
     """
     file = Path(path)
     ending = file.suffix.lower()

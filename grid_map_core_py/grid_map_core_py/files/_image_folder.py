@@ -56,7 +56,7 @@ def save_images(
 ) -> Path:
     """Write layers as images, and the rest of the map as YAML.
 
-    The folder appears complete, or not at all. One that was written so before is replaced; anything
+    The folder is written atomically. One that was written so before is replaced; anything
     else is not.
 
     Args:
@@ -73,7 +73,7 @@ def save_images(
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        GeometryError: a range makes no sense.
+        GeometryError: a range is invalid.
         GridMapError: there are no layers, `bits` is neither, or the folder cannot be written.
     """
     if bits not in _DTYPES:

@@ -65,7 +65,7 @@ def load_map_server(
 
     Raises:
         LayerNotFoundError: `layers` asks for another layer.
-        GridMapError: a file is missing or damaged, a key is missing or makes no sense, or the map
+        GridMapError: a file is missing or damaged, a key is missing or is invalid, or the map
             is rotated (yaw in `origin`).
     """
     file = Path(path)
@@ -101,7 +101,7 @@ def save_map_server(
     """Write occupancies as a map of nav2's `map_server`.
 
     The image is a PGM file beside the YAML file, or a PNG file in mode `scale`, which needs alpha.
-    The map appears complete or not at all: the YAML file comes last, and an image that an existing
+    The map is written atomically: the YAML file comes last, and an image that an existing
     YAML file names keeps its name until then.
 
     Args:
@@ -117,7 +117,7 @@ def save_map_server(
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        GridMapError: an option makes no sense, or a file cannot be written.
+        GridMapError: an option is invalid, or a file cannot be written.
     """
     file = Path(path)
     if mode not in MODES:

@@ -43,7 +43,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     """Write a map to an `.npz` file.
 
     Layers are stored in map order: a map that has moved comes back with start index (0, 0). The
-    file appears complete, or not at all; one that is there is replaced.
+    file is written atomically; one that is there is replaced.
 
     Args:
         grid_map: the map.
@@ -93,7 +93,7 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return what the file tells about its map without reading a layer."""
+    """Return the facts about the map of a file without reading a layer."""
     grid_map = load_npz(path, layers=())
     # Now it is sure that the file is one of maps.
     with np.load(path) as archive:
@@ -103,7 +103,7 @@ def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Raise one GridMapError that names the file for whatever goes wrong with it."""
+    """Turn every error of reading or writing a file into one GridMapError that names it."""
     try:
         yield
     except LayerNotFoundError:

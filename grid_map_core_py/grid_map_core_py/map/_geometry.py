@@ -106,7 +106,7 @@ class GridGeometry:
         return self.position + 0.5 * self.length
 
     def is_inside(self, positions: ArrayLike) -> Mask:
-        """Return which positions lie on the map.
+        """Return a mask of the positions inside the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
 
@@ -172,7 +172,7 @@ class GridGeometry:
             (N, 2) x, y [m], map frame; (2,) for one cell.
 
         Raises:
-            OutOfMapError: a cell lies outside the map.
+            OutOfMapError: a cell is outside the map.
         """
         cells = self.check_cells(cells)
         positions = np.empty((*cells[0].shape, 2))
@@ -204,7 +204,7 @@ class GridGeometry:
             name: name of the parameter, for the message.
 
         Raises:
-            OutOfMapError: a cell lies outside the map; the message names the first one.
+            OutOfMapError: a cell is outside the map; the message names the first one.
             GeometryError: the cells are no integers or have another shape.
         """
         cells = as_cells(cells, name)
@@ -223,7 +223,7 @@ class GridGeometry:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
         An edge within 1e-9 m of a cell border takes no further cell; a rectangle without area takes
-        the cell that it lies in. Outside the map both slices are empty.
+        the cell that it is in. Outside the map both slices are empty.
 
         Args:
             lower: (2,) smallest x, y of the rectangle [m].
@@ -360,7 +360,7 @@ class GridGeometry:
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
 
     def _bound(self, steps: Positions) -> None:
-        """Replace the fractional rows and columns outside by those of the nearest border cells."""
+        """Clamp fractional rows and columns to the border cells."""
         for axis in (0, 1):
             along = steps[axis::2]
             # NaN becomes 0. A position within rounding of the far border can lie beyond it.

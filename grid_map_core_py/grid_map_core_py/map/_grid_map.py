@@ -106,7 +106,7 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str = "",
         timestamp: int = 0,
     ) -> GridMap:
-        """Return a map over `geometry`; the other arguments are those of the constructor."""
+        """Return a map over `geometry`; the other arguments are as in the constructor."""
         # The geometry has been checked where it was made.
         grid_map = cls.__new__(cls)
         grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
@@ -352,7 +352,7 @@ class GridMap(MutableMapping[str, Layer]):
     # Positions and indices
 
     def is_inside(self, positions: ArrayLike) -> bool | Mask:
-        """Return which of (2,) or (N, 2) positions [m] lie on the map.
+        """Return a mask of the (2,) or (N, 2) positions [m] inside the map.
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
         """
@@ -625,9 +625,9 @@ class GridMap(MutableMapping[str, Layer]):
         overwrite_data: bool,
         layers: Iterable[str] | None = None,
     ) -> None:
-        """Copy the data of another map to where it lies in this one.
+        """Copy the data of another map to where it is in this one.
 
-        Every cell takes the finite values of the cell of the other map that its center lies in. The
+        Every cell takes the finite values of the cell of the other map that its center is in. The
         maps may differ in size, place and resolution.
 
         Args:

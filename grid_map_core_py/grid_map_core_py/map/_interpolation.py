@@ -174,7 +174,7 @@ class _Surface:
         _set_weights(around.weights, t)
         if method is Interpolation.CUBIC:
             _continue_slopes(around.weights, below, self._geometry.size)
-        # Half of the neighbors along an axis lie below each position.
+        # Half of the neighbors along an axis are below each position.
         for places, known, nearest_below in zip(around.places, self._places, below, strict=True):
             for step, out in enumerate(places, start=1 - len(places) // 2):
                 known[_PADDING - step :].take(nearest_below, mode="clip", out=out)

@@ -111,7 +111,7 @@ def _lines_under(
 
     Returns:
         lines: buffer indices of `other` in the order of the buffer of `grid_map`.
-        inside: whether the centers lie on `other` along this axis.
+        inside: whether the centers are on `other` along this axis.
     """
     centers = grid_map.axes()[axis]
     positions = np.tile(other.position, (centers.size, 1))

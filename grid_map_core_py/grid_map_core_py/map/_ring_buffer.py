@@ -37,7 +37,7 @@ def place(numbers: Integers, first: int, start: int, size: int) -> None:
     """Convert rows or columns of a block of the map to buffer indices, in place.
 
     Args:
-        numbers: (N,) counted from `first`; the cells lie on the map.
+        numbers: (N,) counted from `first`; the cells are on the map.
         first: row or column of the map where the block begins.
         start, size: start index and number of cells of the map along this axis.
     """

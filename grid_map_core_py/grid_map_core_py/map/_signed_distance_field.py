@@ -151,7 +151,7 @@ class SignedDistanceField:
     def nearest_value(self, points: ArrayLike) -> float | Positions:
         """Return the distance at the node nearest to each point, faster than `value`.
 
-        Args and errors are those of `value`. Outside, the nearest node is one on the border.
+        Arguments and errors: see `value`. Outside, the nearest node is one on the border.
         """
         given = _as_points(points)
         values = self._interpolant.nearest_values(given.reshape(-1, 3))
@@ -183,7 +183,7 @@ class SignedDistanceField:
         return (float(values[0]), gradients[0]) if given.ndim == 1 else (values, gradients)
 
     def to_points(self, lower: float = -np.inf, upper: float = np.inf) -> npt.NDArray[np.float32]:
-        """Return the nodes whose distance lies between two limits.
+        """Return the nodes whose distance is between two limits.
 
         Args:
             lower: smallest distance [m].
@@ -280,7 +280,7 @@ class _Trilinear:
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
     ) -> tuple[_Coordinates, _Coordinates]:
-        """Return where (N, 3) points lie in the grid, and nodes there.
+        """Return the positions of (N, 3) points in the grid, and their nodes.
 
         Args:
             points: (N, 3).

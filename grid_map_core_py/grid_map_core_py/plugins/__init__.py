@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What plug-ins need: registries of classes, and dataclasses built from YAML parameters."""
+"""Parts for plug-ins: registries of classes, and dataclasses built from YAML parameters."""
 
 from ._parameters import build, cast, check, describe, mismatch
 from ._registry import Registry

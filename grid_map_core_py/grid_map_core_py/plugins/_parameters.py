@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Dataclasses from parameters that somebody wrote in YAML.
+"""Dataclasses built from YAML parameters.
 
 Filters and visualizations are dataclasses whose fields are their parameters. `build` checks names
 and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
@@ -71,7 +71,7 @@ def mismatch(name: str, expected: str, value: object) -> ConfigError:
 
 
 def check(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise the `ConfigError` for a parameter's value that makes no sense, unless `condition`."""
+    """Raise the `ConfigError` for a parameter's value that is invalid, unless `condition`."""
     if not condition:
         raise mismatch(name, expected, value)
 

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
-    """Return the cells (rows, cols) whose center lies in a disc, row after row.
+    """Return the cells (rows, cols) whose center is in a disc, row after row.
 
     The disc is closed: a center within 1e-9 m of the rim is inside. Cells beyond the map are left
     out.
 
     Args:
-        center: (2,) center of the disc [m]; it may lie outside the map.
+        center: (2,) center of the disc [m]; it may be outside the map.
         radius: [m], not negative.
 
     Raises:

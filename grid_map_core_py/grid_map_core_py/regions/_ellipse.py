@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 def ellipse_cells(
     grid_map: GridMap, center: ArrayLike, length: ArrayLike, rotation: float = 0.0
 ) -> Cells:
-    """Return the cells (rows, cols) whose center lies in an ellipse, row after row.
+    """Return the cells (rows, cols) whose center is in an ellipse, row after row.
 
     With u and v the coordinates along the axes, these are the centers with
     u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, in floating point: unlike the rim of
     `circle_cells`, this one has no tolerance. Cells beyond the map are left out.
 
     Args:
-        center: (2,) center of the ellipse [m]; it may lie outside the map.
+        center: (2,) center of the ellipse [m]; it may be outside the map.
         length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
             there are no cells.
         rotation: counter-clockwise [rad].

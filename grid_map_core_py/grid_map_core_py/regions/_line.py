@@ -26,7 +26,7 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
     both included: neighboring cells share a side or a corner.
 
     Args:
-        start, end: (2,) ends of the line [m]; they may lie outside the map.
+        start, end: (2,) ends of the line [m]; they may be outside the map.
 
     Raises:
         OutOfMapError: the line does not touch the map.
@@ -76,7 +76,7 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
 
 
 def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
-    """Return the two cells where the part of a line that lies on the map begins and ends.
+    """Return the first and the last cell of a line clipped to the map.
 
     Raises:
         OutOfMapError: there is no such part.
@@ -108,7 +108,7 @@ def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float,
             enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
         elif not (low <= a <= high or on_map.any()):
             return 1.0, 0.0
-    # Rounding may put an end that lies on the border outside.
+    # Rounding may put an end that is on the border outside.
     if on_map[0]:
         return 0.0, max(leaves, 0.0)
     return (min(enters, 1.0), 1.0) if on_map[1] else (enters, leaves)

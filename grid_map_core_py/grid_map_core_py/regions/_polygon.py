@@ -66,7 +66,7 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Return a circle as `n` vertices, counter-clockwise; the last one lies on the first.
+        """Return a circle as `n` vertices, counter-clockwise; the last one is on the first.
 
         Args:
             center: (2,) center [m].
@@ -162,7 +162,7 @@ class Polygon:
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
-        """Return which points lie inside, by the even-odd rule.
+        """Return a mask of the points inside, by the even-odd rule.
 
         A point on an edge on the left or below is inside, on the right or above it is outside.
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
-    """Return the cells (rows, cols) whose center lies in a polygon, row after row.
+    """Return the cells (rows, cols) whose center is in a polygon, row after row.
 
     They are those whose center `Polygon.is_inside` takes, without the cells beyond the map.
 
@@ -39,9 +39,9 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
 
 
 def _inside(x: Positions, y: Positions, vertices: Positions) -> Mask:
-    """Return which centers, x (rows,) by y (cols,), both descending, lie in a polygon.
+    """Return which centers, x (rows,) by y (cols,), both descending, are in a polygon.
 
-    An edge flips the cells of a column that lie below the x where it crosses the column.
+    An edge flips the cells of a column that are below the x where it crosses the column.
     """
     start, end, columns = _crossings(y, vertices)
     crossed = edge_x(start, end, y[columns])
@@ -58,7 +58,7 @@ def _crossings(
 ) -> tuple[Positions, Positions, npt.NDArray[np.int64]]:
     """Return for every crossing of an edge and a column the edge's two ends and the column.
 
-    As in `Polygon.is_inside`, a column crosses an edge when one end lies above it and one does not.
+    As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
     """
     below = (-y).searchsorted(-vertices[:, 1], side="right")
     before = np.arange(-1, below.size - 1)

@@ -38,7 +38,7 @@ def sliding_windows(
 
     Args:
         layer: name of the layer.
-        edge_handling: "inside" gives only cells whose window lies on the map, "crop" the part of
+        edge_handling: "inside" gives only cells whose window is on the map, "crop" the part of
             the window that does, "empty" pads the window with NaN, "mean" with the mean of its
             finite values (NaN if there is none).
         window_size: side of the window in cells, odd.
@@ -67,7 +67,7 @@ def window_array(
     *,
     window_length: float | None = None,
 ) -> Layer:
-    """Return all windows at once, in map order whatever the start index.
+    """Return all windows at once, in map order for every start index.
 
     `np.nanmedian(window_array(grid_map, "elevation", "empty", 3), axis=(2, 3))` is a filter. The
     arguments are those of `sliding_windows`, without "crop", whose windows differ in size.

@@ -35,7 +35,7 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     always comes first; the others are those of `circle_cells`.
 
     Args:
-        center: (2,) center of the disc [m]; if it lies outside the map, so does the center cell,
+        center: (2,) center of the disc [m]; if it is outside the map, so does the center cell,
             which is left out then.
         radius: [m], not negative.
 
@@ -63,7 +63,7 @@ def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
 
 
 def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
-    """Return the map cell under a position, which may lie beyond the map."""
+    """Return the map cell under a position, which may be beyond the map."""
     # In plain Python numbers: arrays of two would take longer than the spiral.
     steps = [
         (p - 0.5 * length - middle) / -geometry.resolution
@@ -74,7 +74,7 @@ def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
         return row, column
-    # Rounding may put a position that lies on the border outside.
+    # Rounding may put a position that is on the border outside.
     (i, j), inside = geometry.cells_at(position)
     if inside:
         return int(i), int(j)
@@ -113,7 +113,7 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
 
 
 def _off_center(geometry: GridGeometry, center: Positions, middle: Size) -> tuple[float, float]:
-    """Return x, y from the center of the disc to that of its cell [m]."""
+    """Return x, y from the center of the disc to the center of its cell [m]."""
     x, y = (
         position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
         for position, length, cell, origin in zip(

@@ -7,6 +7,6 @@ What takes long to import, or may not be installed, is imported by those who nee
 it.
 
 Data goes to standard output and everything else to standard error. Exit codes: 0, 1 after an error,
-2 for arguments that make no sense, 130 after an interrupt, 143 after SIGTERM, 141 if nobody reads
+2 for arguments that are invalid, 130 after an interrupt, 143 after SIGTERM, 141 if nobody reads
 the output.
 """

@@ -8,4 +8,4 @@ class CommandError(Exception):
 
 
 class UsageError(CommandError):
-    """The arguments make no sense, whatever is in the files."""
+    """The arguments are invalid, whatever is in the files."""

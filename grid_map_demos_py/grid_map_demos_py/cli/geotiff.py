@@ -27,7 +27,7 @@ from .reading import MapInfo, info_of
 
 _TAG = "GRID_MAP"
 _FRAME = "map"
-"""Of rasters that name none."""
+"""Layer name of rasters without band names."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Between the sides of a pixel, as part of them."""

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps to files of any format, which appear complete or not at all."""
+"""Maps to files of any format, which are written atomically."""
 
 import argparse
 import shutil

@@ -42,7 +42,7 @@ def filter_bag(
 ) -> int:
     """Filter the maps of a bag into a new bag, one at a time.
 
-    The new bag appears complete, or not at all. It holds the filtered maps alone, each recorded
+    The new bag is written atomically. It holds the filtered maps alone, each recorded
     when its map was.
 
     Args:

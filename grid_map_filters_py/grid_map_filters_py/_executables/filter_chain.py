@@ -45,7 +45,7 @@ NODE_NAME = "grid_map_filters"
 
 @dataclass
 class Statistics:
-    """What a node has done so far."""
+    """Counters of a node."""
 
     maps_in: int = 0
     maps_out: int = 0
@@ -141,7 +141,7 @@ class FilterChainNode(Node):
         return SetParametersResult(successful=True)
 
     def _replace_chain(self, _changes: list[Parameter]) -> None:
-        """Take the chain that was built; nobody else has refused the changes."""
+        """Use the new chain after all callbacks have accepted the change."""
         if self._next_chain is not None:
             self._chain, self._next_chain = self._next_chain, None
             self._statistics.times = StepTimes()

@@ -48,13 +48,13 @@ def _byte(channel: Value) -> Value:
 
 @helper
 def or_none(color: Value, exists: Value) -> Value:
-    """Return the bits of a color where there is one, else those of NaN."""
+    """Return the bits of a color, or of NaN where there is none."""
     return choose(exists, color, NO_COLOR)
 
 
 @helper
 def is_none(color: Value) -> Value:
-    """Return True where the bits of a color are those of a NaN."""
+    """Return a mask of the colors whose bits are a NaN."""
     return color & _MAGNITUDE > _INFINITY
 
 

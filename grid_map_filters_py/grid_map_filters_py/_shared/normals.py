@@ -74,7 +74,7 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     """Return the normals of least-squares planes through the points in a disc around each cell.
 
     The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
-    fewer than three points are finite, or they lie on a line, it is the z axis.
+    fewer than three points are finite, or they are on a line, it is the z axis.
 
     Args:
         layer: (rows, cols) heights [m] in map order; not finite where unknown.

@@ -22,7 +22,7 @@ class Inpaint:
     """Fill the cells of a layer that are not finite from their surroundings.
 
     This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV. Finite
-    cells keep their bits. A layer without finite cells stays as it is. Missing cells that touch,
+    cells keep their bits. A layer without finite cells stays unchanged. Missing cells that touch,
     also at a corner, belong to one hole.
 
     Attributes:

@@ -54,7 +54,7 @@ class Algebra(Protocol[V]):
         """Return (rows, columns); a number is 1 x 1."""
 
     def elementwise(self, function: Callable[..., Any], *values: V) -> V:
-        """Apply `function` to equal shapes, repeating what is 1 x 1."""
+        """Apply `function` to equal shapes; 1 x 1 matrices are repeated."""
 
     def fold(self, value: V, axis: int | None, *folds: Fold) -> list[V]:
         """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""

@@ -91,7 +91,7 @@ class Matrices:
 
 
 def as_matrix(value: Plain) -> NDArray[np.float32]:
-    """Return a number as a 1 x 1 matrix, a matrix as it is."""
+    """Return a number as a 1 x 1 matrix, and a matrix unchanged."""
     return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
 
 

@@ -194,7 +194,7 @@ class PaddedWindow(WindowMatrix):
         return cls(window, np.divide(total, count), corner, shape)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the part, and the padding as often as it stands in the whole."""
+        """Fold the part, and the padding as often as it occurs in the whole."""
         count = math.prod(self.shape) - math.prod(self.window.shape)
         return [
             fold.combine(inside, _REPEATED[fold.combine](fold.map(self.padding), count))

@@ -232,7 +232,7 @@ def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
 
 
 def main() -> int:
-    """Run the node until it is told to stop; return the exit code."""
+    """Run the node until an interrupt or a shutdown; return the exit code."""
     return run(PointCloudToGridMapNode)
 
 

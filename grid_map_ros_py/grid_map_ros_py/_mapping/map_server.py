@@ -55,7 +55,7 @@ class MapServer:
         """Return the cells of the map that a rectangle overlaps.
 
         Args:
-            frame_id: frame of the position; empty means that of the map.
+            frame_id: frame of the position; empty means the frame of the map.
             position: center of the rectangle [m].
             length: side lengths of the rectangle along x and y [m]; zeros mean the whole map.
             layers: names of the layers; an empty sequence means all.
@@ -117,7 +117,7 @@ class MapServer:
 
 
 def path_inside(directory: Path, path: str) -> Path:
-    """Return the resolved path if it and the files in it lie below a directory.
+    """Return the resolved path if it and the files in it are below a directory.
 
     Args:
         directory: the directory.

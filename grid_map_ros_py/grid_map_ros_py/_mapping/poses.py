@@ -29,7 +29,7 @@ class Placement:
     """Pose of a cloud and position of the robot.
 
     Attributes:
-        transform: from the frame of the cloud to that of the map.
+        transform: from the frame of the cloud to the frame of the map.
         centre: (2,) x, y of the robot [m], map frame; None if unknown.
     """
 
@@ -42,7 +42,7 @@ class Poses(Protocol):
 
     @property
     def waits_for(self) -> str:
-        """Description of what is missing when `place` returns None."""
+        """Name of the missing pose or transform when `place` returns None."""
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
         """Return the placement of a cloud of that frame and time [ns], or None if not known yet.
@@ -75,7 +75,7 @@ class PoseHistory:
 
     Args:
         map_frame: frame of the poses.
-        sensor: transform from the frame of the clouds to that of the robot.
+        sensor: transform from the frame of the clouds to the frame of the robot.
         limit: maximum number of poses that are kept.
     """
 

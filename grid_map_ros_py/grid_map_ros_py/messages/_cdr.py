@@ -111,7 +111,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
         message_type: class of the message; "grid_map_msgs/GridMap" needs no message package.
 
     Raises:
-        MessageError: the bytes end too early, a length or a text makes no sense, the encoding is
+        MessageError: the bytes end too early, a length or a text is invalid, the encoding is
             not plain CDR, or the type of a field is not supported (wstring). The error names the
             field.
     """

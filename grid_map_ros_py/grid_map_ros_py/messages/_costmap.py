@@ -86,11 +86,11 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
     Args:
         costmap: a `nav2_msgs/Costmap`, or a `PyCostmap2D` of nav2_simple_commander.
         layer: name of the layer.
-        codec: turns costs into values; the default leaves them as they are, but for NaN where they
+        codec: turns costs into values; the default leaves them unchanged, except for NaN where they
             are unknown.
 
     Raises:
-        MessageError: size, resolution, origin or the number of costs of the message make no sense,
+        MessageError: size, resolution, origin or the number of costs of the message are invalid,
             or it is rotated.
         GeometryError: size or resolution of the `PyCostmap2D` is invalid.
         GridMapError: the layer has no name.

@@ -34,7 +34,7 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     The message holds one Python object per cell, about a microsecond each: to publish a large map,
     `to_serialized_grid_cells` is faster.
 
-    Args and errors are those of `centres_between`.
+    Arguments and errors: see `centres_between`.
     """
     message = _without_cells(grid_map)
     centres = centres_between(grid_map, layer, lower, upper).tolist()
@@ -65,7 +65,7 @@ def from_grid_cells(
             written like its float32.
         geometry: the grid of the map, such as `grid_map.geometry`; cells beside it are left out.
             None takes the smallest one that covers all cells. They are the cells of that map if
-            their centres lie on one lattice, as those of `to_grid_cells` do.
+            their centres are on one lattice, as those of `to_grid_cells` do.
 
     Raises:
         MessageError: width and height of the cells are not the resolution or not positive, a cell

@@ -105,8 +105,8 @@ def from_message(
             as a map does: column-major, and not to be unwrapped.
 
     Raises:
-        MessageError: a field of the message contradicts another or makes no sense; the error names
-            the field, what it must hold and what it holds.
+        MessageError: a field of the message contradicts another or is invalid; the error names
+            the field, the expected and the actual value.
         LayerNotFoundError: `layers` names one that the message lacks.
     """
     geometry = from_info(message.info)

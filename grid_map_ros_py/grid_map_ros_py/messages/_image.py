@@ -4,7 +4,7 @@
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
 is +x, left is +y. How values become grey values and back, and what becomes of NaN, is written at
-`grid_map_core_py.conversions`; here is how pixels lie in messages.
+`grid_map_core_py.conversions`; here is how pixels are in messages.
 
 Encodings are mono8 and mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, and OpenCV's
 names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colours
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a pixel is stored.
+    """Storage format of a pixel.
 
     Attributes:
         dtype: dtype of a channel, little-endian.
@@ -94,7 +94,7 @@ def to_image(
     Raises:
         LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown.
-        GeometryError: the bounds make no sense.
+        GeometryError: the bounds are invalid.
     """
     kind = encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
@@ -148,8 +148,8 @@ def from_image(
         alpha_threshold: pixels with less than this share of full alpha are NaN.
 
     Raises:
-        MessageError: a field of the message contradicts another or makes no sense.
-        GeometryError: the bounds, the resolution or the position make no sense.
+        MessageError: a field of the message contradicts another or is invalid.
+        GeometryError: the bounds, the resolution or the position are invalid.
     """
     image, order = to_pixels(message)
     return pixels.from_image(
@@ -183,7 +183,7 @@ def add_layer_from_image(
 
     Raises:
         MessageError: the image is not of the size of the map, or as in `from_image`.
-        GeometryError: the bounds make no sense.
+        GeometryError: the bounds are invalid.
     """
     image, order = _sized_pixels(grid_map, message)
     pixels.add_layer_from_image(

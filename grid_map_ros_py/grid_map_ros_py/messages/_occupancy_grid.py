@@ -74,7 +74,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
         layer: name of the layer.
 
     Raises:
-        MessageError: size, resolution, origin or the number of values make no sense, or the grid is
+        MessageError: size, resolution, origin or the number of values are invalid, or the grid is
             rotated.
         GridMapError: the layer has no name.
     """

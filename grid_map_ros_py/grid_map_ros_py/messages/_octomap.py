@@ -61,15 +61,15 @@ def from_octomap(
         message: the tree, binary or full, of the class OcTree, OcTreeStamped or ColorOcTree.
         layer: name of the layer.
         resolution: side of a cell [m], at least the side of a voxel; a cell has the height of the
-            highest column whose center lies in it. None means the side of a voxel.
-        min_bound, max_bound: (3,) x, y, z [m]; voxels whose center lies between them count. NaN
+            highest column whose center is in it. None means the side of a voxel.
+        min_bound, max_bound: (3,) x, y, z [m]; voxels whose center is between them count. NaN
             means no bound.
 
     Raises:
         MessageError: the message or the tree in it contradicts itself, there is no voxel within the
             bounds, the tree has no leaf to take the extent from, or the extent takes too many
             cells.
-        GeometryError: the resolution makes no sense.
+        GeometryError: the resolution is invalid.
         GridMapError: the layer has no name.
     """
     timestamp = from_stamp(message.header.stamp)

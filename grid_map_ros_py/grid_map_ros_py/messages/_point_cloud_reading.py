@@ -74,10 +74,10 @@ def from_point_cloud(
         min_height, max_height: points below or above are left out [m].
 
     Raises:
-        MessageError: a field of the message contradicts another or makes no sense, the cloud lacks
+        MessageError: a field of the message contradicts another or is invalid, the cloud lacks
             a field, or it is in another frame than the map `onto`.
         ConfigError: a reduction is unknown, or the grid is given twice or not at all.
-        GeometryError: resolution, length or position make no sense.
+        GeometryError: resolution, length or position are invalid.
         GridMapError: a layer would be made twice, or there are no points to take an extent from.
     """
     frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
@@ -127,8 +127,8 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
         point; a count of 0 stands for 1. NaN as the cloud has it.
 
     Raises:
-        MessageError: a field of the message contradicts another or makes no sense; the error names
-            it, what it must hold and what it holds.
+        MessageError: a field of the message contradicts another or is invalid; the error names
+            it, the expected and the actual value.
     """
     check_layout(message)
     return {field.name: _column(message, field) for field in message.fields}

@@ -93,7 +93,7 @@ def to_line_marker(
 
     Raises:
         MessageError: the timestamp does not fit the message, or the height or the width of the line
-            makes no sense.
+            is invalid.
         GeometryError: the color does not have four components from 0 to 1.
     """
     marker = _marker(frame_id, timestamp)

@@ -85,7 +85,7 @@ class ReceivedMap:
     """A serialized map message that decodes only the requested layers.
 
     All but `data` raises MessageError if the bytes are no map message, or if what is asked for
-    makes no sense.
+    is invalid.
 
     Args:
         data: the message in CDR.

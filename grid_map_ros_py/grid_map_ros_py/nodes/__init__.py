@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts of ROS nodes: map subscriptions, quality of service, parameters, process life, logs.
 
-A complete node, which hears every publisher of maps and publishes what it makes of them:
+A complete node, which hears every reliable publisher of maps and publishes scaled maps:
 
     from rclpy.node import Node
     from grid_map_msgs.msg import GridMap as GridMapMessage

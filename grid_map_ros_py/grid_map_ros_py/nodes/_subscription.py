@@ -111,7 +111,7 @@ class MapSubscription(LatchedSubscription):
         node: the node that subscribes.
         topic: name of a topic of `grid_map_msgs/GridMap`.
         callback: gets every map.
-        qos: quality of service, for subscriptions that do not change; None means what is said at
+        qos: quality of service, for subscriptions that do not change; None means as in
             `LatchedSubscription`.
     """
 

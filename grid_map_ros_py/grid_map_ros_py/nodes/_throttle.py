@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 
 class LogThrottle:
-    """Tells which texts to log: a new one at once, the same one again only after a while.
+    """Selects the texts to log: a new one at once, the same one again only after a while.
 
     Texts may hold values that differ every time, so different ones have a limit, too.
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Print what a node reads of its parameters, then what is declared, and spin."""
+"""Print the parameters that a node reads, then what is declared, and spin."""
 
 import json
 import sys

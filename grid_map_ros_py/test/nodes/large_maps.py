@@ -23,7 +23,7 @@ QOS.depth = COUNT
 
 
 class Sender(Node):
-    """Sends all maps at once, as soon as somebody listens."""
+    """Sends all maps at once, when it has a subscriber."""
 
     def __init__(self) -> None:
         super().__init__("sender")

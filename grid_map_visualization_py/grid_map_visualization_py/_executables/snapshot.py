@@ -103,7 +103,7 @@ def write(grid_map: GridMap, options: argparse.Namespace) -> None:
     """Write the picture and tell where.
 
     Raises:
-        GridMapError: the map lacks a layer, or an option makes no sense.
+        GridMapError: the map lacks a layer, or an option is invalid.
         OSError: the file cannot be written.
     """
     # Matplotlib takes its time, which nobody has to wait for in vain.

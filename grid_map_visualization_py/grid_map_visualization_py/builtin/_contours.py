@@ -31,10 +31,10 @@ class ContoursVisualization:
 
     Attributes:
         layer: the layer, usually heights [m].
-        interval: difference between the values of neighboring lines, which lie at its multiples.
+        interval: difference between the values of neighboring lines, which are at its multiples.
         levels: values of the lines, in any order; replaces `interval`.
         flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
-            lies at the height of its value.
+            is at the height of its value.
         line_width: width of the lines [m].
         color: 0xRRGGBB.
 

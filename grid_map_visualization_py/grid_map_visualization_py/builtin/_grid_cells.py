@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells whose value lies between two thresholds."""
+"""Cells whose value is between two thresholds."""
 
 import math
 from dataclasses import dataclass
