@@ -334,7 +334,7 @@ class TestAddDataFrom:
         assert terrain.start_index == (3, 2)
 
     @pytest.mark.parametrize("other", [None, {"elevation": 1.0}, np.zeros((2, 2))])
-    def test_what_is_no_map_is_refused(self, terrain, other):
+    def test_object_other_than_a_map_is_refused(self, terrain, other):
         with pytest.raises(GridMapError, match="other: expected a map"):
             terrain.add_data_from(other, extend_map=False, overwrite_data=True)
         with pytest.raises(GridMapError, match="other: expected a map"):

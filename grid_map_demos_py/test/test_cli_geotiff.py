@@ -135,7 +135,7 @@ def refusal(capsys, *words: str) -> str:
     return error
 
 
-def test_what_is_no_map_is_refused(rasterio, capsys):
+def test_object_other_than_a_map_is_refused(rasterio, capsys):
     turned = rasterio.Affine(2.0, 0.5, 0.0, 0.5, -2.0, 0.0)
     oblong = rasterio.Affine(2.0, 0.0, 0.0, 0.0, -1.0, 0.0)
     for transform in (turned, oblong):

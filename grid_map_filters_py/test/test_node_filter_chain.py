@@ -527,7 +527,7 @@ def test_maps_of_a_volatile_publisher_are_filtered_too(parameters, other_side):
 def test_a_publisher_that_is_not_reliable_is_named(parameters, other_side):
     with running_node(MODULE, *parameters()) as node:
         other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
-        text = "a publisher of /grid_map is not heard: its quality of service does not fit in"
+        text = "no messages from a publisher of /grid_map: incompatible quality of service"
         wait_until(lambda: text in node.text, "the warning")
 
 

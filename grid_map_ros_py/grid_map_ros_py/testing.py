@@ -30,8 +30,6 @@ from rclpy.utilities import try_shutdown
 from .nodes._qos import map_qos
 
 __all__ = [
-    "DOMAINS",
-    "LOCK_PORTS",
     "TIMEOUT",
     "Peer",
     "Process",
@@ -57,18 +55,17 @@ TIMEOUT = 30.0
 
 @cache
 def reserved_domain() -> tuple[int, socket.socket]:
-    """Return the ROS domain that this process has for itself, and the lock that it holds on it."""
+    """Return the ROS domain that this process has reserved for its tests, and its lock."""
     return reserve_domain()
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
     """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
 
-    The lock is a port, as ROS's own test tools use it to keep out of each other's domains; it falls
-    when the process ends.
+    The lock is a TCP port, as in ROS's own test tools; it is released when the process ends.
     """
     for k in range(DOMAINS):
-        # Processes that end leave their domain in peace for a while.
+        # The number depends on the process, so that a domain is not used again at once.
         domain = 1 + (os.getpid() + k) % DOMAINS
         lock = socket.socket()
         try:
@@ -85,7 +82,7 @@ def environment(domain: int | None = None) -> dict[str, str]:
     """Return an environment for processes that see only each other.
 
     Args:
-        domain: one of `reserve_domain`; None means the domain of all tests of this process.
+        domain: a ROS domain; None means `reserved_domain`.
     """
     return {
         **os.environ,
@@ -123,7 +120,7 @@ class Process:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            # Interrupts meant for the tests are not meant for the process.
+            # Keep Ctrl-C for the tests away from the process.
             start_new_session=True,
             env={**environment(), **(overrides or {})},
         )
@@ -137,7 +134,7 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Id of the process, and of the process group that it leads."""
+        """Id of the process and of its process group."""
         return self._popen.pid
 
     @property
@@ -146,17 +143,17 @@ class Process:
         return self._popen.poll() is None
 
     def send(self, number: signal.Signals) -> None:
-        """Send a signal to the process alone."""
+        """Send a signal to the process, not to its children."""
         self._popen.send_signal(number)
 
     def wait(self, timeout: float = TIMEOUT) -> int:
-        """Wait for its end and return the exit code."""
+        """Wait until the process ends and return its exit code."""
         code = self._popen.wait(timeout)
         self._reader.join(timeout)
         return code
 
     def kill(self) -> None:
-        """End the process and its children at once, if they still run."""
+        """Kill the process and its children if they still run."""
         if self.is_running:
             os.killpg(self.pid, signal.SIGKILL)
         self.wait()
@@ -174,13 +171,17 @@ def start_node(module: str, *arguments: str) -> Process:
 
 
 def running_node(module: str, *arguments: str) -> AbstractContextManager[Process]:
-    """Run `python -m module arguments` as `running` does."""
+    """Run `python -m module arguments` as a context manager; see `running`."""
     return running(start_node(module, *arguments))
 
 
 @contextmanager
 def running(process: Process) -> Iterator[Process]:
-    """Let a node run; an interrupt must end it with exit code 0 and without a traceback."""
+    """Run a node as a context manager.
+
+    At the end the node must still run, and an interrupt must end it with exit code 0 and without a
+    traceback.
+    """
     try:
         yield process
         assert process.is_running, process.text
@@ -192,11 +193,11 @@ def running(process: Process) -> Iterator[Process]:
 
 
 class Peer:
-    """A plain rclpy node that publishes to and listens to the processes under test.
+    """An rclpy node that publishes to and subscribes to the processes under test.
 
     Attributes:
         node: the node.
-        received: messages by topic, in the order in which they came.
+        received: received messages by topic.
     """
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
@@ -208,12 +209,12 @@ class Peer:
     def listen(
         self, topic: str, message_type: type, qos: QoSProfile | int | None = None
     ) -> Subscription:
-        """Collect the messages of a topic; without `qos` with the profile of maps (latched)."""
+        """Collect the messages of a topic in `received`; `qos` None means `map_qos()`."""
         messages = self.received.setdefault(topic, [])
         return self.node.create_subscription(message_type, topic, messages.append, qos or map_qos())
 
     def publish(self, topic: str, message: Any, qos: QoSProfile | int | None = None) -> None:
-        """Publish a message when the topic has a subscriber; without `qos` latched as a map."""
+        """Publish a message when the topic has a subscriber; `qos` None means `map_qos()`."""
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(
                 type(message), topic, qos or map_qos()
@@ -223,11 +224,11 @@ class Peer:
         publisher.publish(message)
 
     def wait_until(self, condition: Callable[[], object], what: str) -> None:
-        """Spin until the condition holds; fail after a while, naming what was awaited."""
+        """Spin until the condition holds; fail with `what` after `TIMEOUT` seconds."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
     def expect(self, topic: str, count: int = 1) -> Any:
-        """Wait until a topic has brought `count` messages; return the last one."""
+        """Wait until a topic has received `count` messages; return the last one."""
         messages = self.received[topic]
         self.wait_until(lambda: len(messages) >= count, f"message {count} on {topic}")
         return messages[-1]
@@ -235,7 +236,7 @@ class Peer:
 
 @contextmanager
 def peer(domain: int | None = None) -> Iterator[Peer]:
-    """Make a `Peer`, with a context of its own, for the processes of the same `environment`."""
+    """Make a `Peer` for the processes of the same `environment`, as a context manager."""
     context = Context()
     with patch.dict(os.environ, environment(domain)):
         rclpy.init(context=context)

@@ -117,7 +117,7 @@ def test_only_the_wanted_layers_are_read_and_written(bag, tmp_path):
         load_from_bag(bag, layers=["slope"])
 
 
-def test_the_topic_may_be_left_out_where_one_is_of_maps(bag, tmp_path):
+def test_topic_defaults_to_the_only_topic_with_maps(bag, tmp_path):
     assert number_of(load_from_bag(bag)) == 3
     with BagWriter(tmp_path / "two") as writer:
         writer.write("/a", numbered_map(1))
@@ -127,7 +127,7 @@ def test_the_topic_may_be_left_out_where_one_is_of_maps(bag, tmp_path):
     assert number_of(load_from_bag(tmp_path / "two", "/a")) == 1
 
 
-def test_a_reader_is_a_sequence_of_records_that_are_not_decoded(bag):
+def test_reader_is_a_sequence_of_undecoded_records(bag):
     with BagReader(bag) as reader:
         assert len(reader) == 3
         assert [record.time for record in reader] == [SECOND, 2 * SECOND, 3 * SECOND]
@@ -136,7 +136,7 @@ def test_a_reader_is_a_sequence_of_records_that_are_not_decoded(bag):
         assert reader.topic == TOPIC
 
 
-def test_the_topics_of_a_bag_are_told_with_their_counts_and_times(bag):
+def test_bag_topics_have_counts_and_times(bag):
     assert bag_topics(bag) == [BagTopic(TOPIC, GRID_MAP_TYPE, 3, SECOND, 3 * SECOND)]
     recording = DATA / "cpp_move_sqlite"
     grids, maps = sorted(bag_topics(recording), key=lambda topic: topic.count)
@@ -178,7 +178,7 @@ def test_a_single_file_of_a_bag_is_read_too(bag):
 # --- what is refused ------------------------------------------------------------------------------
 
 
-def test_wrong_topics_and_types_are_refused_with_a_list_of_the_topics():
+def test_wrong_topic_is_refused_with_a_list_of_topics():
     listed = r"topics: /grid_map \(grid_map_msgs/msg/GridMap\), /occupancy_grid \(nav_msgs/msg"
     with pytest.raises(BagError, match=rf"no topic '/map'; {listed}"):
         load_from_bag(DATA / "cpp_move_mcap", "/map")
@@ -214,12 +214,12 @@ def test_nothing_to_write_is_an_error_and_leaves_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("topic", ["", "/", "a b", "/grid map", "/1a", "/a//b", "/a/", "/größe"])
-def test_what_is_no_name_of_a_topic_is_refused(tmp_path, topic):
+def test_invalid_topic_name_is_refused(tmp_path, topic):
     with pytest.raises(BagError, match="expected the name of a topic"):
         save_to_bag(numbered_map(1), tmp_path / "bag", topic)
 
 
-def test_what_is_no_map_is_refused(tmp_path):
+def test_object_other_than_a_map_is_refused(tmp_path):
     with pytest.raises(BagError, match="expected a GridMap to write, got str"):
         save_to_bag("no map", tmp_path / "bag", TOPIC)
     assert list(tmp_path.iterdir()) == []
@@ -268,13 +268,13 @@ def test_whatever_is_no_bag_is_never_replaced(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_a_bag_with_files_of_others_in_its_folder_is_not_replaced(bag):
+def test_bag_with_foreign_files_is_not_replaced(bag):
     (bag / "notes.yaml").write_text("precious")
     with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.yaml"):
         save_to_bag(numbered_map(1), bag, TOPIC)
 
 
-def test_what_cannot_be_a_path_is_one_error():
+def test_invalid_path_is_one_error():
     with pytest.raises(BagError, match="cannot be read: embedded null byte"):
         load_from_bag("a\0b")
 
@@ -408,7 +408,7 @@ def test_the_definition_is_that_of_the_recordings_but_for_comments():
     assert parts(DEFINITION) == parts(recorded_one.data.decode())
 
 
-def test_the_type_hash_is_what_an_independent_reader_computes_from_the_definition():
+def test_type_hash_equals_the_one_rosbags_computes():
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(DEFINITION, GRID_MAP_TYPE))
     assert store.hash_rihs01(GRID_MAP_TYPE) == TYPE_HASH
@@ -437,7 +437,7 @@ def test_maps_that_cpp_recorded_are_those_that_rclpy_reads(path, recording, topi
 
 
 @pytest.mark.parametrize("name", RECORDED_MOVES)
-def test_a_bag_that_cpp_recorded_is_complete_and_in_time_order(name):
+def test_cpp_recording_is_complete_and_in_time_order(name):
     metadata = yaml.safe_load((DATA / name / "metadata.yaml").read_text())
     counts = {
         topic["topic_metadata"]["name"]: topic["message_count"]
@@ -494,7 +494,7 @@ def test_rosbags_reads_new_bags(tmp_path, options):
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_what_rosbags_writes_is_read_here(tmp_path, storage):
+def test_bags_of_rosbags_are_read(tmp_path, storage):
     write_bag(tmp_path / "bag", [2, 1, 3], storage)
     assert [number_of(grid_map) for grid_map in bag_maps(tmp_path / "bag", TOPIC)] == [1, 2, 3]
 
@@ -528,7 +528,7 @@ def test_files_without_a_complete_index_are_read_by_scanning(tmp_path, options):
 
 
 @pytest.mark.parametrize("old", [False, True])
-def test_the_files_of_a_split_bag_are_read_in_time_order(tmp_path, old):
+def test_split_bag_is_read_in_time_order(tmp_path, old):
     folder = tmp_path / "bag"
     folder.mkdir()
     names = ["bag_0.mcap", "bag_1.mcap"]
@@ -547,7 +547,7 @@ def test_the_files_of_a_split_bag_are_read_in_time_order(tmp_path, old):
         load_from_bag(folder)
 
 
-def test_messages_that_a_killed_recorder_left_in_its_log_are_read(tmp_path):
+def test_messages_in_log_of_killed_recorder_are_read(tmp_path):
     names = ["recording.db3", "recording.db3-wal"]
     (tmp_path / "copy").mkdir()
     with closing(sqlite3.connect(tmp_path / names[0])) as database:
@@ -563,7 +563,7 @@ def test_messages_that_a_killed_recorder_left_in_its_log_are_read(tmp_path):
     assert number_of(load_from_bag(tmp_path / "copy" / names[0])) == 6
 
 
-def test_a_bag_in_a_folder_that_cannot_be_written_to_is_read(tmp_path):
+def test_bag_in_read_only_folder_is_read(tmp_path):
     shutil.copytree(DATA / "cpp_move_sqlite", tmp_path / "bag")
     for path in (*(tmp_path / "bag").iterdir(), tmp_path / "bag"):
         path.chmod(0o555 if path.is_dir() else 0o444)

@@ -50,7 +50,7 @@ def test_a_file_that_is_cut_off_is_refused(name, path):
 
 
 @pytest.mark.parametrize("name", ["mcap", "zstd"])
-def test_a_file_that_is_cut_off_says_so_and_what_helps(name, path):
+def test_error_of_truncated_file_names_the_remedy(name, path):
     path.write_bytes(FILES[name].read_bytes()[:-100])
     with pytest.raises(BagError, match=r"is cut off: the recording was interrupted.*mcap recover"):
         load_from_bag(path, TOPIC)
@@ -125,7 +125,7 @@ def test_a_wrong_checksum_is_found(path):
 
 
 @pytest.mark.parametrize("length", [2**31, 2**63, 2**64 - 1])
-def test_a_record_that_claims_more_than_the_file_has_is_refused(path, length):
+def test_record_longer_than_the_file_is_refused(path, length):
     data = bytearray(write_mcap(path, [1], use_chunking=False).read_bytes())
     data[9:17] = struct.pack("<Q", length)
     data[-28:-20] = bytes(8)  # no summary: the file is scanned
@@ -133,7 +133,7 @@ def test_a_record_that_claims_more_than_the_file_has_is_refused(path, length):
     assert_refused_without_memory(path, "are missing")
 
 
-def test_a_message_that_is_no_map_names_its_file_and_number(path):
+def test_invalid_message_names_its_file_and_number(path):
     data = write_mcap(path, [1, 2], use_chunking=False, enable_crcs=False).read_bytes()
     path.write_bytes(data.replace(b"\x04\x00\x00\x00map\x00", b"\xff\xff\xff\x7fmap\x00"))
     with BagReader(path) as reader:

@@ -64,7 +64,7 @@ def test_killed_save_leaves_old_or_new_bag(tmp_path, monkeypatch, can_exchange, 
     assert len(found) > 15
 
 
-def test_a_process_that_is_killed_at_any_time_leaves_a_complete_bag(tmp_path):
+def test_process_killed_at_any_time_leaves_complete_bag(tmp_path):
     path = tmp_path / "bag"
     save_to_bag(numbered_map(0), path, TOPIC)
     for _ in range(2):
@@ -82,7 +82,7 @@ def test_a_process_that_is_killed_at_any_time_leaves_a_complete_bag(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
-def test_an_error_between_two_maps_passes_through_and_leaves_the_old_bag(tmp_path):
+def test_error_of_caller_leaves_the_old_bag(tmp_path):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
 
     def maps():
@@ -95,7 +95,7 @@ def test_an_error_between_two_maps_passes_through_and_leaves_the_old_bag(tmp_pat
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
-def test_a_file_that_may_not_grow_is_one_error_and_leaves_the_old_bag(tmp_path):
+def test_file_size_limit_is_one_error_and_leaves_old_bag(tmp_path):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
     # Chunks that pack well, so that the buffer of the file holds some when there is no more room.
     maps = itertools.repeat(GridMap((45, 45), 0.1, layers={"a": 1.0}))
@@ -105,7 +105,7 @@ def test_a_file_that_may_not_grow_is_one_error_and_leaves_the_old_bag(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
-def test_a_full_disk_is_one_error_and_leaves_the_old_bag(tmp_path, monkeypatch):
+def test_full_disk_is_one_error_and_leaves_old_bag(tmp_path, monkeypatch):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
 
     def fail(_: int) -> None:

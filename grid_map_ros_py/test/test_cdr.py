@@ -261,7 +261,7 @@ def test_other_encodings_are_refused_by_name(header, found):
         (lambda raw: raw[:-1], "points[1]: expected 24 bytes more, found 23"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named_with_its_place(spoil, text):
+def test_errors_name_the_field(spoil, text):
     raw = serialize(PLACES)
     with pytest.raises(MessageError) as error:
         view(spoil(raw), Places)

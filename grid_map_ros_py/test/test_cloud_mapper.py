@@ -115,7 +115,7 @@ def test_no_more_clouds_wait_than_the_queue_holds(reports: list[str], clock: Han
     assert made.statistics.fused == 2
 
 
-def test_a_cloud_that_waits_does_not_hold_up_those_of_other_frames(reports: list[str]) -> None:
+def test_waiting_cloud_does_not_delay_other_frames(reports: list[str]) -> None:
     class OnlyLidar(NoPoses):
         def place(self, frame_id: str, stamp: int) -> Placement | None:
             return super().place("odom", stamp) if frame_id == "lidar" else None
@@ -126,7 +126,7 @@ def test_a_cloud_that_waits_does_not_hold_up_those_of_other_frames(reports: list
     assert (made.statistics.fused, reports) == (1, [])
 
 
-def test_a_cloud_that_is_too_old_does_not_hold_up_the_next(reports: list[str]) -> None:
+def test_outdated_cloud_does_not_delay_the_next(reports: list[str]) -> None:
     made = mapper(history(pose(5), pose(6)), reports)
     assert not made.add(cloud(1))
     assert made.add(cloud(5.5))

@@ -67,7 +67,7 @@ def test_costmaps_equal_those_of_cpp() -> None:
         assert message.metadata.update_time == message.header.stamp
 
 
-def test_a_range_without_extent_is_refused_where_cpp_divides_by_zero() -> None:
+def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
     refused = [(m, case) for m, case in TO_COSTMAP if case["data_min"] == case["data_max"]]
     assert len(refused) == 4
     for grid_map, case in refused:
@@ -91,7 +91,7 @@ def test_maps_equal_those_of_cpp(read: Any) -> None:
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(grid_maps())
-def test_a_costmap_begins_at_the_smallest_x_and_y_and_nan_is_unknown(grid_map: GridMap) -> None:
+def test_costmap_begins_at_smallest_x_and_y(grid_map: GridMap) -> None:
     message = to_costmap(grid_map, "elevation", 300.0, -200.0)
     rows, columns = message.metadata.size_x, message.metadata.size_y
     assert (rows, columns) == grid_map.size
@@ -153,7 +153,7 @@ def test_the_century_of_costmap_2d_has_minus_one_for_unknown() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, math.inf])
-def test_what_is_not_finite_is_never_free_unless_it_is_beyond_the_bound(value: float) -> None:
+def test_values_that_are_not_finite_are_never_free_by_accident(value: float) -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"e": value})
     expected = {math.inf: 254, -math.inf: 0}.get(value, 255)
     assert to_costmap(grid_map, "e", 0.0, 1.0).data.tolist() == [expected]

@@ -45,7 +45,7 @@ def test_one_layer_without_basic_layers_is_read_as_by_cpp() -> None:
         assert received.basic_layers == ()
 
 
-def test_a_range_without_extent_is_refused_where_cpp_divides_by_zero() -> None:
+def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
     refused = [c for c in cases("to_occupancy_grid") if c[1]["data_min"] == c[1]["data_max"]]
     assert len(refused) == 4
     for grid_map, case in refused:
@@ -53,7 +53,7 @@ def test_a_range_without_extent_is_refused_where_cpp_divides_by_zero() -> None:
             to_occupancy_grid(grid_map, case["layer"], case["data_min"], case["data_max"])
 
 
-def test_basic_layers_that_are_not_sent_are_left_out_where_cpp_names_them() -> None:
+def test_basic_layers_are_only_those_sent_unlike_cpp() -> None:
     compared = cases("to_message_layers_full")
     assert len(compared) == 4
     for grid_map, case in compared:

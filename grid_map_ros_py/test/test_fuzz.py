@@ -12,7 +12,7 @@ CHECKED = {"MCAP", "npz", "map.yaml", "PNG"}
 
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_damaged_input_is_read_or_refused_with_an_error_of_ours(target):
+def test_damaged_input_is_read_or_raises_grid_map_error(target):
     counts = fuzz.fuzz(target, SECONDS, seed=1)
     assert counts["refused"] > 5
     assert counts["read"] > 0 or target.name in CHECKED

@@ -101,7 +101,7 @@ def cells_message(*points: tuple[float, float], side: float = 0.1) -> GridCells:
 
 @settings(max_examples=60)
 @given(grid_maps())
-def test_the_cells_of_a_map_are_covered_on_its_grid_and_no_others(grid_map: GridMap) -> None:
+def test_cells_are_covered_on_the_grid_of_their_map(grid_map: GridMap) -> None:
     message = to_grid_cells(grid_map, "elevation", -200.0, 300.0)
     received = from_grid_cells(message, "covered", geometry=grid_map.geometry)
     values = grid_map.unwrapped("elevation")
@@ -113,7 +113,7 @@ def test_the_cells_of_a_map_are_covered_on_its_grid_and_no_others(grid_map: Grid
 
 @settings(max_examples=60)
 @given(grid_maps())
-def test_without_a_grid_the_cells_are_those_of_the_map_that_sent_them(grid_map: GridMap) -> None:
+def test_default_geometry_has_the_cells_of_the_sender(grid_map: GridMap) -> None:
     message = to_grid_cells(grid_map, "elevation", -200.0, 300.0)
     if not message.cells:
         with pytest.raises(MessageError, match="cells: expected a cell, or a geometry for the map"):
@@ -127,7 +127,7 @@ def test_without_a_grid_the_cells_are_those_of_the_map_that_sent_them(grid_map: 
     assert covered.any(axis=0)[[0, -1]].all()
 
 
-def test_the_resolution_is_that_of_the_sender_though_the_message_holds_a_float32() -> None:
+def test_resolution_of_sender_survives_float32() -> None:
     sent = deserialize_message(serialize_message(cells_message((1.05, 2.05))), GridCells)
     received = from_grid_cells(sent, "covered")
     assert received.resolution == 0.1

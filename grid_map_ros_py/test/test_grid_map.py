@@ -87,7 +87,7 @@ def test_row_major_layers_are_read_like_column_major_ones(unwrap: bool) -> None:
     assert received["elevation"].flags.f_contiguous
 
 
-def test_layers_are_sent_in_the_order_in_which_they_are_named() -> None:
+def test_layers_are_sent_in_requested_order() -> None:
     message = to_message(sample_map(), ["variance", "elevation"])
     assert message.layers == ["variance", "elevation"]
     assert message.data[1].data.tolist() == sample_map()["elevation"].ravel("F").tolist()
@@ -116,7 +116,7 @@ def test_a_single_name_is_one_layer() -> None:
     assert from_message(to_message(sample_map()), "variance").layers == ("variance",)
 
 
-def test_a_layer_that_is_not_there_is_named_with_those_that_are() -> None:
+def test_unknown_layer_is_named_with_available_layers() -> None:
     with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
         to_message(sample_map(), ["slope"])
     with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
@@ -128,7 +128,7 @@ def test_a_map_without_layers_is_a_map() -> None:
     assert (received.size, received.layers) == ((4, 2), ())
 
 
-def test_a_start_index_too_large_for_the_message_is_unwrapped_before_sending() -> None:
+def test_start_index_beyond_uint16_is_sent_unwrapped() -> None:
     values = np.arange(66_000, dtype=np.float32)[:, None]
     grid_map = GridMap((6600.0, 0.1), 0.1, layers={"elevation": values})
     moved = moved_in_buffer(grid_map, (65_990, 0))

@@ -107,7 +107,7 @@ def test_images_are_placed_correctly_on_moved_maps() -> None:
         np.testing.assert_allclose(grid_map["img"][known], elevation[known], atol=0.45 / 254)
 
 
-def test_the_grey_of_colours_is_that_of_cpp_where_it_takes_them_for_what_they_are() -> None:
+def test_gray_of_bgr_images_equals_cpp() -> None:
     compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("bgr")]
     assert len(compared) == 8
     for case in compared:
@@ -146,9 +146,7 @@ def test_colour_images_become_the_layers_that_their_order_tells() -> None:
 
 @settings(max_examples=60)
 @given(grid_maps(), st.sampled_from(sorted(ENCODINGS)))
-def test_a_layer_survives_the_way_through_an_image_but_for_its_steps(
-    grid_map: GridMap, encoding: str
-) -> None:
+def test_layer_survives_an_image_up_to_quantization(grid_map: GridMap, encoding: str) -> None:
     low, high = -1000.0, 1000.0
     message = over_the_wire(to_image(grid_map, "elevation", encoding, low, high))
     received = from_image(message, "elevation", grid_map.resolution, low, high)
@@ -190,7 +188,7 @@ def test_colours_survive_the_way_through_an_image(encoding: str) -> None:
     assert received["color"].view(np.uint32).tolist() == expected.view(np.uint32).tolist()
 
 
-def test_the_first_byte_of_a_pixel_is_the_colour_that_the_encoding_begins_with() -> None:
+def test_first_byte_of_pixel_follows_the_encoding() -> None:
     red = GridMap((1, 1), 1.0, layers={"color": color_vector_to_value([1.0, 0.0, 0.0])})
     assert list(to_color_image(red).data) == [255, 0, 0]
     assert list(to_color_image(red, encoding="bgra8").data) == [0, 0, 255, 255]
@@ -300,7 +298,7 @@ def test_encodings_and_layers_that_are_not_there_are_named() -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"color": 0.0})
     with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* found 'jpeg'"):
         to_image(grid_map, "color", "jpeg")
-    with pytest.raises(MessageError, match=r"encoding: expected one with colours.*found 'mono8'"):
+    with pytest.raises(MessageError, match=r"encoding: expected one with colors.*found 'mono8'"):
         to_color_image(grid_map, "color", "mono8")
     for convert in (to_image, to_color_image):
         with pytest.raises(LayerNotFoundError, match="'slope'; available: color"):

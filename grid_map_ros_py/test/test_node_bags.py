@@ -31,7 +31,7 @@ def assert_fails(process: Process, message: str) -> None:
         process.kill()
 
 
-def test_the_loader_publishes_the_last_map_of_a_bag_for_those_who_come_late():
+def test_loader_publishes_the_last_map_latched():
     bag = DATA / "cpp_move_sqlite"
     with running_node(LOADER, *arguments(file_path=bag, publish_topic="/loaded")) as process:
         wait_until(lambda: "publishes GridMap" in process.text, "the map to be published")
@@ -43,7 +43,7 @@ def test_the_loader_publishes_the_last_map_of_a_bag_for_those_who_come_late():
     assert received.start_index == expected.start_index != (0, 0)
 
 
-def test_the_loader_keeps_the_map_as_long_as_it_is_told():
+def test_loader_keeps_the_map_for_its_duration():
     given = arguments(file_path=DATA / "cpp_move_mcap", duration=20)
     with running_node(LOADER, *given), peer() as listener:
         listener.listen(TOPIC, GridMapMessage)
@@ -85,7 +85,7 @@ def saved(bag: Path) -> int:
         return 0
 
 
-def test_the_saver_goes_on_with_every_map_and_drops_those_that_are_none(tmp_path):
+def test_continuous_saver_saves_every_map_and_drops_invalid_messages(tmp_path):
     bag = tmp_path / "bag"
     given = arguments(file_path=bag, continuous=True, compression="zstd")
     wrong = to_message(numbered_map(2))
@@ -109,9 +109,7 @@ def test_the_saver_goes_on_with_every_map_and_drops_those_that_are_none(tmp_path
     ],
     ids=["foreign", "compression", "path"],
 )
-def test_the_saver_ends_with_one_message_if_it_could_not_save(
-    tmp_path, monkeypatch, parameters, message
-):
+def test_failing_saver_ends_with_one_message(tmp_path, monkeypatch, parameters, message):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "precious.txt").touch()
     assert_fails(start_node(SAVER, *arguments(**parameters)), message)

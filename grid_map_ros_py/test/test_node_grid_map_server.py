@@ -84,7 +84,7 @@ def test_a_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_p
         assert_maps_equal(from_message(client.peer.expect("/grid_map", 3)), map_of(1))
 
 
-def test_what_is_refused_is_logged_and_changes_nothing(client: Client, tmp_path: Path) -> None:
+def test_refused_request_is_logged_and_changes_nothing(client: Client, tmp_path: Path) -> None:
     (tmp_path / "bags").mkdir()
     save_to_bag(map_of(3), tmp_path / "secret", "/map")
     options = arguments(directory=tmp_path / "bags", input_topic="/incoming")
@@ -122,9 +122,7 @@ def test_what_is_refused_is_logged_and_changes_nothing(client: Client, tmp_path:
         assert reason in node.text
 
 
-def test_a_server_that_is_killed_is_there_again_with_its_bag(
-    client: Client, tmp_path: Path
-) -> None:
+def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path) -> None:
     save_to_bag(map_of(1), tmp_path / "bag", "/map")
     options = arguments(directory=tmp_path, file_path=tmp_path / "bag", output_topic="/kept")
     client.peer.listen("/kept", GridMapMessage)

@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from conftest import NODES
-
 from grid_map_ros_py.testing import Process, running, wait_until
 
 PROFILE = Path(__file__).parents[1] / "config" / "fastdds_large_maps.xml"

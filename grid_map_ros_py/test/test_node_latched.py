@@ -6,7 +6,6 @@ import json
 from typing import Any
 
 from conftest import Start
-
 from grid_map_ros_py.testing import Process, wait_until
 
 # The map moved by two cells along x: they left the buffer's last rows to new cells without data.

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import Start
 
+from conftest import Start
 from grid_map_ros_py.testing import Process, wait_until
 
 CHAIN = """
@@ -78,7 +78,7 @@ def failure(process: Process) -> str:
 
 
 @pytest.mark.parametrize("node", ["configured", "/**"])
-def test_a_file_is_read_as_it_is_written_whichever_way_it_names_the_node(
+def test_parameter_file_may_name_the_node_in_any_way(
     start: Start, tmp_path: Path, node: str
 ) -> None:
     found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n", node)))
@@ -169,7 +169,7 @@ def test_a_wrong_parameter_stops_the_node_with_one_message(
     assert errors.count("\n") == 1
 
 
-def test_a_file_that_cannot_be_read_stops_the_node_with_a_message(
+def test_unreadable_parameter_file_stops_the_node_with_a_message(
     start: Start, tmp_path: Path
 ) -> None:
     missing = str(tmp_path / "missing.yaml")

@@ -132,7 +132,7 @@ def assert_saw_the_way(robot: Robot, maps: list[GridMap]) -> None:
     assert last["count"].max() > 1
 
 
-def test_a_robot_maps_its_way_though_the_node_is_killed_and_clouds_are_broken(
+def test_mapping_survives_a_killed_node_and_broken_clouds(
     other_side: Peer, arguments: Arguments
 ) -> None:
     options = arguments(
@@ -170,7 +170,7 @@ def test_a_robot_maps_its_way_though_the_node_is_killed_and_clouds_are_broken(
     assert {m.outer_start_index for m in maps} != {0}
 
 
-def test_a_fixed_map_is_published_at_a_rate_and_kept_for_those_who_come_late(
+def test_fixed_map_is_published_at_a_rate_and_latched(
     other_side: Peer, arguments: Arguments
 ) -> None:
     options = arguments(

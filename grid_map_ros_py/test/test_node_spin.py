@@ -125,7 +125,7 @@ def test_a_bug_is_not_hidden(start: Start, habit: str, error: str) -> None:
     assert f"{error}: a bug\n" in process.text
 
 
-def test_arguments_that_ros_does_not_know_are_reported_without_a_traceback(start: Start) -> None:
+def test_unknown_ros_arguments_are_reported_without_traceback(start: Start) -> None:
     process = start("living.py", "idle", "--ros-args", "--nonsense")
     assert process.wait() == 1
     assert "--nonsense" in process.text

@@ -46,7 +46,7 @@ def test_a_given_quality_of_service_stays(
     def has_warned() -> bool:
         nonlocal text
         text += capfd.readouterr().err
-        return "a publisher of /map is not heard" in text and "durability" in text
+        return "no messages from a publisher of /map" in text and "durability" in text
 
     other_side.wait_until(has_warned, "a warning")
     assert publisher.get_subscription_count() == 0

@@ -72,7 +72,7 @@ def occupancy_of(value: float, low: float, high: float) -> int:
 
 @settings(max_examples=40)
 @given(grid_maps())
-def test_the_grid_begins_at_the_smallest_x_and_y_and_runs_along_x(grid_map: GridMap) -> None:
+def test_grid_begins_at_smallest_x_and_y(grid_map: GridMap) -> None:
     grid = over_the_wire(to_occupancy_grid(grid_map, "elevation", 200.0, -300.0))
     rows, columns = grid_map.size
     origin = grid.info.origin.position
@@ -190,7 +190,7 @@ def test_a_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None
 
 
 @pytest.mark.parametrize("resolution", [1e-60, 1e300])
-def test_a_resolution_that_was_never_on_the_wire_is_refused_too(resolution: float) -> None:
+def test_resolution_beyond_float32_is_refused(resolution: float) -> None:
     message = to_occupancy_grid(GridMap((2, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
     message.info.resolution = resolution
     with pytest.raises(MessageError, match="info: expected a grid of finite size and place"):

@@ -75,7 +75,7 @@ def test_occupied_voxels_are_those_that_octomap_finds(case: dict[str, Any], form
 
 
 @pytest.mark.parametrize(("case", "form"), FORMS)
-def test_a_map_covers_the_tree_and_has_the_highest_voxel_of_every_column(
+def test_map_covers_tree_with_highest_voxel_of_every_column(
     case: dict[str, Any], form: str
 ) -> None:
     resolution = case["resolution"]
@@ -185,7 +185,7 @@ def test_leaves_of_all_depths_are_found_in_both_forms(leaves: dict[tuple[int, ..
     assert set(to_voxels(points, 1.0)) == within
 
 
-def test_a_leaf_far_from_the_ground_is_as_high_as_its_highest_voxel() -> None:
+def test_large_leaf_is_as_high_as_its_highest_voxel() -> None:
     # From the root to the positive octant, then down to a leaf of 8 voxels a side at the origin.
     leaf = (7, *([0] * 12))
     grid_map = from_octomap(message(write_binary({leaf: True}), resolution=0.5))
@@ -210,7 +210,7 @@ def test_free_space_alone_is_a_map_without_heights() -> None:
     assert np.isnan(from_octomap(octomap)["elevation"]).all()
 
 
-def test_no_tree_has_no_points_and_no_extent_but_that_of_its_bounds() -> None:
+def test_empty_tree_has_no_points_and_the_extent_of_bounds() -> None:
     nothing = message(b"")
     assert octomap_to_points(nothing).shape == (0, 3)
     with pytest.raises(MessageError, match="data: expected a tree with leaves, found 'none'"):

@@ -106,7 +106,7 @@ def test_a_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
     assert names(cloud) == ["x", "y", "z"]
 
 
-def test_a_point_layer_that_is_not_among_the_layers_still_gives_the_points() -> None:
+def test_point_layer_need_not_be_among_the_layers() -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"elevation": 1.0, "variance": 2.0})
     cloud = to_point_cloud(grid_map, "elevation", ["variance"])
     assert names(cloud) == ["x", "y", "z", "variance"]
@@ -129,7 +129,7 @@ def test_a_layer_called_rgb_is_carried_as_it_is(layers: list[str]) -> None:
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])
-def test_a_layer_called_like_a_coordinate_can_only_be_the_point_layer(
+def test_only_the_point_layer_may_be_called_like_a_coordinate(
     axis: str,
 ) -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"elevation": 1.0, axis: 2.0})

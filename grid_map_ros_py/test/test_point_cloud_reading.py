@@ -230,7 +230,7 @@ def test_other_fields_become_layers() -> None:
     assert from_point_cloud(cloud, resolution=1.0, fields="ring").layers == chosen.layers
 
 
-def test_a_field_that_is_asked_for_must_be_there_and_hold_one_number() -> None:
+def test_requested_field_must_exist_with_one_number() -> None:
     cloud = packed_cloud(POINTS, FIELDS)
     with pytest.raises(MessageError, match=r"fields: expected one called 'rings', found \['x'"):
         from_point_cloud(cloud, resolution=1.0, fields=["rings"])
@@ -269,7 +269,7 @@ def test_colours_have_four_bytes() -> None:
     assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)
 
 
-def test_a_field_called_as_the_layer_of_heights_must_be_left_out() -> None:
+def test_field_with_name_of_height_layer_must_be_left_out() -> None:
     fields = [*xyz_fields(), ("elevation", 12, FLOAT32, 1)]
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 1, "elevation": 2}], fields)
     with pytest.raises(GridMapError, match="'elevation' is to be made both"):
@@ -298,7 +298,7 @@ def test_a_map_of_another_frame_is_refused() -> None:
     assert from_point_cloud(cloud, onto=GridMap((1, 1), 1.0)).frame_id == "lidar"
 
 
-def test_a_stray_point_far_away_does_not_take_all_the_memory() -> None:
+def test_distant_outlier_does_not_exhaust_memory() -> None:
     cloud = xyz_cloud([(0, 0, 0), (1e4, 1e4, 0)])
     with pytest.raises(GridMapError, match="takes too many cells"):
         from_point_cloud(cloud, resolution=0.1)

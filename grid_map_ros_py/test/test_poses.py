@@ -62,7 +62,7 @@ def yaw_of(matrix: np.ndarray) -> float:
 # --- matrices -------------------------------------------------------------------------------------
 
 
-def test_a_pose_maps_the_axes_of_the_robot_into_the_map() -> None:
+def test_pose_maps_axes_of_robot_into_map() -> None:
     message = pose(0, 1.0, 2.0, math.pi / 2)
     matrix = to_matrix(message.pose.position, message.pose.orientation)
     np.testing.assert_allclose(matrix @ (3, 0, 0.5, 1), (1, 5, 0.5, 1), atol=1e-12)

@@ -23,7 +23,7 @@ def test_map_topics_keep_the_last_map_for_late_subscribers() -> None:
         (False, True, False),
     ],
 )
-def test_who_asks_for_the_last_map_must_be_offered_it(
+def test_transient_local_subscriber_needs_transient_local_publisher(
     published: bool, subscribed: bool, expected: bool
 ) -> None:
     profiles = (map_qos(transient_local=offered) for offered in (published, subscribed))

@@ -110,7 +110,7 @@ def test_occupancy_grids_are_those_that_cpp_published(
     assert_is_recorded(grid, published)
 
 
-def test_occupancy_grids_of_the_moving_map_are_those_that_cpp_published() -> None:
+def test_occupancy_grids_of_moving_map_equal_cpp() -> None:
     maps = {
         (stamp.sec, stamp.nanosec): from_message(r.message, unwrap=False)
         for r in recorded(MOVE, "grid_map", GridMapMessage)

@@ -92,7 +92,7 @@ def test_a_map_without_a_copy_shares_the_message(grid_map: GridMap) -> None:
         assert np.shares_memory(received[name], memory)
 
 
-def test_what_cannot_be_shared_is_copied() -> None:
+def test_row_major_and_moved_layers_are_copied() -> None:
     message = to_message(sample_map(start=(0, 0)))
     for index, name in enumerate(sample_map()):
         message.data[index] = row_major(sample_map(start=(0, 0))[name], data_offset=3)
@@ -134,7 +134,7 @@ def test_a_received_map_has_memory_of_its_own() -> None:
     received["elevation"][...] = 5.0
 
 
-def test_a_start_index_too_large_for_the_message_is_unwrapped_before_sending() -> None:
+def test_start_index_beyond_uint16_is_sent_unwrapped() -> None:
     values = np.arange(66_000, dtype=np.float32)[:, None]
     grid_map = GridMap((6600.0, 0.1), 0.1, layers={"elevation": values})
     received = from_serialized_message(
@@ -182,7 +182,7 @@ def test_a_received_map_is_decoded_as_often_as_one_likes() -> None:
     assert received.decode(unwrap=False).start_index == sample_map().start_index
 
 
-def test_a_received_map_that_is_none_is_refused_when_somebody_looks() -> None:
+def test_received_map_is_checked_on_access() -> None:
     received = ReceivedMap(b"noise")
     for look in (lambda: received.layers, lambda: received.frame_id, received.decode):
         with pytest.raises(MessageError, match="encoding"):

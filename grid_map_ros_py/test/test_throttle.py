@@ -25,9 +25,7 @@ def throttle(clock: FakeClock) -> LogThrottle:
     return LogThrottle(period=5.0, limit=3, clock=clock)
 
 
-def test_a_text_is_logged_at_once_and_again_after_the_period(
-    throttle: LogThrottle, clock: FakeClock
-) -> None:
+def test_text_is_logged_again_after_the_period(throttle: LogThrottle, clock: FakeClock) -> None:
     logged_at = []
     for second in range(12):
         clock.time = 100.0 + second

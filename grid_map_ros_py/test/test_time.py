@@ -25,7 +25,7 @@ def test_numpy_integers_are_integers() -> None:
 
 
 @pytest.mark.parametrize("nanoseconds", [-1, LATEST + 1, 1.5, "now", None])
-def test_what_is_no_time_of_the_message_is_refused(nanoseconds: int) -> None:
+def test_invalid_time_is_refused(nanoseconds: int) -> None:
     with pytest.raises(MessageError, match=r"^stamp: expected .*nanoseconds.*, found ") as error:
         to_stamp(nanoseconds)
     assert error.value.found == nanoseconds

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from nav_msgs.msg import GridCells
 
 BLOCK = 8192
-"""Cells that are worked on at once."""
+"""Number of cells in a piece of work."""
 
 COVERED = 1.0
 """Value of the cells of a message in the layer of `from_grid_cells`."""
@@ -61,15 +61,15 @@ def from_grid_cells(
     Args:
         message: the cells; z is ignored.
         layer: name of the layer.
-        resolution: side of a cell [m]; None takes it from the message, as the float64 that is
-            written like its float32.
-        geometry: the grid of the map, such as `grid_map.geometry`; cells beside it are left out.
-            None takes the smallest one that covers all cells. They are the cells of that map if
-            their centres are on one lattice, as those of `to_grid_cells` do.
+        resolution: side of a cell [m]; None takes the width in the message, as the float64 with the
+            same shortest decimal form.
+        geometry: the grid of the map, such as `grid_map.geometry`; cells outside of it are left
+            out. None takes the smallest grid that covers all cells, with the same cells if their
+            centers lie on one lattice, as those of `to_grid_cells` do.
 
     Raises:
-        MessageError: width and height of the cells are not the resolution or not positive, a cell
-            is not finite, there is none to take the extent from, or the extent takes too many.
+        MessageError: width or height of the cells differs from the resolution or is not positive, a
+            cell is not finite, or the extent has no cells or too many.
         GridMapError: the layer has no name.
     """
     timestamp = from_stamp(message.header.stamp)
@@ -90,9 +90,9 @@ def from_grid_cells(
 def centres_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
-    """Return (N, 3) centres x, y [m, map frame], z = 0 of the cells with values between two bounds.
+    """Return (N, 3) centers x, y [m, map frame], z = 0 of the cells with values between two bounds.
 
-    They come column after column of the map's buffer. Cells without finite value are left out.
+    The order is column after column of the map's buffer. Cells with NaN or infinity are left out.
 
     Args:
         grid_map: the map.
@@ -114,8 +114,7 @@ def centres_between(
     chosen &= np.isfinite(values)
     rows, columns = grid_map.size
     x, y = grid_map.axes()
-    # A few columns of cells at a time, so that what is looked up stays in the cache. Their x are
-    # always the same.
+    # Work on a few columns at a time, which fit the cache. They share one table of x.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
     centres = np.zeros((np.count_nonzero(chosen), 3))

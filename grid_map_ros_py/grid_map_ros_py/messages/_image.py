@@ -3,12 +3,12 @@
 """`sensor_msgs/Image` and grid maps.
 
 Pixel (row, column) of an image is cell (row, column) of a map that has not moved: up in the image
-is +x, left is +y. How values become grey values and back, and what becomes of NaN, is written at
-`grid_map_core_py.conversions`; here is how pixels are in messages.
+is +x, left is +y. `grid_map_core_py.conversions` converts between values and gray values, and
+handles NaN; this module reads and writes the pixels of messages.
 
 Encodings are mono8 and mono16, rgb8, bgr8, rgba8, bgra8, rgb16, bgr16, rgba16, bgra16, and OpenCV's
-names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colours
-under OpenCV's names are in its order, BGR.
+names of a type and a number of channels: 8UC, 16UC, 32FC and 64FC followed by 1, 3 or 4. Colors
+under OpenCV's names are in the order BGR.
 """
 
 import array
@@ -38,9 +38,9 @@ class Encoding:
     """Storage format of a pixel.
 
     Attributes:
-        dtype: dtype of a channel, little-endian.
+        dtype: of a channel, little-endian.
         channels: 1, 3, or 4 with alpha.
-        order: order of the colours.
+        order: of the colors.
     """
 
     dtype: np.dtype[Any]
@@ -80,16 +80,16 @@ def to_image(
     lower: float | None = None,
     upper: float | None = None,
 ) -> "Image":
-    """Return a layer as a grey image, with any encoding.
+    """Return a layer as a gray image, with any encoding.
 
     Args:
         grid_map: the map.
         layer: the layer that gives the values.
         encoding: see the head of this module. With three or four channels the first three are
             equal; a fourth one is alpha, 0 for NaN.
-        lower: the value that becomes 0; None means the smallest finite value of the layer.
-        upper: the value that becomes the largest number, 1.0 in images of floats; None means the
-            largest finite value. An image of floats with neither holds the values themselves.
+        lower: value that becomes 0; None means the smallest finite value of the layer.
+        upper: value that becomes the largest number, 1.0 in images of floats; None means the
+            largest finite value. An image of floats with neither bound contains the values.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
@@ -102,7 +102,7 @@ def to_image(
 
 
 def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> "Image":
-    """Return a layer of packed colours as a colour image.
+    """Return a layer of packed colors as a color image.
 
     Args:
         grid_map: the map.
@@ -111,11 +111,11 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        MessageError: the encoding is unknown or has one channel only.
+        MessageError: the encoding is unknown or has a single channel.
     """
     kind = encoding_of(encoding)
     if kind.channels < 3:
-        raise MessageError("encoding", "one with colours, such as 'rgb8'", encoding)
+        raise MessageError("encoding", "one with colors, such as 'rgb8'", encoding)
     image = pixels.to_color_image(grid_map, layer, kind.dtype, kind.channels, order=kind.order)
     return _message(grid_map, image, encoding)
 
@@ -133,18 +133,18 @@ def from_image(
     position: npt.ArrayLike = (0.0, 0.0),
     alpha_threshold: float = 0.5,
 ) -> GridMap:
-    """Return a map with one layer that holds the grey values of an image.
+    """Return a map with one layer that holds the gray values of an image.
 
     Frame and time come from the message.
 
     Args:
         message: the image, of any encoding. Rows may be padded and numbers big-endian. Colours
-            become grey by their luma.
+            become gray by their luma.
         layer: name of the layer.
         resolution: side of a pixel [m].
         lower, upper: values of 0 and of the largest number (1.0 in images of floats). With 0 and 1
-            an image of floats holds the values themselves.
-        position: (2,) centre of the map [m].
+            an image of floats contains the values.
+        position: (2,) center of the map [m].
         alpha_threshold: pixels with less than this share of full alpha are NaN.
 
     Raises:
@@ -175,10 +175,10 @@ def add_layer_from_image(
     *,
     alpha_threshold: float = 0.5,
 ) -> None:
-    """Add a layer that holds the grey values of an image to a map, or replace it.
+    """Set a layer of a map to the gray values of an image.
 
     Args:
-        grid_map: the map, as many rows and columns as the image; it may have moved.
+        grid_map: the map, of the size of the image; it may have moved.
         message, layer, lower, upper, alpha_threshold: as in `from_image`.
 
     Raises:
@@ -194,11 +194,11 @@ def add_layer_from_image(
 def add_color_layer_from_image(
     grid_map: GridMap, message: "Image", layer: str = COLOR_LAYER, *, alpha_threshold: float = 0.5
 ) -> None:
-    """Add a layer that holds the packed colours of an image to a map, or replace it.
+    """Set a layer of a map to the packed colors of an image.
 
     Args:
-        grid_map: the map, as many rows and columns as the image; it may have moved.
-        message: the image, of any encoding; grey values become grey colours.
+        grid_map: the map, of the size of the image; it may have moved.
+        message: the image, of any encoding; gray values become gray colors.
         layer: name of the layer.
         alpha_threshold: as in `from_image`.
 
@@ -218,7 +218,7 @@ def encoding_of(name: str, field: str = "encoding") -> Encoding:
     """Return the encoding of a name.
 
     Raises:
-        MessageError: there is none.
+        MessageError: the encoding is unknown.
     """
     try:
         return ENCODINGS[name]
@@ -227,10 +227,10 @@ def encoding_of(name: str, field: str = "encoding") -> Encoding:
 
 
 def to_pixels(message: "Image") -> tuple[npt.NDArray[Any], Order]:
-    """Return the pixels (rows, cols, channels) of an image and the order of its colours.
+    """Return the pixels (rows, cols, channels) of an image and the order of its colors.
 
-    They are a view of the memory of the message, in the byte order of the sender, unless padding
-    puts numbers at odd places.
+    The pixels are a view of the message's memory, in the byte order of the sender, unless padding
+    makes numbers unaligned.
 
     Raises:
         MessageError: the encoding is unknown, or height, width, step and the number of bytes do not

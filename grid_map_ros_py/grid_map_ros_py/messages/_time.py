@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Integer nanoseconds and `builtin_interfaces/Time`, exactly."""
+"""Exact conversion between integer nanoseconds and `builtin_interfaces/Time`."""
 
 import operator
 from typing import TYPE_CHECKING
@@ -20,20 +20,20 @@ LATEST = (2**31 - 1) * NANOSECONDS + NANOSECONDS - 1
 
 
 def to_stamp(nanoseconds: int) -> "Time":
-    """Return a point in time [ns since the epoch] as a message.
+    """Return nanoseconds since the epoch as a message.
 
     Raises:
-        MessageError: it is no integer, negative, or later than the message can hold.
+        MessageError: they are no integer, negative, or too many for the message.
     """
     seconds, rest = divmod(check_nanoseconds(nanoseconds), NANOSECONDS)
     return messages_of("builtin_interfaces").Time(sec=seconds, nanosec=rest)
 
 
 def check_nanoseconds(nanoseconds: int) -> int:
-    """Return a point in time [ns since the epoch] that a message can hold.
+    """Return nanoseconds since the epoch as an integer that a message can hold.
 
     Raises:
-        MessageError: it is no integer, negative, or too late.
+        MessageError: they are no integer, negative, or too many.
     """
     try:
         exact = operator.index(nanoseconds)
@@ -45,10 +45,10 @@ def check_nanoseconds(nanoseconds: int) -> int:
 
 
 def from_stamp(stamp: "Time", field: str = "header.stamp") -> int:
-    """Return a message's point in time as nanoseconds since the epoch.
+    """Return the time of a message in nanoseconds since the epoch.
 
     Raises:
-        MessageError: it lies before the epoch, or has a full second of nanoseconds or more.
+        MessageError: the time is before the epoch, or its nanoseconds are a second or more.
     """
     if stamp.sec < 0:
         raise MessageError(f"{field}.sec", "no negative number", stamp.sec)

@@ -6,12 +6,12 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 
 def map_qos(*, transient_local: bool = True) -> QoSProfile:
-    """Return the profile of topics that carry maps: reliable, and only the last map matters.
+    """Return the quality of service of map topics: reliable, latched, depth 1.
 
     Args:
-        transient_local: the publisher keeps the last map for subscribers that come late (a latched
-            topic), and a subscriber asks for it. Publishers of maps always do. A subscriber that
-            should also hear volatile publishers must give it up (False), and misses earlier maps.
+        transient_local: whether the publisher keeps the last map for late subscribers (a latched
+            topic), and a subscriber requests it. Publishers of maps always do. A subscriber with
+            False also receives from volatile publishers, but no earlier map.
     """
     durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
     return QoSProfile(

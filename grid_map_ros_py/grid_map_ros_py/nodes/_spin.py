@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The life of an executable: from its arguments to its exit code."""
+"""Run a node as an executable: from its arguments to its exit code."""
 
 import signal
 import sys
@@ -25,25 +25,25 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
 WAKE_PERIOD = 0.1
-"""Seconds after which a node that waits for messages looks whether a signal has come."""
+"""Time between two checks for signals while a node waits for messages [s]."""
 
 
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    For the `main` of an executable, in its main thread. Interrupts and requests to terminate take
-    effect between two callbacks. rclpy's own handlers shut ROS down at once: what is being made,
-    published or taken down then is left in pieces, and a spinning executor may miss it.
+    Call it in the main thread. SIGINT and SIGTERM take effect between two callbacks. (The handlers
+    of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor may miss
+    that.) A second signal interrupts the callback.
 
     Args:
-        create_node: makes the node. A `GridMapError` that it raises, or a name that ROS refuses,
-            means that the node cannot work as configured: it is logged as one message. So is a
-            `NodeFailedError` of a callback; other errors of callbacks are bugs and pass through.
+        create_node: class of the node, or a function that makes it. A `GridMapError` that it
+            raises, or a name that ROS refuses, is logged as one message: the configuration is
+            wrong. So is a `NodeFailedError` of a callback. Other exceptions pass through.
         args: command line arguments; None means those of the process.
 
     Returns:
-        0 after an interrupt or a shutdown, 1 when the arguments or the configuration cannot be used
-        or the node gave up.
+        0 after an interrupt or a shutdown; 1 if the arguments or the configuration are wrong or the
+        node gave up.
     """
     signals = _Signals()
     try:
@@ -65,7 +65,7 @@ class _Signals:
             signal.signal(number, self._take_note)
 
     def ignore(self) -> None:
-        """Let the process end undisturbed; Python gives up handlers of its own when it ends."""
+        """Ignore signals while the process ends, when Python removes its own handlers."""
         self._may_break_off = False
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
@@ -87,7 +87,7 @@ def _run(create_node: Callable[[], Node], args: list[str] | None, signals: _Sign
     except GridMapError as error:
         return _failed(error)
     except NameValidationException as error:
-        # The last of its lines points at a character of the line before.
+        # The last line only points at a character of the line before.
         message, _, _ = str(error).rpartition("\n")
         return _failed(" ".join(message.split()))
     try:
@@ -108,7 +108,7 @@ def _spin(node: Node, signals: _Signals) -> None:
     finally:
         signals.ignore()
         node.destroy_node()
-        # Left to the garbage collector, it may find its parts gone, and say so with a traceback.
+        # If the garbage collector does it, its parts may be gone, which prints a traceback.
         executor.shutdown()
 
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A subscription to maps that decodes nothing, and gets along with every reliable publisher."""
+"""Subscriptions that receive from latched and from volatile publishers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,13 +24,13 @@ class LatchedSubscription:
 
     Args:
         node: the node that subscribes.
-        message_type: message type of the topic.
+        message_type: class of the messages.
         topic: name of the topic.
-        callback: gets every message.
-        qos: quality of service, for subscriptions that do not change; None means the above.
+        callback: called with every message.
+        qos: fixed quality of service; None means the above.
         raw: whether the callback gets the bytes of the message.
-        hears_best_effort: whether to give up reliability, too, once it meets a publisher that is
-            not reliable, as those of sensors are; it is only named in the log otherwise.
+        hears_best_effort: whether to become best effort on meeting a best-effort publisher, as
+            sensors have; otherwise such a publisher is only named in the log.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class LatchedSubscription:
         self._subscribe()
 
     def destroy(self) -> None:
-        """Give the subscription up."""
+        """Destroy the subscription."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
@@ -80,12 +80,12 @@ class LatchedSubscription:
         executor = self._node.executor
         if kind not in self._can_give_up:
             self._node.get_logger().warning(
-                f"a publisher of {self._topic} is not heard: its quality of service does not fit "
-                f"in {kind.name.lower()}"
+                f"no messages from a publisher of {self._topic}: incompatible quality of service "
+                f"({kind.name.lower()})"
             )
         elif kind not in self._given_up and executor is not None:
             self._given_up.add(kind)
-            # Not from within an event of the very subscription that goes.
+            # Not now: this is a callback of the subscription that will be destroyed.
             executor.create_task(self._subscribe_without, kind)
 
     def _subscribe_without(self, kind: QoSPolicyKind) -> None:
@@ -93,10 +93,10 @@ class LatchedSubscription:
             return
         if kind == QoSPolicyKind.DURABILITY:
             self._qos.durability = DurabilityPolicy.VOLATILE
-            text = "is volatile: its past is not asked for any more"
+            text = "is volatile: from now on, earlier messages are not requested"
         else:
             self._qos.reliability = ReliabilityPolicy.BEST_EFFORT
-            text = "is best effort: what gets lost is not asked for again any more"
+            text = "is best effort: from now on, lost messages are not requested again"
         self._node.get_logger().info(f"a publisher of {self._topic} {text}")
         self.destroy()
         self._subscribe()
@@ -105,14 +105,19 @@ class LatchedSubscription:
 class MapSubscription(LatchedSubscription):
     """Calls back with the last map of a topic and all later maps, as received.
 
-    Nothing is decoded in advance: the callback decodes the layers that it needs.
+    It receives from latched, reliable and volatile publishers. Nothing is decoded in advance: the
+    callback decodes the layers that it needs. Keep a reference to the subscription.
 
     Args:
         node: the node that subscribes.
-        topic: name of a topic of `grid_map_msgs/GridMap`.
-        callback: gets every map.
-        qos: quality of service, for subscriptions that do not change; None means as in
-            `LatchedSubscription`.
+        topic: topic of `grid_map_msgs/GridMap`.
+        callback: called with every map.
+        qos: fixed quality of service; None means as for `LatchedSubscription`.
+
+    Example:
+        >>> def on_map(received):
+        ...     print(received.decode(["elevation"]))
+        >>> subscription = MapSubscription(node, "/grid_map", on_map)  # doctest: +SKIP
     """
 
     def __init__(

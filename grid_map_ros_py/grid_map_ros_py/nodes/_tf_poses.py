@@ -17,15 +17,15 @@ PACKAGE = "tf2_ros"
 
 
 def has_tf() -> bool:
-    """Tell whether tf2 can be imported."""
+    """Return whether tf2 can be imported."""
     return importlib.util.find_spec(PACKAGE) is not None
 
 
 class TfPoses:
-    """Looks up where clouds belong in the tree of transforms.
+    """Source of poses that looks them up in the tree of transforms.
 
     Args:
-        node: listens to `/tf` and `/tf_static`.
+        node: node that subscribes to `/tf` and `/tf_static`.
         map_frame: frame of the map.
         robot_frame: frame of the robot; empty for the frame of the cloud.
 
@@ -45,12 +45,12 @@ class TfPoses:
         self.waits_for = "transforms"
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return where a cloud belongs; None while tf2 does not know it."""
+        """Return the placement of a cloud; None while tf2 does not know it."""
         try:
             transform = self._look_up(frame_id, stamp)
             robot = self._look_up(self._robot_frame or frame_id, stamp)
         except self._tf.TransformException as error:
-            # Whether it will know it soon or never, tf2 does not say.
+            # tf2 does not tell whether the transform will ever be available.
             self.waits_for = str(error)
             return None
         return Placement(transform, robot[:2, 3])

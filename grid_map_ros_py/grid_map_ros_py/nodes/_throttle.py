@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A log that stays readable while bad messages keep coming.
+"""Throttled logging by text.
 
-rclpy throttles by the line of code that logs, which loses the second of two problems that are
-logged there. Here the text counts.
+rclpy throttles by the line of code that logs, and so drops the second of two problems that one line
+logs.
 """
 
 import time
@@ -11,14 +11,19 @@ from collections.abc import Callable
 
 
 class LogThrottle:
-    """Selects the texts to log: a new one at once, the same one again only after a while.
+    """Decides which texts to log: a new text at once, the same text again after a period.
 
-    Texts may hold values that differ every time, so different ones have a limit, too.
+    Texts may contain values that differ every time, so the number of different texts is limited.
 
     Args:
-        period: for how long a text that was logged is not logged again [s].
-        limit: maximum number of different texts logged within a period.
-        clock: returns the time [s]; the default goes on while a simulation is paused.
+        period: time for which a logged text is not logged again [s].
+        limit: maximum number of different texts within a period.
+        clock: returns the time [s]; the default runs on while a simulation is paused.
+
+    Example:
+        >>> throttle = LogThrottle()
+        >>> throttle.allow("no data"), throttle.allow("no data")
+        (True, False)
     """
 
     def __init__(
@@ -30,7 +35,7 @@ class LogThrottle:
         self._times: dict[str, float] = {}
 
     def allow(self, text: str) -> bool:
-        """Tell whether to log `text`, and take it as logged if so."""
+        """Return whether to log `text` now, and record it."""
         now = self._clock()
         self._times = {t: at for t, at in self._times.items() if now - at < self._period}
         if text in self._times or len(self._times) >= self._limit:
