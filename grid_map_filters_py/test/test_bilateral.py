@@ -5,13 +5,11 @@
 from functools import partial
 
 import numpy as np
-import pytest
-from filter_cases import STEPS, assert_cells_are, filtered, ground, points_in_disc
+from filter_cases import assert_cells_are, filtered, ground, points_in_disc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
 
 bilateral = partial(filtered, "gridMapFilters/BilateralFilter")
 
@@ -52,32 +50,6 @@ def test_bilateral_keeps_an_edge_that_a_gaussian_blurs():
     assert sharp[:14].std() < 0.4 * noise.std()
 
 
-def test_a_disc_far_larger_than_the_map_is_the_map():
-    smooth = bilateral(ground(STEPS), sigma_space=1e6, sigma_range=1e6)
-    np.testing.assert_allclose(smooth, 34.5, rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"sigma_space": 0, "sigma_range": 1}, "'sigma_space': expected a number > 0"),
-        ({"sigma_space": 1, "sigma_range": 0}, "'sigma_range': expected a number > 0"),
-        (
-            {"sigma_space": 1, "sigma_range": 1, "radius": -1},
-            "'radius': expected a length >= 0",
-        ),
-    ],
-)
-def test_a_parameter_that_makes_no_sense_is_refused(params, message):
-    with pytest.raises(FilterConfigError, match=message):
-        bilateral(ground([[1.0]]), **params)
-
-
-def test_nothing_but_zeros_stays_zero_to_the_border():
+def test_zeros_stay_zero_at_the_border():
     out = filtered("Bilateral", ground(np.zeros((9, 7))), sigma_space=0.1, sigma_range=0.1)
     assert (out == 0).all()
-
-
-def test_a_sigma_beyond_single_precision_is_refused():
-    with pytest.raises(FilterConfigError, match="sigma_range"):
-        filtered("Bilateral", ground(STEPS), sigma_space=0.1, sigma_range=1e308)

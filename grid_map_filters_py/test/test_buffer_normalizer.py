@@ -9,7 +9,7 @@ from grid_map_core_py.testing import assert_maps_equal
 from grid_map_filters_py.builtin import BufferNormalizer
 
 
-def test_the_cell_at_the_start_index_comes_first_and_the_others_follow_around_the_seam():
+def test_result_begins_at_the_start_index():
     grid_map = terrain((3, 2), elevation=[[0, 1], [2, 3], [4, 5]])
     grid_map.start_index = (2, 1)
     in_a_chain = run("gridMapFilters/BufferNormalizerFilter", grid_map)

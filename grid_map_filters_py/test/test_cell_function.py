@@ -46,13 +46,13 @@ print(*(f"{bits:x}" for bits in chain(grid_map)["color"].view(np.uint32).ravel()
 """
 
 
-def test_there_are_functions_of_all_filters_of_single_cells():
+def test_cell_functions_of_all_filters_are_tested():
     assert len(FUNCTIONS) == 8
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(data=st.data())
-def test_the_compiled_function_gives_the_bits_of_numpy(name, data):
+def test_compiled_functions_give_the_bits_of_numpy(name, data):
     function = FUNCTIONS[name]
     elements = ANY_BITS if function.takes == np.uint32 else FLOATS
     count = data.draw(st.integers(1, 40))
@@ -72,7 +72,7 @@ def test_the_compiled_function_gives_the_bits_of_numpy(name, data):
 
 
 @pytest.mark.parametrize("shape", [(2, 3), (1, 1), (0,), (6,)])
-def test_the_result_has_the_shape_of_the_layers_and_fortran_order(shape):
+def test_result_has_shape_of_layers_and_fortran_order(shape):
     @cell_function(takes=np.float32, gives=np.float32, numbers=1)
     def times(value, factor):
         return value * factor[0]
@@ -90,14 +90,14 @@ def test_clamp_gives_the_lowest_for_nan():
     np.testing.assert_array_equal(clamped, [0, 0, 0, 0.5, 1, 1])
 
 
-def test_filters_work_where_numba_is_missing():
+def test_filters_work_without_numba():
     command = [sys.executable, "-c", WITHOUT_NUMBA]
     output = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert output.stdout.split() == ["ff", "ff0000", "7f007f", "7fc00000", "ff0000", "ff"]
 
 
 @pytest.mark.parametrize("setting", ["NUMBA_DISABLE_JIT", "BROKEN"])
-def test_filters_work_where_numba_is_turned_off_or_broken(tmp_path, setting):
+def test_filters_work_if_numba_is_turned_off_or_broken(tmp_path, setting):
     (tmp_path / "numba").mkdir()
     (tmp_path / "numba" / "__init__.py").write_text("raise SystemError('built for another NumPy')")
     program = WITHOUT_NUMBA.replace('sys.modules["numba"] = None', "")

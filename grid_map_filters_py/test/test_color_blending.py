@@ -24,7 +24,7 @@ def blend(below, above, **params):
 @each_mode
 @given(opacity=st.floats(0, 1), seed=st.integers(0, 1000))
 @settings(max_examples=20)
-def test_mixes_cell_by_cell(mode, opacity, seed):
+def test_blend_modes_equal_a_loop_over_cells(mode, opacity, seed):
     random = np.random.default_rng(seed)
     below, above = (color_vector_to_value(random.random((6, 4, 3))) for _ in range(2))
     result = blend(below, above, blend_mode=mode, opacity=opacity)
@@ -34,14 +34,14 @@ def test_mixes_cell_by_cell(mode, opacity, seed):
 
 
 @each_mode
-def test_takes_the_other_colour_where_there_is_one_only(mode):
+def test_cells_with_one_color_keep_it(mode):
     red, blue = color_vector_to_value([[1.0, 0, 0], [0, 0, 1.0]])
     below, above = np.array([[red, np.nan, np.nan]]), np.array([[np.nan, blue, np.nan]])
     result = blend(below, above, blend_mode=mode, opacity=0.3)
     np.testing.assert_array_equal(result, [[red, blue, np.nan]])
 
 
-def test_mixes_normally_by_default_and_refuses_other_opacities():
+def test_default_mode_is_normal_and_opacity_is_checked():
     black, white = (color_vector_to_value([[[value] * 3]]) for value in (0.0, 1.0))
     assert oracles.to_bytes(blend(black, white, opacity=0.5)[0, 0]) == (127,) * 3
     for opacity in (-0.1, 1.5, np.nan):

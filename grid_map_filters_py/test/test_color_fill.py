@@ -10,7 +10,7 @@ from filter_cases import run, terrain
 from grid_map_filters_py import FilterConfigError
 
 
-def test_color_fill_colours_all_cells_or_those_with_data_in_the_mask():
+def test_color_fills_all_cells_or_finite_cells_of_mask():
     grid_map = terrain((1, 4), mask=[[1, np.nan, np.inf, -3]])
     params = {"red": 0.2, "green": 2, "blue": -1, "output_layer": "color"}
     everywhere = run("ColorFill", grid_map, **params)["color"]
@@ -22,6 +22,6 @@ def test_color_fill_colours_all_cells_or_those_with_data_in_the_mask():
         run("ColorFill", grid_map, **params | {"red": np.nan})
 
 
-def test_a_channel_beyond_single_precision_is_clamped_as_well():
+def test_channel_beyond_single_precision_is_clamped():
     out = run("ColorFill", terrain(), red=1e300, green=-1e300, blue=0, output_layer="out")["out"]
     assert (out.view(np.uint32) == 0xFF0000).all()

@@ -8,7 +8,7 @@ from filter_cases import run, terrain
 from grid_map_filters_py import FilterWarning
 
 
-def test_deleting_a_layer_that_is_not_there_is_a_warning():
+def test_deleting_a_missing_layer_is_a_warning():
     grid_map = terrain(a=1.0, b=2.0)
     grid_map.basic_layers = ["a"]
     with pytest.warns(FilterWarning, match=r"filter 1 'under_test'.*no layer nope to delete"):

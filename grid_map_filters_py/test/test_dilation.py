@@ -6,13 +6,11 @@ from functools import partial
 
 import filter_oracles as oracles
 import numpy as np
-import pytest
-from filter_cases import CELLS, STEPS, filtered, ground
+from filter_cases import CELLS, filtered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
 
 dilation = partial(filtered, "gridMapFilters/DilationFilter")
 
@@ -26,12 +24,3 @@ def test_dilation_is_the_largest_finite_value_in_the_disc(grid_map, cells, compu
         max, grid_map["elevation"], grid_map.resolution, radius, fill=compute_empty_cells
     )
     np.testing.assert_array_equal(result, expected)
-
-
-def test_a_disc_far_larger_than_the_map_is_the_map():
-    assert (dilation(ground(STEPS), radius=1e6) == 69).all()
-
-
-def test_a_parameter_that_makes_no_sense_is_refused():
-    with pytest.raises(FilterConfigError, match="'radius': expected a length >= 0"):
-        dilation(ground([[1.0]]), radius=-0.1)

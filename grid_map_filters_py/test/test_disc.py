@@ -38,7 +38,7 @@ sizes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 
 @given(radius=radii, size=sizes, side=st.integers(1, 9), seed=st.integers(0, 99))
 @settings(max_examples=100)
-def test_the_tiles_of_a_map_give_the_sums_over_the_discs_of_all_its_cells(radius, size, side, seed):
+def test_tiles_give_the_sums_over_all_discs(radius, size, side, seed):
     random = np.random.default_rng(seed)
     layer = np.asfortranarray(random.integers(-9, 9, size), dtype=np.float32)
     layer[random.random(size) < 0.3] = random.choice([np.nan, np.inf])
@@ -56,7 +56,7 @@ def test_the_tiles_of_a_map_give_the_sums_over_the_discs_of_all_its_cells(radius
 
 @given(radius=radii, size=sizes)
 @settings(max_examples=50)
-def test_the_kernel_of_a_disc_has_its_cells(radius, size):
+def test_kernel_has_the_cells_of_the_disc(radius, size):
     disc = Disc(radius, RESOLUTION, size)
     cells = np.argwhere(disc.kernel) - disc.reach
     assert sorted(map(tuple, cells.tolist())) == sorted(offsets_in_disc(radius, size))
@@ -64,7 +64,7 @@ def test_the_kernel_of_a_disc_has_its_cells(radius, size):
 
 @pytest.mark.parametrize("radius", [0.0, 0.1, 0.3, 0.7])
 @pytest.mark.parametrize("value", [3e38, -3e38, 1e-40])
-def test_the_mean_of_equal_values_is_the_value_however_large(radius, value):
+def test_mean_of_equal_values_is_exact_for_huge_values(radius, value):
     grid_map = GridMap((2.0, 1.0), RESOLUTION, layers={"z": value})
     grid_map["z"][3, 4] = np.inf
     mean = MeanInRadius(input_layer="z", output_layer="mean", radius=radius)(grid_map)["mean"]
@@ -73,7 +73,7 @@ def test_the_mean_of_equal_values_is_the_value_however_large(radius, value):
     np.testing.assert_allclose(mean, expected, rtol=1e-6)
 
 
-def test_a_mean_of_values_whose_sum_is_beyond_single_precision_is_finite():
+def test_mean_is_finite_if_the_sum_overflows_single_precision():
     heights = np.zeros((20, 20))
     heights[5:9, 5:9] = 3e38
     grid_map = GridMap((2.0, 2.0), RESOLUTION, layers={"z": heights})
@@ -82,7 +82,7 @@ def test_a_mean_of_values_whose_sum_is_beyond_single_precision_is_finite():
     np.testing.assert_allclose(mean[1:-1, 1:-1], expected[1:-1, 1:-1], rtol=1e-6)
 
 
-def test_the_typical_value_is_finite_and_near_the_median():
+def test_typical_value_is_finite_and_near_the_median():
     random = np.random.default_rng(2)
     layer = np.asfortranarray(1000 + random.normal(size=(300, 200)), dtype=np.float32)
     layer[random.random(layer.shape) < 0.2] = np.nan

@@ -13,7 +13,7 @@ def duplicate(grid_map, output_layer):
     return run("gridMapFilters/DuplicationFilter", grid_map, **params)
 
 
-def test_a_copy_has_the_bits_of_its_layer_and_memory_of_its_own():
+def test_copy_has_equal_bits_in_separate_memory():
     result = duplicate(terrain(VALUES.shape, elevation=VALUES), "copy")
     assert result.layers == ("elevation", "copy")
     for layer in result:
@@ -22,7 +22,7 @@ def test_a_copy_has_the_bits_of_its_layer_and_memory_of_its_own():
     assert result["elevation"][0, 0] == 1.5
 
 
-def test_a_copy_takes_the_place_of_a_layer_of_its_name():
+def test_copy_replaces_an_existing_layer():
     grid_map = terrain(VALUES.shape, other=1.0, elevation=VALUES)
     result = duplicate(grid_map, "other")
     assert result.layers == ("other", "elevation")

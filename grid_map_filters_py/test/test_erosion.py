@@ -2,18 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The smallest values of discs, against a loop over cells."""
 
-import math
 from functools import partial
 
 import filter_oracles as oracles
 import numpy as np
-import pytest
-from filter_cases import CELLS, STEPS, filtered, ground
+from filter_cases import CELLS, filtered
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
 
 erosion = partial(filtered, "gridMapFilters/ErosionFilter")
 
@@ -27,12 +24,3 @@ def test_erosion_is_the_smallest_finite_value_in_the_disc(grid_map, cells, compu
         min, grid_map["elevation"], grid_map.resolution, radius, fill=compute_empty_cells
     )
     np.testing.assert_array_equal(result, expected)
-
-
-def test_a_disc_far_larger_than_the_map_is_the_map():
-    assert (erosion(ground(STEPS), radius=1e6) == 0).all()
-
-
-def test_a_parameter_that_makes_no_sense_is_refused():
-    with pytest.raises(FilterConfigError, match="'radius': expected a length >= 0"):
-        erosion(ground([[1.0]]), radius=math.nan)

@@ -39,7 +39,7 @@ def value(text, **more):
 
 
 @given(grid_maps(("a", "b")))
-def test_expression_of_a_map_is_in_the_order_of_its_layers(grid_map):
+def test_result_for_a_moved_map_has_its_order(grid_map):
     in_map_order = {name: grid_map.unwrapped(name) for name in grid_map}
     for text in ("a .* 2 + b", "a - meanOfFinites(b)"):
         grid_map["out"] = Expression(text)(grid_map)
@@ -51,7 +51,7 @@ def test_expression_of_a_map_is_in_the_order_of_its_layers(grid_map):
 
 
 @given(st.floats(allow_nan=False))
-def test_a_printed_number_is_read_back(number):
+def test_printed_numbers_are_read_back(number):
     assert Expression(repr(number))({}) == number
 
 
@@ -59,7 +59,7 @@ def test_a_printed_number_is_read_back(number):
     ("text", "number"),
     [("5.", 5), (".5", 0.5), ("1e3", 1000), ("1E-3", 0.001), ("1.5e+2", 150), ("1e400", np.inf)],
 )
-def test_numbers_are_written_as_usual(text, number):
+def test_numbers_have_the_usual_forms(text, number):
     assert Expression(text)({}) == number
 
 
@@ -130,13 +130,13 @@ def test_a_scalar_makes_every_operator_elementwise():
     np.testing.assert_array_equal(value("5.*elevation"), 5 * elevation)
 
 
-def test_star_is_the_matrix_product_of_matrices():
+def test_star_is_the_matrix_product():
     np.testing.assert_array_equal(value("square_ * square_"), [[7, 10], [15, 22]])
     np.testing.assert_array_equal(value("square_ .* square_"), [[1, 4], [9, 16]])
     np.testing.assert_array_equal(value("square_ ^ square_"), [[1, 4], [27, 256]])
 
 
-def test_the_only_cell_of_a_map_is_a_matrix_and_goes_with_everything():
+def test_one_by_one_matrix_fits_every_shape():
     cell = fortran([[4]])
     assert value("sqrt(cell)", cell=cell).shape == (1, 1)
     assert value("min(cell, other)", cell=cell, other=fortran([[3]])) == 3
@@ -217,7 +217,7 @@ def test_indices_start_at_zero(text, picked):
         "ceil",
     ],
 )
-def test_an_elementwise_function_is_that_of_the_mathematical_library(name):
+def test_elementwise_functions_equal_the_math_module(name):
     numbers = [[-2.5, -0.75, -0.0, 0.3, 1.0, 2.5]]
 
     def reference(number):
@@ -238,7 +238,7 @@ def test_round_takes_halves_away_from_zero():
     )
 
 
-def test_reductions_propagate_nan_and_their_finite_forms_skip_what_is_not_finite():
+def test_plain_reductions_keep_nan_and_finite_reductions_skip_it():
     for name in ["min", "max", "absmax", "mean", "sum", "prod", "norm"]:
         assert math.isnan(value(f"{name}(variance)"))
     finite = layers()["variance"][np.isfinite(layers()["variance"])]
@@ -249,7 +249,7 @@ def test_reductions_propagate_nan_and_their_finite_forms_skip_what_is_not_finite
     assert value("meanOfFinites(variance)") == pytest.approx(finite.mean())
 
 
-def test_where_nothing_is_finite_the_finite_forms_give_nan_and_count_zero():
+def test_finite_reductions_of_nothing_are_nan_and_count_zero():
     nothing = fortran([[np.nan, np.inf], [-np.inf, np.nan]])
     for name in ["min", "max", "mean", "sum"]:
         assert math.isnan(value(f"{name}OfFinites(m)", m=nothing))
@@ -294,7 +294,7 @@ def test_functions_of_matrices(text, result):
     np.testing.assert_array_equal(value(text), result)
 
 
-def test_a_layer_hides_the_function_and_the_constant_of_its_name():
+def test_layer_hides_function_and_constant_of_its_name():
     mean, pi = fortran([[1, 2], [3, 4]]), fortran([[3]])
     assert value("mean(1, 0)", mean=mean) == 3
     assert value("mean([1, 0])") == 0.5
@@ -330,14 +330,14 @@ ELEMENTWISE = [
 
 
 @pytest.mark.parametrize("text", ELEMENTWISE)
-def test_float32_layers_in_fortran_order_stay_so(text):
+def test_type_and_memory_order_of_layers_are_kept(text):
     result = value(text)
     assert result.dtype == np.float32
     assert result.flags.f_contiguous
 
 
 @pytest.mark.parametrize("text", [*ELEMENTWISE, "transpose(elevation)", "+elevation", "row(:)"])
-def test_no_layer_is_changed_or_shared_with_the_result(text):
+def test_layers_are_neither_changed_nor_shared(text):
     given_layers, before = layers(), layers()
     result = Expression(text)(given_layers)
     assert not any(np.shares_memory(result, layer) for layer in given_layers.values())
@@ -354,7 +354,7 @@ def test_results_of_one_expression_do_not_share_memory():
     np.testing.assert_array_equal(expression({}), [[1, 2]])
 
 
-def test_a_repeated_part_has_the_same_value_everywhere():
+def test_repeated_part_has_one_value():
     elevation = layers()["elevation"]
     np.testing.assert_array_equal(
         value("(elevation + 1) .* (elevation + 1) - (elevation + 1)"),
@@ -362,7 +362,7 @@ def test_a_repeated_part_has_the_same_value_everywhere():
     )
 
 
-def test_end_means_another_index_in_every_place():
+def test_end_depends_on_its_index():
     assert value("elevation(end, 0) + elevation(0, end) + row(end)") == 9 + 4 + 14
 
 
@@ -377,7 +377,7 @@ def test_layers_of_other_types_are_taken_as_float32():
         assert value("m ./ 2", m=layer).dtype == np.float32
 
 
-def test_only_the_layers_that_are_named_are_touched():
+def test_only_named_layers_are_read():
     class Watched(dict):
         def __getitem__(self, name):
             assert name == "elevation"
@@ -389,13 +389,13 @@ def test_only_the_layers_that_are_named_are_touched():
 # --- expressions as objects -----------------------------------------------------------------------
 
 
-def test_an_expression_knows_its_text_and_names():
+def test_expression_has_its_text_and_names():
     expression = Expression("a + mean(b) .* c(0, end) + pi - nope(3)")
     assert expression.text == "a + mean(b) .* c(0, end) + pi - nope(3)"
     assert expression.names == {"a", "b", "c", "nope"}
 
 
-def test_an_expression_is_equal_by_its_text_and_cannot_be_changed():
+def test_expressions_are_immutable_and_compare_by_text():
     assert Expression("a+1") == Expression("a+1") != Expression("a + 1")
     assert len({Expression("a"), Expression("a")}) == 1
     assert repr(Expression("a+1")) == "Expression(text='a+1')"
@@ -403,7 +403,7 @@ def test_an_expression_is_equal_by_its_text_and_cannot_be_changed():
         Expression("a").text = "b"
 
 
-def test_an_expression_can_be_pickled():
+def test_expressions_can_be_pickled():
     copied = pickle.loads(pickle.dumps(Expression("sqrt(elevation)")))
     assert copied == Expression("sqrt(elevation)")
     np.testing.assert_array_equal(copied(layers()), np.sqrt(layers()["elevation"]))
@@ -482,32 +482,32 @@ def assert_points_at(error: ExpressionError, text: str, column: int, message: st
 
 
 @pytest.mark.parametrize(("text", "column", "message"), AT_CONSTRUCTION)
-def test_what_is_wrong_for_all_layers_is_an_error_at_once(text, column, message):
+def test_errors_for_all_layers_are_raised_at_construction(text, column, message):
     with pytest.raises(ExpressionError) as caught:
         Expression(text)
     assert_points_at(caught.value, text, column, message)
 
 
 @pytest.mark.parametrize(("text", "column", "message"), AT_EVALUATION)
-def test_what_does_not_fit_the_layers_is_an_error_at_evaluation(text, column, message):
+def test_errors_of_layers_are_raised_at_evaluation(text, column, message):
     expression = Expression(text)
     with pytest.raises(ExpressionError) as caught:
         expression(layers())
     assert_points_at(caught.value, text, column, message)
 
 
-def test_an_expression_of_several_lines_is_shown_in_one():
+def test_expression_of_several_lines_is_shown_in_one():
     with pytest.raises(ExpressionError) as caught:
         Expression("a\n+\t(b")
     assert str(caught.value).split("\n")[1:] == ["    a + (b", "          ^"]
 
 
-def test_a_hiding_layer_is_named_in_the_error():
+def test_error_names_the_layer_that_hides_a_function():
     with pytest.raises(ExpressionError, match="the layer 'mean' hides the function"):
         value("mean(elevation)", mean=layers()["elevation"])
 
 
-def test_an_expression_error_is_a_filter_error_and_a_value_error():
+def test_expression_errors_are_filter_errors_and_value_errors():
     assert issubclass(ExpressionError, FilterError)
     assert issubclass(ExpressionError, ValueError)
 
@@ -524,11 +524,11 @@ def test_a_layer_needs_rows_and_columns():
     assert_points_at(caught.value, "1 + m", 4, message)
 
 
-def test_brackets_may_be_nested_as_deeply_as_anybody_likes():
+def test_brackets_nest_to_any_depth():
     assert Expression("(" * 3000 + "7" + ")" * 3000)({}) == 7
 
 
 @given(st.text(alphabet="ab1.+-*/^()[],:;<>=! \"'end", max_size=20))
-def test_any_text_is_an_expression_or_an_expression_error(text):
+def test_any_text_gives_expression_or_expression_error(text):
     with suppress(ExpressionError):
         Expression(text)({"a": fortran([[1, 2], [3, 4]])})

@@ -45,7 +45,7 @@ def eigenlab_variables() -> dict[str, np.ndarray]:
     [case for case in golden("eigenlab")["cases"] if case["expression"] not in DEVIATIONS],
     ids=lambda case: case["expression"],
 )
-def test_an_expression_gives_what_eigenlab_gives(case):
+def test_expressions_equal_eigenlab(case):
     if not case["ok"]:
         with pytest.raises(ExpressionError):
             Expression(case["expression"])(eigenlab_variables())
@@ -55,7 +55,7 @@ def test_an_expression_gives_what_eigenlab_gives(case):
     np.testing.assert_allclose(result, np.array(case["value"]), rtol=2e-6, atol=1e-7)
 
 
-def test_every_deviation_is_about_a_golden_case():
+def test_every_deviation_has_a_golden_case():
     assert {case["expression"] for case in golden("eigenlab")["cases"]} > DEVIATIONS.keys()
 
 
@@ -130,7 +130,7 @@ def case_id(case) -> str:
 
 
 @pytest.mark.parametrize("case", filter_cases("MathExpressionFilter"), ids=case_id)
-def test_a_math_expression_gives_what_cpp_gives(case):
+def test_math_expressions_equal_cpp(case):
     expression = Expression(case["params"]["expression"])
     if "exception" in case:
         with pytest.raises(ExpressionError):
@@ -195,7 +195,7 @@ def window_cases(deviation: str | None) -> list[Any]:
 
 
 @pytest.mark.parametrize("case", window_cases(None), ids=case_id)
-def test_a_window_expression_gives_what_cpp_gives(case):
+def test_window_expressions_equal_cpp(case):
     if "exception" in case:
         with pytest.raises(ExpressionError):
             windows_of(case)
@@ -223,13 +223,13 @@ def test_windows_of_one_cell_cover_the_whole_map(case):
 @pytest.mark.parametrize(
     "case", window_cases("an expression that gives a matrix is an error"), ids=case_id
 )
-def test_a_window_expression_that_gives_a_matrix_is_an_error(case):
+def test_window_expression_that_gives_a_matrix_is_refused(case):
     with pytest.raises(ExpressionError, match=r"must give a single number, this one gives . x ."):
         windows_of(case)
 
 
 @pytest.mark.parametrize("case", window_cases("moved maps work"), ids=case_id)
-def test_windows_of_a_moved_map_are_those_of_the_same_world(case):
+def test_windows_do_not_depend_on_the_start_index(case):
     params, layer = case["params"], layers_of(case)[case["params"]["input_layer"]]
     if window_size_of(case) % 2 == 0:
         with pytest.raises(FilterError, match="must be odd and positive, not 4"):

@@ -100,7 +100,7 @@ layers = array_shapes(min_dims=2, max_dims=2, max_side=6).flatmap(
     window_size=st.sampled_from([1, 3, 3, 5, 7]),
     edge_handling=st.sampled_from(EDGES),
 )
-def test_all_windows_at_once_give_what_each_gives_alone(text, layer, window_size, edge_handling):
+def test_windows_equal_a_loop_over_cells(text, layer, window_size, edge_handling):
     if edge_handling == "inside" and window_size > min(layer.shape):
         return  # there is no window at all; that case has a test of its own
     expression = Expression(text)
@@ -172,7 +172,7 @@ def terrain(rows=40, columns=50, height=0.0) -> np.ndarray:
 
 @pytest.mark.parametrize("edge_handling", EDGES)
 @pytest.mark.parametrize("text", ["meanOfFinites(e)", STANDARD_DEVIATION])
-def test_a_large_map_is_computed_in_parts_without_seams(monkeypatch, text, edge_handling):
+def test_large_map_is_computed_in_tiles_without_seams(monkeypatch, text, edge_handling):
     layer = terrain()
     monkeypatch.setattr("grid_map_filters_py.expression._windows._BLOCK", 200)
     in_parts = Expression(text).over_windows("e", layer, 5, edge_handling)
@@ -183,7 +183,7 @@ def test_a_large_map_is_computed_in_parts_without_seams(monkeypatch, text, edge_
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-def test_terrain_at_a_thousand_metres_is_as_accurate_as_at_sea_level(edge_handling):
+def test_high_terrain_is_as_accurate_as_at_sea_level(edge_handling):
     high = terrain(height=1000.0)
     at_sea_level = high.astype(np.float64) - 1000.0  # exact, because the values are float32
     for text in [STANDARD_DEVIATION, "max(e) - meanOfFinites(e)", "sumOfFinites(e - e(0, 0))"]:
@@ -197,7 +197,7 @@ def test_terrain_at_a_thousand_metres_is_as_accurate_as_at_sea_level(edge_handli
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-def test_huge_values_do_not_spoil_windows_they_are_not_in(edge_handling):
+def test_huge_value_spoils_only_its_own_windows(edge_handling):
     layer = terrain()
     layer[20, 20] = 1e30
     apart = np.ones(layer.shape, bool)
@@ -227,20 +227,20 @@ def test_a_map_of_one_cell_has_windows(edge_handling):
     )
 
 
-def test_no_cell_is_inside_when_the_window_is_larger_than_the_map():
+def test_windows_larger_than_the_map_are_never_inside():
     layer = np.ones((3, 9), np.float32)
     result = Expression("sum(e)").over_windows("e", layer, 5, "inside")
     assert result.shape == layer.shape
     assert np.isnan(result).all()
 
 
-def test_a_wrong_expression_is_an_error_even_if_no_cell_is_inside():
+def test_wrong_expression_fails_without_any_window_inside():
     with pytest.raises(ExpressionError, match="this one gives 5 x 5"):
         Expression("e + 1").over_windows("e", np.ones((3, 9), np.float32), 5, "inside")
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-def test_empty_cells_stay_empty_only_when_asked_for(edge_handling):
+def test_empty_cells_stay_empty_on_request(edge_handling):
     layer = terrain()
     mean = Expression("meanOfFinites(e)").over_windows
     everywhere = mean("e", layer, 3, edge_handling)
@@ -252,7 +252,7 @@ def test_empty_cells_stay_empty_only_when_asked_for(edge_handling):
 
 @pytest.mark.parametrize("edge_handling", EDGES)
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_the_result_is_a_float32_layer_and_the_input_is_untouched(edge_handling, order):
+def test_result_is_float32_and_input_is_unchanged(edge_handling, order):
     layer = np.array(terrain(), order=order)
     before = layer.copy()
     for text in ["meanOfFinites(e)", "e(0, 0)", "3"]:
@@ -265,14 +265,14 @@ def test_the_result_is_a_float32_layer_and_the_input_is_untouched(edge_handling,
     assert layer.flags.writeable
 
 
-def test_numbers_are_float32_as_in_whole_layers():
+def test_numbers_are_rounded_to_float32():
     layer = np.full((3, 3), 0.1, np.float32)
     assert Expression("sum(e > 0.1)")({"e": layer}) == 0
     assert Expression("sum(e > 0.1)").over_windows("e", layer, 3, "inside")[1, 1] == 0
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-def test_layers_of_whole_numbers_have_windows(edge_handling):
+def test_integer_layers_have_windows(edge_handling):
     result = Expression("meanOfFinites(e)").over_windows(
         "e", np.eye(5, dtype=int), 3, edge_handling
     )
@@ -293,14 +293,14 @@ def test_memory_does_not_grow_with_the_window():
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 7), (6, 5)])
-def test_a_cropped_window_far_larger_than_the_map_is_the_map(shape):
+def test_huge_cropped_window_covers_the_map(shape):
     layer = np.arange(np.prod(shape), dtype=np.float32).reshape(shape, order="F")
     result = Expression("sum(e)").over_windows("e", layer, 10**6 + 1, "crop")
     np.testing.assert_array_equal(result, np.full(shape, layer.sum()))
 
 
 @pytest.mark.parametrize("edge_handling", ["inside", "empty", "mean"])
-def test_a_window_that_would_fill_the_memory_is_refused(edge_handling):
+def test_huge_padded_window_is_refused(edge_handling):
     with pytest.raises(FilterError, match="a window of 1000001 cells is too large for a layer of"):
         Expression("sum(e)").over_windows("e", terrain(), 10**6 + 1, edge_handling)
 
@@ -330,7 +330,7 @@ ERRORS = [
 
 
 @pytest.mark.parametrize(("text", "column", "message"), ERRORS)
-def test_what_does_not_fit_a_window_is_an_error_that_points_at_it(text, column, message):
+def test_errors_in_windows_show_the_place(text, column, message):
     with pytest.raises(ExpressionError) as caught:
         Expression(text).over_windows("e", terrain(), 3, "inside")
     first, line, caret = str(caught.value).split("\n")
@@ -339,7 +339,7 @@ def test_what_does_not_fit_a_window_is_an_error_that_points_at_it(text, column, 
     assert caret.index("^") - line.index(text) == column
 
 
-def test_a_kernel_does_not_fit_cropped_windows():
+def test_kernel_does_not_fit_cropped_windows():
     with pytest.raises(ExpressionError, match="the shapes 3 x 3 and 2 x 2 do not match"):
         Expression(f"sumOfFinites({KERNEL} .* e)").over_windows("e", terrain(), 3, "crop")
 

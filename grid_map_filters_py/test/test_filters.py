@@ -12,7 +12,7 @@ from filter_cases import (
     HEIGHTS_TO_LAYER,
     LAYERS,
     OF_ANY_MAP,
-    OF_THEIR_LAYERS,
+    STEPS,
     TO_OUT,
     filtered,
     ground,
@@ -23,7 +23,7 @@ from filter_cases import (
 from hypothesis import given, settings
 
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
-from grid_map_filters_py import FILTERS, FilterError
+from grid_map_filters_py import FILTERS, FilterConfigError, FilterError
 from grid_map_filters_py._registry import BUILT_IN
 
 
@@ -56,11 +56,11 @@ def run_here_and_elsewhere(type_name, grid_map, **params):
     return result
 
 
-def test_every_registered_filter_is_among_those_that_are_tested_together():
+def test_every_registered_filter_is_in_the_common_tests():
     assert {type_name for type_name, _ in EVERY_FILTER} == {*FILTERS.types}
 
 
-def test_every_built_in_filter_has_tests_of_its_own():
+def test_every_built_in_filter_has_a_test_file():
     names = {
         f"test{filter_class.__module__.split('.')[-1]}.py" for filter_class in BUILT_IN.values()
     }
@@ -79,52 +79,169 @@ EXTREMES = {
 @ignore_warnings
 @pytest.mark.parametrize("size", [(1, 1), (1, 6), (7, 1), (5, 4)], ids=str)
 @pytest.mark.parametrize("values", EXTREMES.values(), ids=EXTREMES)
-def test_every_filter_works_on_maps_of_one_cell_or_row_without_data_or_with_infinities(
-    size, values
-):
+def test_filters_work_on_tiny_empty_and_extreme_maps(size, values):
     for type_name, params in EVERY_FILTER:
         grid_map = terrain(size, **{name: np.resize(values, size) for name in LAYERS})
         run_here_and_elsewhere(type_name, grid_map, **params)
 
 
 @ignore_warnings
-@each(OF_ANY_MAP + OF_THEIR_LAYERS, 60)
+@each(EVERY_FILTER, 60)
 @given(grid_maps(LAYERS, max_side=7))
 @settings(max_examples=25)
-def test_every_filter_leaves_its_input_alone_and_gives_the_same_on_a_moved_map(
-    type_name, params, grid_map
-):
+def test_filters_change_no_input_and_work_on_moved_maps(type_name, params, grid_map):
     result = run_here_and_elsewhere(type_name, grid_map, **params)
     for layer in result:
         assert result[layer].dtype == np.float32
         assert result[layer].flags.f_contiguous
         assert not any(np.shares_memory(result[layer], grid_map[name]) for name in grid_map)
+    if type_name.endswith(("MedianFillFilter", "SetBasicLayersFilter", "DeletionFilter")):
+        return
+    assert result.basic_layers == grid_map.basic_layers
 
 
-@each(OF_THEIR_LAYERS, 60)
-def test_a_filter_on_a_map_without_its_layer_names_the_layers_there_are(type_name, params):
-    with pytest.raises(FilterError, match="available: only"):
+@each([entry for entry in EVERY_FILTER if entry not in OF_ANY_MAP], 60)
+def test_missing_layer_is_named_with_available_layers(type_name, params):
+    with pytest.raises(FilterError, match=r"no layer '.*'; available: only"):
         run(type_name, terrain(only=0.0), **params)
+
+
+HUGE_DISCS = {
+    "Bilateral": ({"sigma_space": 1e6, "sigma_range": 1e6}, 34.5),
+    "Dilation": ({"radius": 1e6}, 69),
+    "Erosion": ({"radius": 1e6}, 0),
+    "GaussianBlur": ({"sigma": 1e6}, 34.5),
+    "MeanInRadius": ({"radius": 1e6}, 34.5),
+}
+
+
+@pytest.mark.parametrize("type_name", HUGE_DISCS)
+def test_a_disc_larger_than_the_map_covers_it(type_name):
+    params, expected = HUGE_DISCS[type_name]
+    np.testing.assert_allclose(filtered(type_name, ground(STEPS), **params), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("type_name", ["Roughness", "Slope"])
+def test_planes_are_fitted_to_discs_larger_than_the_map(type_name):
+    assert np.isfinite(filtered(type_name, ground(STEPS), radius=1e6)).all()
+
+
+BILATERAL = {"sigma_space": 1, "sigma_range": 1}
+FILL = {"fill_hole_radius": 0.2, "fill_mask_layer": "mask"}
+RAMP = {"min_value": -1, "max_value": 3, "min_color": [0, 0, 0], "max_color": [1, 1, 1]}
+SUM = {"expression": "sum(elevation)"}
+BELOW = {"set_to": 0, "lower_threshold": 1}
+NORMALS = {"output_layer": None, "output_layers_prefix": "n_"}
+SCORES = {"input_layer": None, "input_layers": ["elevation"], "critical_values": [1]}
+STEP = {"radius": 1, "second_window_radius": 1, "critical_value": 1}
+
+WRONG = [
+    ("Bilateral", BILATERAL | {"sigma_space": 0}, "'sigma_space': expected a number > 0"),
+    ("Bilateral", BILATERAL | {"sigma_range": 0}, "'sigma_range': expected a number > 0"),
+    ("Bilateral", BILATERAL | {"sigma_range": 1e308}, "'sigma_range': expected a number > 0"),
+    ("Bilateral", BILATERAL | {"radius": -1}, "'radius': expected a length >= 0"),
+    ("ColorMap", RAMP | {"max_value": -1.0}, "'max/value': expected a finite number above "),
+    ("ColorMap", RAMP | {"max_value": np.inf}, "'max/value': expected a finite number above "),
+    ("ColorMap", RAMP | {"min_value": -np.inf}, "'min/value': expected a finite number"),
+    ("ColorMap", RAMP | {"min_color": [0, 1]}, "'min/color': expected three finite numbers"),
+    ("ColorMap", RAMP | {"max_color": [0, 1, np.nan]}, "'max/color': expected three finite"),
+    ("ColorMap", RAMP | {"min_value": -3e38, "max_value": 3e38}, "a ramp of at most 3.40282e"),
+    ("ColorMap", RAMP | {"max_value": 1e39}, "'max/value': expected a ramp of at most 3.40282e"),
+    ("ColorMap", RAMP | {"min_value": -1e39}, "'max/value': expected a ramp of at most 3.40282e"),
+    ("Dilation", {"radius": -0.1}, "'radius': expected a length >= 0"),
+    ("Erosion", {"radius": np.nan}, "'radius': expected a length >= 0"),
+    ("GaussianBlur", {"sigma": 0}, "'sigma': expected a length > 0"),
+    ("GaussianBlur", {"sigma": np.inf}, "'sigma': expected a length > 0"),
+    ("GaussianBlur", {"sigma": 1, "radius": np.nan}, "'radius': expected a length >= 0"),
+    ("Inpaint", {"radius": 1, "max_hole_area": -1}, "'max_hole_area': expected an area >= 0"),
+    ("Inpaint", {"radius": 1, "max_hole_area": np.nan}, "'max_hole_area': expected an area"),
+    ("MedianFill", FILL | {"fill_hole_radius": -0.1}, "'fill_hole_radius': expected a "),
+    ("MedianFill", FILL | {"filter_existing_values": True}, "needs an 'existing_value_radius'"),
+    (
+        "MedianFill",
+        FILL | {"existing_value_radius": np.inf},
+        "'existing_value_radius': expected",
+    ),
+    ("MedianFill", FILL | {"debug": True}, "needs a 'debug_infill_mask_layer'"),
+    ("MedianFill", FILL | {"num_erode_dilation_iterations": -1}, "an integer >= 0, found -1"),
+    ("MedianFill", FILL | {"fill_mask_layer": "out"}, "expected different 'output_layer'"),
+    *(
+        (
+            "MedianFill",
+            FILL | {"debug": True, "debug_infill_mask_layer": name},
+            "expected different 'output_layer'",
+        )
+        for name in ("mask", "out")
+    ),
+    ("MeanInRadius", {"radius": -1}, "'radius': expected a length >= 0 [m], found -1.0"),
+    (
+        "NormalVectors",
+        NORMALS | {"normal_vector_positive_axis": "w"},
+        "one of 'x', 'y', 'z', found",
+    ),
+    ("Inpaint", {"radius": np.nan}, "'radius': expected a length >= 0 [m], found nan"),
+    ("Roughness", {"radius": np.inf}, "'radius': expected a length >= 0"),
+    ("Slope", {"radius": -1}, "'radius': expected a length >= 0"),
+    ("Slope", {"input_layers_prefix": "n_"}, "exactly one of 'input_layer' and"),
+    ("SlidingWindowMathExpression", SUM | {"window_size": 4}, "an odd number of cells, found 4"),
+    ("SlidingWindowMathExpression", SUM | {"window_length": 0.0}, "a length > 0 [m], found 0.0"),
+    ("SlidingWindowMathExpression", {"expression": "sum(c)"}, "no layer but the input layer 'elev"),
+    ("StepHeight", {"radius": -1}, "'radius': expected a length >= 0"),
+    ("StepHeight", {"radius": 1, "critical_value": 1}, "both or none of 'second_window_radius',"),
+    (
+        "StepHeight",
+        STEP | {"second_window_radius": -1},
+        "'second_window_radius': expected a ",
+    ),
+    ("StepHeight", STEP | {"critical_value": -1}, "'critical_value': expected a height >= 0"),
+    ("StepHeight", STEP | {"critical_cell_number": 0}, "'critical_cell_number': expected"),
+    (
+        "Threshold",
+        {"layer": "a", "set_to": 0},
+        "exactly one of 'lower_threshold' and",
+    ),
+    (
+        "Threshold",
+        BELOW | {"output_layer": "a"},
+        "either 'layer', or 'condition_layer'",
+    ),
+    (
+        "Threshold",
+        BELOW | {"layer": "a", "output_layer": "b"},
+        "either 'layer', or 'condition_",
+    ),
+    ("Traversability", SCORES | {"input_layers": []}, "'input_layers': expected at least one"),
+    ("Traversability", SCORES | {"critical_values": [1, 2]}, "expected 1 numbers, one per layer"),
+    (
+        "Traversability",
+        SCORES | {"critical_values": [0]},
+        "'critical_values': expected numbers >",
+    ),
+    (
+        "Traversability",
+        SCORES | {"critical_values": [np.inf]},
+        "'critical_values': expected numbers",
+    ),
+    ("Traversability", SCORES | {"weights": [1, 1]}, "'weights': expected 1 numbers"),
+    ("Traversability", SCORES | {"weights": [-1]}, "'weights': expected numbers >= 0"),
+    ("Traversability", SCORES | {"weights": [0]}, "'weights': expected a number > 0"),
+]
+
+
+@pytest.mark.parametrize(("type_name", "params", "message"), WRONG)
+def test_wrong_parameters_are_refused(type_name, params, message):
+    defaults = {} if type_name == "Threshold" else TO_OUT
+    given = {name: value for name, value in (defaults | params).items() if value is not None}
+    with pytest.raises(FilterConfigError) as caught:
+        step_of(type_name, **given)
+    assert message in str(caught.value)
 
 
 # --- filters that make one layer of heights -------------------------------------------------------
 
 
-@ignore_warnings
 @each_from_heights
-@given(grid_maps(("elevation", "other"), max_side=7))
-@settings(max_examples=25)
-def test_a_filter_leaves_its_input_alone_and_gives_the_same_on_a_moved_map(
-    type_name, params, grid_map
-):
-    result = run_here_and_elsewhere(type_name, grid_map, **TO_OUT | params)
-    assert result["out"].dtype == np.float32
-    assert result["out"].flags.f_contiguous
-    assert result.basic_layers == grid_map.basic_layers
-
-
-@each_from_heights
-def test_a_filter_may_write_over_its_input_layer(type_name, params):
+def test_output_may_replace_the_input_layer(type_name, params):
     heights = np.random.default_rng(3).normal(size=(8, 6))
     heights[2:4, 3] = np.nan
     grid_map, onto_itself = ground(heights), dict.fromkeys(TO_OUT, "elevation")
@@ -136,12 +253,12 @@ def test_a_filter_may_write_over_its_input_layer(type_name, params):
 @each_from_heights
 @pytest.mark.parametrize("shape", [(1, 1), (1, 6), (5, 4)])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_nothing_comes_from_a_map_without_a_finite_cell(type_name, params, shape, value):
+def test_maps_without_finite_cells_stay_without(type_name, params, shape, value):
     assert not np.isfinite(filtered(type_name, ground(np.full(shape, value)), **params)).any()
 
 
 @each_from_heights
-def test_what_is_missing_does_not_spread(type_name, params):
+def test_missing_values_do_not_spread(type_name, params):
     """Infinite, NaN, beyond the border: all the same, and none a height of 0."""
     heights = 1000.0 + np.random.default_rng(5).normal(size=(9, 8))
     heights[4, 4] = np.nan
@@ -161,12 +278,6 @@ def test_what_is_missing_does_not_spread(type_name, params):
         assert np.nanmax(result) < 10
 
 
-@each_from_heights
-def test_an_unknown_layer_is_named(type_name, params):
-    with pytest.raises(FilterError, match="no layer 'elevation'; available: only"):
-        filtered(type_name, terrain(only=0.0), **params)
-
-
 # --- filters that smooth --------------------------------------------------------------------------
 
 SMOOTHING = [
@@ -175,7 +286,7 @@ SMOOTHING = [
 ]
 
 
-def test_a_constant_stays_constant_at_borders_and_holes():
+def test_constants_stay_constant_at_borders_and_holes():
     heights = np.full((20, 15), 1234.5)
     heights[5:9, 3:11] = np.nan
     for type_name, params in SMOOTHING:

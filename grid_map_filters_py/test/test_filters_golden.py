@@ -133,7 +133,7 @@ def classify(case) -> str:
 
 @pytest.mark.filterwarnings("ignore:.*to (delete|be basic):grid_map_filters_py.FilterWarning")
 @pytest.mark.parametrize("case", cases("equals"))
-def test_the_result_equals_cpp(case):
+def test_result_equals_cpp(case):
     description = golden()["maps"][case["map"]]
     result = chain_of(case)(to_map(description))
     assert list(result.layers) == case["result"]["layer_order"]
@@ -162,7 +162,7 @@ def test_parameters_that_cpp_refuses_are_refused(case):
 
 
 @pytest.mark.parametrize("case", cases("cast"))
-def test_an_integer_does_for_a_float(case):
+def test_integers_are_accepted_for_floats(case):
     """C++ refuses `radius: 1`; ours casts (contract 8: both must load)."""
     result = chain_of(case)(to_map(golden()["maps"][case["map"]]))
     floats = {**case["params"], "radius": float(case["params"]["radius"])}
@@ -177,7 +177,7 @@ def test_maps_that_cpp_cannot_filter_raise(case):
         chain(to_map(golden()["maps"][case["map"]]))
 
 
-def test_nothing_was_left_out():
+def test_every_golden_case_is_tested():
     counts = {name: len(cases(name)) for name in ("equals", "refused", "cast", "fails", "deviates")}
     assert sum(counts.values()) == sum(is_compared(case) for case in golden()["cases"])
     assert counts["equals"] >= 110
@@ -185,7 +185,7 @@ def test_nothing_was_left_out():
 
 
 @pytest.mark.parametrize("case", cases("deviates"))
-def test_a_deliberate_deviation_is_the_same_on_a_moved_map(case):
+def test_deviations_are_the_same_on_moved_maps(case):
     """Results on moved maps equal those on unmoved maps where C++ deviates."""
     description = golden()["maps"][case["map"]]
     moved = to_map(description)
@@ -218,7 +218,7 @@ def result_of(case) -> GridMap:
     ("name", "oracle"),
     [("MinInRadiusFilter", oracles.min_in_radius), ("MeanInRadiusFilter", oracles.mean_in_radius)],
 )
-def test_discs_whose_rim_meets_cells_are_closed(name, oracle):
+def test_cells_on_the_rim_belong_to_the_disc(name, oracle):
     cases = deviating("rim", name)
     assert len(cases) >= 8
     for case in cases:
@@ -228,7 +228,7 @@ def test_discs_whose_rim_meets_cells_are_closed(name, oracle):
         np.testing.assert_allclose(ours, expected, rtol=1e-6, atol=1e-6)
 
 
-def test_a_radius_is_cut_off_to_whole_cells_but_for_rounding_errors():
+def test_radius_is_rounded_down_except_for_rounding_errors():
     cases = deviating("0.15 / 0.05 are 2 cells", "MedianFillFilter")
     assert len(cases) == 8
     for case in cases:
@@ -252,7 +252,7 @@ def test_curvature_on_a_moved_map():
         np.testing.assert_allclose(ours, expected, atol=1e-5 * np.nanmax(np.abs(expected)))
 
 
-def test_basic_layers_are_read_from_layers_too():
+def test_basic_layers_are_read_from_both_parameters():
     for case in deviating("reads layer alone", "SetBasicLayersFilter"):
         assert result_of(case).basic_layers == tuple(case["params"]["layers"])
 
@@ -264,7 +264,7 @@ def test_channels_beyond_their_range_are_clamped():
         assert {oracles.to_bytes(color) for color in colors.flat} == {(255, 0, 76)}
 
 
-def test_hard_light_is_that_of_cpp_where_no_channel_leaves_its_range_and_else_clamped():
+def test_hard_light_equals_cpp_within_the_range_of_channels():
     cases = deviating("channels spill", "ColorBlendingFilter")
     assert len(cases) == 4
     for case in cases:

@@ -10,7 +10,7 @@ from filter_cases import run, terrain
 from grid_map_filters_py import FilterConfigError
 
 
-def test_light_is_brightest_where_it_falls_straight_onto_the_surface():
+def test_light_is_brightest_at_normal_incidence():
     normals = {
         "n_x": [[0, 1, 0, 0.6, np.nan]],
         "n_y": [[0, 0, 0, 0, 0]],
@@ -28,7 +28,7 @@ def test_light_is_brightest_where_it_falls_straight_onto_the_surface():
 
 
 @pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
-def test_the_length_of_the_direction_does_not_matter(length):
+def test_length_of_the_direction_does_not_matter(length):
     grid_map = terrain(n_x=0.0, n_y=0.6, n_z=0.8)
     direction = [0.0, 0.0, -length]
     out = run(

@@ -9,7 +9,7 @@ from filter_cases import run, terrain
 from grid_map_filters_py import FilterError
 
 
-def test_a_scalar_expression_fills_the_layer_and_another_shape_is_an_error():
+def test_number_fills_layer_and_wrong_shape_is_refused():
     grid_map = terrain((4, 3), a=2.0)
     type_name = "gridMapFilters/MathExpressionFilter"
     result = run(type_name, grid_map, expression="sum(a)", output_layer="out")

@@ -4,13 +4,11 @@
 
 import filter_oracles as oracles
 import numpy as np
-import pytest
 from filter_cases import TO_OUT, run, terrain
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grid_map_core_py.testing import grid_maps
-from grid_map_filters_py import FilterConfigError
 
 PARAMS = {**TO_OUT, "fill_hole_radius": 0.2, "fill_mask_layer": "mask"}
 
@@ -21,7 +19,7 @@ def fill(grid_map, **params):
 
 @given(grid_maps(allow_moved=False), st.integers(0, 5), st.booleans())
 @settings(max_examples=40)
-def test_fills_where_the_closed_mask_says(grid_map, iterations, existing):
+def test_holes_of_the_closed_mask_are_filled(grid_map, iterations, existing):
     layer, resolution = grid_map["elevation"], grid_map.resolution
     result = fill(
         grid_map,
@@ -40,7 +38,7 @@ def test_fills_where_the_closed_mask_says(grid_map, iterations, existing):
     assert result.basic_layers == ()
 
 
-def test_takes_the_mask_of_the_map_and_computes_none():
+def test_existing_mask_is_used():
     heights = np.array([[np.nan, 1, 2], [np.nan, 3, 4], [5, 6, np.nan]])
     grid_map = terrain((3, 3), elevation=heights, mask=[[0.5, 1, 1], [0, 0, 0], [1, 1, np.nan]])
     result = fill(grid_map, debug=True, debug_infill_mask_layer="opened")
@@ -49,37 +47,9 @@ def test_takes_the_mask_of_the_map_and_computes_none():
     np.testing.assert_array_equal(result["out"], [[4, 1, 2], [np.nan, 3, 4], [5, 6, 4]])
 
 
-def test_as_many_iterations_as_one_likes_close_everything():
+def test_huge_number_of_iterations_closes_everything():
     grid_map = terrain((20, 20), elevation=np.nan)
     grid_map["elevation"][3:6, 3:6] = 1.0
     result = fill(grid_map, num_erode_dilation_iterations=2**31, fill_hole_radius=1e9)
     np.testing.assert_array_equal(result["mask"], 1.0)
     np.testing.assert_array_equal(result["out"], 1.0)
-
-
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"fill_hole_radius": -0.1}, "'fill_hole_radius': expected a length >= 0"),
-        ({"filter_existing_values": True}, "needs an 'existing_value_radius'"),
-        ({"existing_value_radius": np.inf}, "'existing_value_radius': expected a length >= 0"),
-        ({"debug": True}, "needs a 'debug_infill_mask_layer'"),
-        ({"num_erode_dilation_iterations": -1}, "expected an integer >= 0, found -1"),
-    ],
-)
-def test_refuses_parameters_that_make_no_sense(params, message):
-    with pytest.raises(FilterConfigError, match=message):
-        fill(terrain(elevation=0.0), **params)
-
-
-@pytest.mark.parametrize(
-    "names",
-    [
-        {"fill_mask_layer": "out"},
-        {"fill_mask_layer": "m", "debug": True, "debug_infill_mask_layer": "m"},
-        {"fill_mask_layer": "m", "debug": True, "debug_infill_mask_layer": "out"},
-    ],
-)
-def test_layers_of_one_name_are_refused(names):
-    with pytest.raises(FilterConfigError, match="expected different 'output_layer'"):
-        run("MedianFill", terrain(elevation=0.0), **TO_OUT, fill_hole_radius=0.1, **names)

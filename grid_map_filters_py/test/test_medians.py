@@ -22,7 +22,7 @@ def medians_of(layer, cells, half_width):
 @pytest.mark.parametrize("half_width", [0, 1, 2, 3, 5, 30])
 @pytest.mark.parametrize("missing", [0.0, 0.2, 0.95, 1.0])
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (14, 11), (13, 6)], ids=str)
-def test_are_the_upper_medians_of_the_finite_values(size, missing, half_width, share):
+def test_medians_equal_a_loop_over_cells(size, missing, half_width, share):
     random = np.random.default_rng(sum(size) + half_width)
     # Few different values, so that many are equal.
     layer = np.asfortranarray(random.integers(-9, 9, size).astype(np.float32))
@@ -37,7 +37,7 @@ def test_are_the_upper_medians_of_the_finite_values(size, missing, half_width, s
         np.testing.assert_array_equal(medians[cell], expected)
 
 
-def test_do_not_depend_on_how_the_cells_are_divided_into_pieces():
+def test_medians_do_not_depend_on_the_pieces():
     layer = np.random.default_rng(1).normal(size=(301, 257)).astype(np.float32, order="F")
     layer[::7, ::3] = np.nan
     everywhere = np.ones(layer.shape, dtype=bool, order="F")

@@ -16,7 +16,7 @@ min_in_radius = partial(filtered, "gridMapFilters/MinInRadiusFilter")
 
 @given(grid_maps(allow_moved=False), CELLS)
 @settings(max_examples=40)
-def test_min_in_radius_is_the_smallest_finite_value_in_the_disc_of_a_finite_cell(grid_map, cells):
+def test_minimum_equals_a_loop_over_discs(grid_map, cells):
     radius = cells * grid_map.resolution
     expected = oracles.min_in_radius(grid_map["elevation"], grid_map.resolution, radius)
     np.testing.assert_array_equal(min_in_radius(grid_map, radius=radius), expected)

@@ -85,7 +85,7 @@ def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
 
 
 @pytest.mark.filterwarnings("ignore:.*no finite cell:grid_map_filters_py.FilterWarning")
-def test_maps_moved_or_not_square_or_empty_come_back_with_the_same_result(parameters, other_side):
+def test_results_equal_those_of_the_library(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     empty = GridMap((2.0, 3.0), 0.5, layers=["elevation"], frame_id="odom")
     worlds = [terrain(), terrain((5, 16), holes=[(0, 0)]), empty]
@@ -206,9 +206,7 @@ MALFORMED = {
 }
 
 
-def test_the_node_names_every_kind_of_malformed_map_and_filters_the_next_good_one(
-    parameters, other_side
-):
+def test_malformed_maps_are_named_and_the_next_is_filtered(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     with running_node(MODULE, *parameters()) as node:
         for spoil, text in MALFORMED.items():
@@ -221,9 +219,7 @@ def test_the_node_names_every_kind_of_malformed_map_and_filters_the_next_good_on
         assert_maps_equal(result, FilterChain.from_config(FILTERS)(terrain()))
 
 
-def test_a_map_without_the_layer_is_dropped_with_a_message_and_the_node_goes_on(
-    parameters, other_side
-):
+def test_map_without_the_layer_is_dropped_with_a_message(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     with running_node(MODULE, *parameters()) as node:
         other_side.publish("/grid_map", to_message(without_elevation()))
@@ -260,7 +256,7 @@ def expect_status(other: Peer, **expected: str) -> DiagnosticStatus:
     return status
 
 
-def test_the_statistics_count_maps_and_time_every_step(parameters, other_side):
+def test_diagnostics_count_maps_and_time_every_step(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     with running_node(MODULE, *parameters(diagnostics_period=0.1)):
@@ -288,7 +284,7 @@ def test_the_statistics_count_maps_and_time_every_step(parameters, other_side):
     assert total > 0
 
 
-def test_statistics_reach_whoever_listens_later(parameters, other_side):
+def test_diagnostics_reach_late_subscribers(parameters, other_side):
     with running_node(MODULE, *parameters(diagnostics_period=0.05)):
         for _ in range(2):
             subscription = other_side.listen("/diagnostics", DiagnosticArray, 10)
@@ -339,7 +335,7 @@ def with_changes(**steps: dict[str, object]) -> FilterChain:
     return FilterChain.from_config(config)
 
 
-def test_a_parameter_that_is_set_takes_effect_with_the_next_map(parameters, other_side):
+def test_new_parameter_value_applies_to_the_next_map(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     message = to_message(terrain())
     with running_node(MODULE, *parameters()):
@@ -393,7 +389,7 @@ WRONG = {
 }
 
 
-def test_a_wrong_value_is_refused_with_the_reason_and_the_old_chain_goes_on(parameters, other_side):
+def test_wrong_value_is_refused_and_the_old_chain_stays(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     message = to_message(terrain())
     with running_node(MODULE, *parameters()) as node:
@@ -407,7 +403,7 @@ def test_a_wrong_value_is_refused_with_the_reason_and_the_old_chain_goes_on(para
         assert "now FilterChain" not in node.text
 
 
-def test_of_several_parameters_each_is_taken_or_refused_or_none_is(parameters, other_side):
+def test_parameters_are_set_one_by_one_or_atomically(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     changes = {"filters.filter3.params.radius": 2.0, "filters.filter2.params.radius": -1.0}
     message = to_message(terrain())
@@ -423,7 +419,7 @@ def test_of_several_parameters_each_is_taken_or_refused_or_none_is(parameters, o
         assert_maps_equal(filtered(other_side, message, 3), expected)
 
 
-def test_parameters_of_rclpy_are_set_beside_those_of_the_chain(parameters, other_side):
+def test_parameters_of_rclpy_can_be_set_too(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     message = to_message(terrain())
     changes = {"filters.filter3.params.radius": 2.0, "use_sim_time": "yes"}
@@ -470,7 +466,7 @@ def test_filters_are_added_replaced_and_removed_while_maps_flow(parameters, othe
         assert (successful, reason) == (False, "filters: filter1 is missing before filter2")
 
 
-def test_an_empty_list_in_the_file_can_be_filled(tmp_path, other_side):
+def test_empty_list_parameter_can_be_filled(tmp_path, other_side):
     """An empty list in a parameter file has no type in ROS."""
     path = tmp_path / "parameters.yaml"
     tidy = {"name": "tidy", "type": "gridMapFilters/DeletionFilter", "params": {"layers": []}}
@@ -484,7 +480,7 @@ def test_an_empty_list_in_the_file_can_be_filled(tmp_path, other_side):
         assert filtered(other_side, message, 2).layers == ()
 
 
-def test_statistics_begin_anew_with_another_chain(parameters, other_side):
+def test_step_times_restart_with_another_chain(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     with running_node(MODULE, *parameters(diagnostics_period=0.1)):
@@ -514,7 +510,7 @@ def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
         other_side.expect("/out")
 
 
-def test_maps_of_a_volatile_publisher_are_filtered_too(parameters, other_side):
+def test_maps_of_volatile_publishers_are_filtered(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     with running_node(MODULE, *parameters()):
         other_side.publish("/grid_map", to_message(terrain()), 1)
@@ -524,7 +520,7 @@ def test_maps_of_a_volatile_publisher_are_filtered_too(parameters, other_side):
             assert from_message(other_side.expect("/filtered_map", 2)).timestamp == 7
 
 
-def test_a_publisher_that_is_not_reliable_is_named(parameters, other_side):
+def test_best_effort_publisher_is_named(parameters, other_side):
     with running_node(MODULE, *parameters()) as node:
         other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
         text = "no messages from a publisher of /grid_map: incompatible quality of service"
@@ -542,7 +538,7 @@ def test_the_result_keeps_the_start_index_without_a_normalizer(parameters, other
     )
 
 
-def test_a_node_must_not_listen_to_itself(parameters):
+def test_equal_input_and_output_topics_are_refused(parameters):
     node = start_node(MODULE, *parameters(input_topic="/a", output_topic="a"))
     assert node.wait() == 1
     assert "input_topic and output_topic are both '/a'" in node.text
@@ -550,7 +546,7 @@ def test_a_node_must_not_listen_to_itself(parameters):
 
 
 @pytest.mark.parametrize("topic", ["a b", "", "/a//b"])
-def test_a_topic_that_ros_refuses_is_one_message(parameters, topic):
+def test_invalid_topic_is_one_message(parameters, topic):
     node = start_node(MODULE, *parameters(input_topic=topic))
     assert node.wait() == 1
     assert "input_topic" in node.text
@@ -583,7 +579,7 @@ def changed(**step):
     ],
     ids=["no filter", "wrong type", "missing parameter", "gap"],
 )
-def test_a_chain_that_cannot_be_built_ends_the_node_with_one_message(parameters, filters, message):
+def test_wrong_chain_ends_the_node_with_one_message(parameters, filters, message):
     node = start_node(MODULE, *parameters(filters))
     assert node.wait() == 1
     assert node.text.count(message) == 1

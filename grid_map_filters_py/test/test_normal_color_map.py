@@ -8,7 +8,7 @@ from filter_cases import run, terrain
 from grid_map_core_py import color_value_to_vector
 
 
-def test_normal_colors_map_the_axes_to_red_green_and_blue():
+def test_axes_become_red_green_and_blue():
     grid_map = terrain((3, 1), n_x=[[1], [0], [np.nan]], n_y=[[-1], [0], [0]], n_z=[[0], [1], [0]])
     params = {"input_layers_prefix": "n_", "output_layer": "color"}
     color = run("gridMapFilters/NormalColorMapFilter", grid_map, **params)["color"]

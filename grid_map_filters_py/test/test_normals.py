@@ -65,7 +65,7 @@ def test_tiles_have_no_seams(shape, radius):
 
 
 @pytest.mark.parametrize("radius", [29.0, 1e6, 1e200])
-def test_a_disc_may_be_larger_than_a_tile_and_than_the_map(radius):
+def test_disc_may_be_larger_than_tile_and_map(radius):
     layer = hills(300, 4, holes=0.0)
     expected, _ = best_normal(points_around(layer, 150, 2, min(radius, 1e3)))
     normal = normal_at(area_normals(layer, radius, RESOLUTION), 150, 2)
@@ -78,7 +78,7 @@ def test_a_disc_may_be_larger_than_a_tile_and_than_the_map(radius):
     holes=st.sets(st.integers(0, 24), max_size=20),
 )
 @settings(max_examples=300)
-def test_points_of_any_height_get_the_normal_of_least_variance(heights, magnitude, holes):
+def test_normals_have_the_direction_of_least_variance(heights, magnitude, holes):
     layer = 10.0**magnitude * np.array(heights)
     layer[list(holes - {12})] = np.nan
     layer = np.asfortranarray(layer.reshape(5, 5), dtype=np.float32)
@@ -97,7 +97,7 @@ def test_points_of_any_height_get_the_normal_of_least_variance(heights, magnitud
             assert abs(normal @ expected) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_three_points_are_a_plane_and_two_are_none():
+def test_three_points_define_a_plane_and_two_do_not():
     layer = np.full((3, 3), np.nan, np.float32, order="F")
     layer[0, 1], layer[1, 1] = 0.3, 0.2
     assert normal_at(area_normals(layer, 0.15, RESOLUTION), 1, 1).tolist() == [0, 0, 1]
@@ -109,7 +109,7 @@ def test_three_points_are_a_plane_and_two_are_none():
 
 
 @pytest.mark.parametrize(("resolution", "tilted"), [(2e-5, False), (2e-3, True)])
-def test_points_within_a_tenth_of_a_millimetre_are_no_plane(resolution, tilted):
+def test_points_within_0_1_mm_define_no_plane(resolution, tilted):
     heights = resolution * np.add.outer(np.arange(7.0), np.zeros(7))
     layer = np.asfortranarray(heights, dtype=np.float32)
     _, _, z = area_normals(layer, 2 * resolution, resolution)
@@ -125,7 +125,7 @@ def slope_along(ahead, centre, behind):
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (3, 3), (270, 7), (9, 140)])
-def test_raster_normals_follow_the_slopes_between_neighbours(shape):
+def test_raster_normals_follow_slopes_between_neighbors(shape):
     layer = hills(*shape, holes=0.3)
     layer[shape[0] // 2, shape[1] // 3] = np.inf
     normals = raster_normals(layer, RESOLUTION)

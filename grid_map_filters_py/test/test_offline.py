@@ -44,7 +44,7 @@ def test_every_map_goes_through_the_chain():
         assert_maps_equal(result.grid_map, CHAIN(grid_map))
 
 
-def test_a_map_is_asked_for_when_its_result_is():
+def test_maps_are_read_on_demand():
     asked = []
 
     def source():
@@ -58,7 +58,7 @@ def test_a_map_is_asked_for_when_its_result_is():
     assert asked == [1.0, 2.0]
 
 
-def test_nothing_is_kept_of_a_map_when_the_next_is_asked_for():
+def test_maps_are_freed_before_the_next_one():
     maps: list[weakref.ref[GridMap]] = []
     failures: list[Failure] = []
 
@@ -82,7 +82,7 @@ def test_nothing_is_kept_of_a_map_when_the_next_is_asked_for():
     assert (len(maps), len(failures)) == (9, 3)
 
 
-def test_the_first_map_that_fails_ends_the_run_and_is_named():
+def test_first_failure_ends_the_run():
     results = filter_maps(CHAIN, [a_map(), a_map(layer="hight"), a_map()])
     assert heights([next(results)]) == [2.0]
     with pytest.raises(FilterError) as caught:
@@ -95,7 +95,7 @@ def test_the_first_map_that_fails_ends_the_run_and_is_named():
     assert next(results, None) is None
 
 
-def test_maps_that_fail_are_collected_if_asked():
+def test_failures_are_collected_on_request():
     failures: list[Failure] = []
     maps = [a_map(1.0), a_map(layer="hight"), "no map", a_map(4.0)]
     results = list(filter_maps(CHAIN, maps, failures=failures))
@@ -106,7 +106,7 @@ def test_maps_that_fail_are_collected_if_asked():
     assert str(failures[1]) == "map 2: expected a GridMap, found str"
 
 
-def test_records_are_loaded_one_by_one_and_those_that_cannot_be_are_failures():
+def test_records_that_cannot_be_loaded_are_failures():
     """Yield undecoded records, as a reader of bags does."""
     records = [(10, "1.5"), (20, "broken"), (30, "3.5")]
     failures: list[Failure] = []
@@ -118,7 +118,7 @@ def test_records_are_loaded_one_by_one_and_those_that_cannot_be_are_failures():
     assert str(failures[0]) == "map 1: ValueError: could not convert string to float: 'broken'"
 
 
-def test_what_the_source_raises_passes_through():
+def test_errors_of_the_source_pass_through():
     def source():
         yield a_map()
         raise OSError("the disk is gone")
@@ -132,7 +132,7 @@ def test_what_the_source_raises_passes_through():
 
 
 @pytest.mark.parametrize(("as_source", "total"), [(list, 3), (iter, None)])
-def test_progress_is_told_of_every_map_and_of_their_number_where_it_is_known(as_source, total):
+def test_progress_is_called_with_count_and_total(as_source, total):
     told = []
     maps = as_source([a_map(), a_map(layer="hight"), a_map()])
     results = filter_maps(
@@ -144,7 +144,7 @@ def test_progress_is_told_of_every_map_and_of_their_number_where_it_is_known(as_
     assert told == [(1, total), (2, total), (3, total)]
 
 
-def test_times_are_collected_over_the_maps():
+def test_step_times_are_collected_over_all_maps():
     times = StepTimes()
     for _ in filter_maps(CHAIN, [a_map()] * 4, observer=times):
         pass
@@ -171,11 +171,11 @@ class Terminal(io.StringIO):
         (7, None, 2.0, "7 maps, 3.5 maps/s"),
     ],
 )
-def test_progress_says_how_much_is_done_how_fast_and_how_long_it_takes(done, total, seconds, text):
+def test_progress_text_has_count_rate_and_time_left(done, total, seconds, text):
     assert progress_text(done, total, seconds) == text
 
 
-def test_a_terminal_shows_one_line_that_is_written_over_and_over():
+def test_progress_on_a_terminal_is_one_line():
     terminal = Terminal()
     now = [100.0]
     with ProgressBar(terminal, lambda: now[0]) as bar:
@@ -191,7 +191,7 @@ def test_a_terminal_shows_one_line_that_is_written_over_and_over():
     assert all(len(after) >= len(before.rstrip()) for before, after in pairwise(shown))
 
 
-def test_a_log_file_gets_one_line_even_when_the_run_breaks_off():
+def test_progress_in_a_log_file_is_its_last_state():
     log = io.StringIO()
     now = [0.0]
 

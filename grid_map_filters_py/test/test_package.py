@@ -17,7 +17,7 @@ MODULES = [
 ]
 
 
-def test_no_module_but_the_executables_needs_ros():
+def test_only_executables_need_ros():
     blocked = "rclpy", "grid_map_msgs", "grid_map_ros_py", "diagnostic_msgs", "std_msgs"
     code = f"""
 import sys
@@ -29,7 +29,7 @@ for name in {MODULES!r}:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_examples_in_the_docstrings_are_true():
+def test_docstring_examples_are_true():
     attempted = 0
     for name in MODULES:
         result = doctest.testmod(importlib.import_module(name))

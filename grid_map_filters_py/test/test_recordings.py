@@ -53,7 +53,7 @@ def difference(ours, theirs, layer) -> np.ndarray:
     return np.abs(ours[layer] - expected) / (np.ptp(expected[np.isfinite(expected)]) / 255)
 
 
-def test_the_chain_gives_the_recorded_layers(ours, theirs):
+def test_chain_gives_the_recorded_layers(ours, theirs):
     assert ours.layers == theirs.layers
     assert ours.geometry == theirs.geometry
     assert (ours.frame_id, ours.timestamp) == (theirs.frame_id, theirs.timestamp)
@@ -61,7 +61,7 @@ def test_the_chain_gives_the_recorded_layers(ours, theirs):
         np.testing.assert_array_equal(np.isnan(ours[layer]), np.isnan(theirs[layer]))
 
 
-def test_from_the_layers_of_cpp_every_other_step_gives_what_cpp_recorded(theirs):
+def test_later_steps_equal_cpp_on_its_own_layers(theirs):
     layers = ("elevation", "elevation_inpainted", "elevation_smooth")
     given = theirs.without_layers(name for name in theirs if name not in layers)
     steps = parse_steps(read_chain(CHAIN, "filters"))
@@ -94,11 +94,11 @@ def closest_mean(inpainted: GridMap, expected: np.ndarray) -> np.ndarray:
     return closest
 
 
-def test_the_mean_differs_from_cpp_only_by_the_rim_of_the_disc(theirs):
+def test_mean_differs_from_cpp_only_on_the_rim(theirs):
     assert closest_mean(theirs, theirs["elevation_smooth"]).max() <= 1e-6
 
 
-def test_away_from_holes_the_smooth_layer_is_within_a_step_of_8_bits(source, ours, theirs):
+def test_smooth_layer_is_within_an_8_bit_step_outside_holes(source, ours, theirs):
     step = np.ptp(theirs["elevation_smooth"]) / 255
     disc = Disc(0.06, source.resolution, source.size)
     is_near_hole = binary_dilation(~np.isfinite(source["elevation"]), disc.kernel)
@@ -106,7 +106,7 @@ def test_away_from_holes_the_smooth_layer_is_within_a_step_of_8_bits(source, our
     assert closest_mean(ours, theirs["elevation_smooth"])[~is_near_hole].max() <= step
 
 
-def test_the_inpainted_layer_is_within_a_step_of_8_bits(source, ours, theirs):
+def test_inpainted_layer_is_within_an_8_bit_step(source, ours, theirs):
     """In holes the quantised cells that C++ fills from, and fills again, add up to some steps.
 
     One or two cells from the border of the map OpenCV 5 fills otherwise than OpenCV 4.
@@ -134,7 +134,7 @@ def test_the_inpainted_layer_is_within_a_step_of_8_bits(source, ours, theirs):
         ("traversability", 3.0),
     ],
 )
-def test_the_derived_layers_follow(ours, theirs, layer, steps):
+def test_derived_layers_are_within_few_8_bit_steps(ours, theirs, layer, steps):
     difference_in_steps = difference(ours, theirs, layer)
     assert np.median(difference_in_steps) <= steps
     assert np.quantile(difference_in_steps, 0.9) <= 4 * steps

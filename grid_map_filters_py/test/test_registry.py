@@ -51,13 +51,13 @@ def run_python(folder: Path, code: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_filter_of_a_third_party_is_found_by_its_type(tmp_path):
+def test_filter_of_another_package_is_found_by_type(tmp_path):
     install(tmp_path, "lift/LiftFilter = lift_filters:Lift")
     result = run_python(tmp_path, USE)
     assert result.stdout.strip() == "5.0", result.stderr
 
 
-def test_a_class_that_is_no_filter_is_named(tmp_path):
+def test_entry_point_that_is_no_filter_is_named(tmp_path):
     install(tmp_path, "lift/LiftFilter = lift_filters:dataclass")
     result = run_python(tmp_path, USE)
     assert result.returncode == 1
@@ -65,7 +65,7 @@ def test_a_class_that_is_no_filter_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("type_name", BUILT_IN)
-def test_a_built_in_filter_has_three_spellings_and_is_listed_once(type_name):
+def test_built_in_filters_have_three_spellings(type_name):
     name = type_name.partition("/")[2]
     short = name.removesuffix("Filter")
     assert short == BUILT_IN[type_name].__name__
@@ -75,7 +75,7 @@ def test_a_built_in_filter_has_three_spellings_and_is_listed_once(type_name):
     assert listed == [type_name]
 
 
-def test_a_third_party_cannot_take_the_short_name_of_a_built_in_filter(tmp_path):
+def test_short_names_of_built_in_filters_are_taken(tmp_path):
     install(tmp_path, "Threshold = lift_filters:Lift")
     result = run_python(tmp_path, USE)
     assert result.returncode == 1

@@ -8,7 +8,7 @@ from filter_cases import run, terrain
 from grid_map_filters_py import FilterConfigError, FilterWarning
 
 
-def test_basic_layers_are_set_and_missing_ones_are_a_warning():
+def test_missing_basic_layers_are_a_warning():
     grid_map = terrain(a=1.0, b=2.0, c=3.0)
     grid_map.basic_layers = ["c"]
     for name in ("layers", "layer"):

@@ -13,7 +13,7 @@ from grid_map_filters_py import FilterError
 threshold = partial(run, "gridMapFilters/ThresholdFilter")
 
 
-def test_sets_what_is_below_or_above_and_never_what_is_not_finite():
+def test_finite_values_below_or_above_are_set():
     values = np.array([[1, 2, 3, np.nan, np.inf, -np.inf]], dtype=np.float32)
     grid_map = terrain((1, 6), a=values)
     lower = threshold(grid_map, layer="a", lower_threshold=2, set_to=0)["a"]
@@ -22,7 +22,7 @@ def test_sets_what_is_below_or_above_and_never_what_is_not_finite():
     np.testing.assert_array_equal(upper, [[1, 2, np.nan, np.nan, np.inf, -np.inf]])
 
 
-def test_writes_to_another_layer_than_it_compares():
+def test_output_may_differ_from_the_condition_layer():
     grid_map = terrain((1, 3), a=[[1, 2, 3]], b=[[7, 8, 9]])
     params = {"condition_layer": "a", "lower_threshold": 2.5, "set_to": np.inf}
     result = threshold(grid_map, output_layer="b", **params)
@@ -32,7 +32,7 @@ def test_writes_to_another_layer_than_it_compares():
         threshold(grid_map, output_layer="c", **params)
 
 
-def test_compares_in_double_precision():
+def test_threshold_is_compared_in_double_precision():
     grid_map = terrain((1, 2), a=[[0.1, 0.2]])
     # The float32 nearest to 0.1 is above it.
     above = threshold(grid_map, layer="a", upper_threshold=0.1, set_to=5)["a"]
