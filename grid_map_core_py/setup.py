@@ -41,6 +41,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        # Where it is on the PATH: colcon puts executables of packages elsewhere.
+        ("bin", ["scripts/grid-map"]),
     ],
     install_requires=requirements,
     tests_require=["pytest"],
@@ -51,4 +53,5 @@ setup(
         "test": ["pytest"],
     },
     zip_safe=True,
+    entry_points={"console_scripts": ["grid_map = grid_map_core_py.commands._main:main"]},
 )

@@ -45,8 +45,6 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        # Where it is on the PATH: colcon puts executables of packages elsewhere.
-        ("bin", ["scripts/grid-map"]),
         (f"share/{PACKAGE}/config", glob("config/*")),
         (f"share/{PACKAGE}/data", glob("data/*")),
         (f"share/{PACKAGE}/foxglove", glob("foxglove/*")),
@@ -59,7 +57,6 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map = grid_map_demos_py.cli.main:main",
             "demo_report = grid_map_demos_py.demo_report_node:main",
             "filters_demo = grid_map_demos_py.filters_demo:main",
             "grid_map_to_image_demo = grid_map_demos_py.grid_map_to_image_demo_node:main",

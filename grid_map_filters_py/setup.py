@@ -48,8 +48,8 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "filter_bag = grid_map_filters_py._executables.filter_bag:main",
             "filter_chain = grid_map_filters_py._executables.filter_chain:main",
         ],
+        "grid_map_core_py.commands": ["filter = grid_map_filters_py._commands.filter"],
     },
 )

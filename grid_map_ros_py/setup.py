@@ -56,5 +56,9 @@ setup(
             "octomap_to_grid_map = grid_map_ros_py._executables.octomap_to_grid_map:main",
             "point_cloud_to_grid_map = grid_map_ros_py._executables.point_cloud_to_grid_map:main",
         ],
+        "grid_map_core_py.formats": [
+            "bag = grid_map_ros_py._formats:BAG",
+            "octomap = grid_map_ros_py._formats:OCTOMAP",
+        ],
     },
 )

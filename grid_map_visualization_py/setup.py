@@ -58,5 +58,9 @@ setup(
             "snapshot = grid_map_visualization_py._executables.snapshot:main",
             "web_viewer = grid_map_visualization_py._executables.web_viewer:main",
         ],
+        "grid_map_core_py.commands": [
+            "plot = grid_map_visualization_py._commands.plot",
+            "view = grid_map_visualization_py._commands.view",
+        ],
     },
 )

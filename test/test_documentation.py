@@ -394,7 +394,7 @@ NODES = {
     for package in ("grid_map_filters_py", "grid_map_ros_py", "grid_map_visualization_py")
     for name, module in executables(package).items()
     if "._executables." in module
-} - {"filter_bag", "snapshot"}
+} - {"snapshot"}
 """Executables that are nodes with parameters; the others have options."""
 
 

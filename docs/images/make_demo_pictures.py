@@ -27,10 +27,9 @@ from grid_map_demos_py import normal_filter_comparison_demo_node as comparison
 from grid_map_demos_py import opencv_demo_node as opencv
 from grid_map_demos_py import sdf_demo_node as sdf
 from grid_map_demos_py import tutorial_demo_node as tutorial
-from grid_map_demos_py.octomap_file import read_octomap
 from grid_map_demos_py.star import HEIGHT, star_map
 from grid_map_filters_py import FilterChain
-from grid_map_ros_py import from_octomap
+from grid_map_ros_py import load_octomap
 from grid_map_visualization_py.pictures import plot
 
 FOLDER = Path(__file__).parent / "demos"
@@ -129,10 +128,9 @@ def resolution_change_demo() -> Figure:
 
 def octomap_to_gridmap_demo() -> Figure:
     """Draw the room from above, without and with its ceiling."""
-    room = read_octomap(DATA / "room.bt", "map")
     figure, axes = new_figure(1, 2, (7.0, 3.9))
     for ax, max_z, title in zip(axes, (2.0, np.nan), ("max_z: 2.0", "no max_z"), strict=True):
-        grid_map = from_octomap(room, max_bound=(np.nan, np.nan, max_z))
+        grid_map = load_octomap(DATA / "room.bt", max_bound=(np.nan, np.nan, max_z))
         draw(grid_map, "elevation", ax, title, limits=(0.0, 2.5))
     return figure
 

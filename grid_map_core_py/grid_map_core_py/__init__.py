@@ -17,41 +17,17 @@ The rooms `map`, `regions`, `conversions`, `files`, `elevation`, `plugins`, `arr
 first used.
 """
 
-import importlib
-from typing import TYPE_CHECKING
-
-from .arrays import (
-    max_of_finites,
-    mean_of_finites,
-    min_of_finites,
-    number_of_finites,
-    sum_of_finites,
-)
-from .errors import (
-    ConfigError,
-    GeometryError,
-    GridMapError,
-    LayerNotFoundError,
-    MissingPackageError,
-    OutOfMapError,
-)
-from .map import BufferRegion, GridGeometry, GridMap, Interpolation, SignedDistanceField
-from .regions import (
-    Polygon,
-    cells_to_mask,
-    circle_cells,
-    ellipse_cells,
-    line_cells,
-    line_cells_between,
-    map_cells,
-    polygon_cells,
-    sliding_windows,
-    spiral_cells,
-    submap_cells,
-    window_array,
-)
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .arrays import (
+        max_of_finites,
+        mean_of_finites,
+        min_of_finites,
+        number_of_finites,
+        sum_of_finites,
+    )
     from .conversions import (
         change_resolution,
         color_value_to_vector,
@@ -61,7 +37,39 @@ if TYPE_CHECKING:
         from_points,
         to_image,
     )
-    from .files import load, save
+    from .errors import (
+        ConfigError,
+        GeometryError,
+        GridMapError,
+        LayerNotFoundError,
+        MissingPackageError,
+        OutOfMapError,
+    )
+    from .files import (
+        load,
+        save,
+    )
+    from .map import (
+        BufferRegion,
+        GridGeometry,
+        GridMap,
+        Interpolation,
+        SignedDistanceField,
+    )
+    from .regions import (
+        Polygon,
+        cells_to_mask,
+        circle_cells,
+        ellipse_cells,
+        line_cells,
+        line_cells_between,
+        map_cells,
+        polygon_cells,
+        sliding_windows,
+        spiral_cells,
+        submap_cells,
+        window_array,
+    )
 
 __version__ = "0.2.0"
 
@@ -105,32 +113,73 @@ __all__ = [
     "window_array",
 ]
 
-_IMPORTED_ON_USE = {
-    "change_resolution": "conversions",
-    "color_value_to_vector": "conversions",
-    "color_vector_to_value": "conversions",
-    "from_image": "conversions",
-    "from_mesh": "conversions",
-    "from_points": "conversions",
-    "to_image": "conversions",
-    "load": "files",
-    "save": "files",
+_ROOMS = {
+    "arrays": (
+        "max_of_finites",
+        "mean_of_finites",
+        "min_of_finites",
+        "number_of_finites",
+        "sum_of_finites",
+    ),
+    "conversions": (
+        "change_resolution",
+        "color_value_to_vector",
+        "color_vector_to_value",
+        "from_image",
+        "from_mesh",
+        "from_points",
+        "to_image",
+    ),
+    "errors": (
+        "ConfigError",
+        "GeometryError",
+        "GridMapError",
+        "LayerNotFoundError",
+        "MissingPackageError",
+        "OutOfMapError",
+    ),
+    "files": (
+        "load",
+        "save",
+    ),
+    "map": (
+        "BufferRegion",
+        "GridGeometry",
+        "GridMap",
+        "Interpolation",
+        "SignedDistanceField",
+    ),
+    "regions": (
+        "Polygon",
+        "cells_to_mask",
+        "circle_cells",
+        "ellipse_cells",
+        "line_cells",
+        "line_cells_between",
+        "map_cells",
+        "polygon_cells",
+        "sliding_windows",
+        "spiral_cells",
+        "submap_cells",
+        "window_array",
+    ),
 }
-"""Room of each name whose import would more than double the time that the package takes."""
+"""Where the names are. A room is imported when one of its names is first asked for, so that
+programs such as `grid-map --help` need not wait for NumPy, SciPy and OpenCV."""
 
-_ROOMS = {"conversions", "elevation", "files", "plugins", "testing"}
-"""Rooms that are not imported with the package, but found as its attributes."""
+_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 
-def __getattr__(name: str) -> object:
-    if name in _ROOMS:
-        return importlib.import_module(f".{name}", __name__)
-    if name not in _IMPORTED_ON_USE:
+def __getattr__(name: str) -> Any:
+    if name in _ROOM_OF:
+        found = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+    elif name in (*_ROOMS, "elevation", "plugins", "testing"):
+        found = import_module(f"{__name__}.{name}")
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_IMPORTED_ON_USE[name]}", __name__), name)
-    globals()[name] = value
-    return value
+    globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return [*globals(), *__all__, *_ROOMS]

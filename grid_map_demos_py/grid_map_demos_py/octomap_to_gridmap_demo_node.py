@@ -16,13 +16,13 @@ from typing import Any
 
 from rclpy.node import Node
 
+from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageError
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_octomap, to_serialized_message
+from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.nodes import check_topic, map_qos, read_parameter, run
 
-from .octomap_file import read_octomap
 from .share import user_path
 
 PERIOD = 10.0
@@ -75,16 +75,15 @@ class OctomapToGridmapDemoNode(Node):
         return low, high
 
     def _show(self, path: Path) -> None:
-        octomap = read_octomap(path, frame_id="map")
-        octomap.header.stamp = self.get_clock().now().to_msg()
-        try:
-            self._convert(octomap)
-        except GridMapError as error:
-            raise ConfigError(f"octomap {str(path)!r}: {error}") from error
-
-    def _convert(self, octomap: Any) -> None:
         low, high = zip(*self._bounds, strict=True)
-        grid_map = from_octomap(octomap, "elevation", min_bound=low, max_bound=high)
+        try:
+            grid_map = load_octomap(path, min_bound=low, max_bound=high)
+        except GridMapError as error:
+            raise ConfigError(f"octomap {error}") from error
+        grid_map.timestamp = self.get_clock().now().nanoseconds
+        self._publish(grid_map)
+
+    def _publish(self, grid_map: GridMap) -> None:
         grid_map.basic_layers = ["elevation"]
         self._publisher.publish(to_serialized_message(grid_map))
         self.get_logger().info(f"published {grid_map}")
@@ -113,8 +112,9 @@ class OctomapToGridmapDemoNode(Node):
 
     def _receive(self, answer: Any) -> None:
         octomap = answer.result().map
+        low, high = zip(*self._bounds, strict=True)
         try:
-            self._convert(octomap)
+            self._publish(from_octomap(octomap, "elevation", min_bound=low, max_bound=high))
         except GridMapError as error:
             self.get_logger().warning(f"cannot use the octomap: {error}")
         else:

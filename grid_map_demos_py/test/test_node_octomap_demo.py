@@ -6,7 +6,6 @@ Services need `octomap_msgs`; they are tested with the other optional messages o
 """
 
 import os
-import struct
 import sys
 from pathlib import Path
 
@@ -14,19 +13,14 @@ import numpy as np
 import pytest
 from demos import assert_refused, lives, parameters
 
-from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError
-from grid_map_demos_py.octomap_file import read_octomap
+from grid_map_core_py import GridMap, load
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message, from_octomap
+from grid_map_ros_py import from_message
 from grid_map_ros_py.testing import Process, peer, running_node
 
 MODULE = "octomap_to_gridmap_demo_node"
 DEMO = f"grid_map_demos_py.{MODULE}"
 ROOM = Path(__file__).parents[1] / "data" / "room.bt"
-
-FREE_AND_OCCUPIED = struct.pack("<H", 0b10_01)
-"""A tree of two leaves below the root."""
 
 
 def shown(*pairs: str) -> GridMap:
@@ -54,54 +48,19 @@ def test_the_room_is_shown_below_its_ceiling():
 
 
 def test_the_ceiling_is_all_there_is_to_see_from_above():
-    heights = from_octomap(read_octomap(ROOM, "map"))["elevation"]
+    heights = load(ROOM)["elevation"]
     assert heights.shape == (80, 60)
     np.testing.assert_allclose(heights, 2.425, atol=1e-6)
 
 
-@pytest.mark.parametrize("comment", [b"", b"# a comment\n", b"# size 1\n"])
-def test_the_head_of_a_file_may_hold_comments(comment, tmp_path):
-    head = b"# Octomap OcTree binary file\n" + comment + b"id OcTree\nsize 3\nres 0.25\ndata\n"
-    (tmp_path / "tree.bt").write_bytes(head + FREE_AND_OCCUPIED)
-    octomap = read_octomap(tmp_path / "tree.bt", "odom")
-    assert (octomap.header.frame_id, octomap.binary, octomap.id) == ("odom", True, "OcTree")
-    assert (octomap.resolution, octomap.data) == (0.25, FREE_AND_OCCUPIED)
-
-
-def test_a_full_tree_is_read_too(tmp_path):
-    # A root with one child, number 7, which has none.
-    tree = struct.pack("<fBfB", 0.5, 0b1000_0000, 0.5, 0)
-    head = b"# Octomap OcTree file\nid OcTree\nsize 2\nres 1e-4\ndata\n"
-    (tmp_path / "tree.ot").write_bytes(head + tree)
-    octomap = read_octomap(tmp_path / "tree.ot", "map")
-    assert (octomap.binary, octomap.data) == (False, tree)
-    bounds = {"min_bound": (0.0, 0.0, 0.0), "max_bound": (2e-4, 1e-4, 1e-3)}
-    np.testing.assert_allclose(from_octomap(octomap, **bounds)["elevation"], [[9.5e-4]] * 2)
-
-
-@pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        (None, "No such file"),
-        (b"", "expected a .bt or .ot file"),
-        (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\n", "expected a .bt or .ot file"),
-        (b"# Octomap OcTree binary file\nid OcTree\ndata\n", "lacks 'id' or 'res'"),
-        (b"# Octomap OcTree binary file\nid OcTree\nres many\ndata\n", "lacks 'id' or 'res'"),
-        (b"# another file\nid OcTree\nres 0.1\ndata\n", "expected a .bt or .ot file"),
-    ],
-)
-def test_a_file_that_is_no_octomap_is_named(content, found, tmp_path):
-    file = tmp_path / "tree.bt"
-    if content is not None:
-        file.write_bytes(content)
-    with pytest.raises(ConfigError, match=rf"octomap '{file}': .*{found}"):
-        read_octomap(file, "map")
-
-
 def test_senseless_parameter_ends_the_demo_with_one_message():
     assert_refused(
-        (MODULE, "octomap_path:=/nope.bt", "octomap '/nope.bt': No such file"),
-        (MODULE, "octomap_path:=~nobody_known/a.bt", "octomap '~nobody_known/a.bt': No such file"),
+        (MODULE, "octomap_path:=/nope.bt", "octomap /nope.bt: cannot be read: No such file"),
+        (
+            MODULE,
+            "octomap_path:=~nobody_known/a.bt",
+            "octomap ~nobody_known/a.bt: cannot be read: No such file",
+        ),
         (
             MODULE,
             "octomap_service_topic:='no topic'",
@@ -112,7 +71,7 @@ def test_senseless_parameter_ends_the_demo_with_one_message():
             ("min_y:=1.0", "max_y:=0.0"),
             "parameter 'max_y': expected no less than min_y, 1.",
         ),
-        (MODULE, (f"octomap_path:={ROOM}", "min_x:=90.0"), f"octomap '{ROOM}': "),
+        (MODULE, (f"octomap_path:={ROOM}", "min_x:=90.0"), f"octomap {ROOM}: "),
     )
 
 

@@ -5,15 +5,13 @@
 import gc
 import io
 import weakref
-from itertools import pairwise
 
 import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_filters_py import FilterChain, FilterError
+from grid_map_filters_py import FilterChain, FilterError, ProgressBar
 from grid_map_filters_py._offline import Failure, filter_maps
-from grid_map_filters_py._progress import ProgressBar, progress_text
 from grid_map_filters_py._step_times import StepTimes
 
 CHAIN = FilterChain.from_config(
@@ -151,47 +149,7 @@ def test_step_times_are_collected_over_all_maps():
     assert [(time.config.name, time.runs) for time in times] == [("twice", 4)]
 
 
-# --- progress -------------------------------------------------------------------------------------
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-@pytest.mark.parametrize(
-    ("done", "total", "seconds", "text"),
-    [
-        (0, 4, 0.0, f"[{'.' * 30}] 0/4 maps, 0.0 maps/s"),
-        (1, 4, 2.0, f"[{'#' * 7}{'.' * 23}] 1/4 maps, 0.5 maps/s, 0:06 left"),
-        (10, 400, 1.5, f"[{'.' * 30}] 10/400 maps, 6.7 maps/s, 0:58 left"),
-        (1, 200, 1.0, f"[{'.' * 30}] 1/200 maps, 1.0 maps/s, 3:19 left"),
-        (4, 4, 2.0, f"[{'#' * 30}] 4/4 maps, 2.0 maps/s"),
-        (0, 0, 1.0, f"[{'#' * 30}] 0/0 maps, 0.0 maps/s"),
-        (7, None, 2.0, "7 maps, 3.5 maps/s"),
-    ],
-)
-def test_progress_text_has_count_rate_and_time_left(done, total, seconds, text):
-    assert progress_text(done, total, seconds) == text
-
-
-def test_progress_on_a_terminal_is_one_line():
-    terminal = Terminal()
-    now = [100.0]
-    with ProgressBar(terminal, lambda: now[0]) as bar:
-        for done in range(1, 101):
-            now[0] += 0.0625
-            bar(done, 100)
-    assert terminal.getvalue().count("\n") == 1
-    shown = terminal.getvalue().rstrip("\n").split("\r")
-    # At most ten in a second; the last state is always shown.
-    assert 45 <= len(shown) <= 55
-    assert shown[-1].strip() == f"[{'#' * 30}] 100/100 maps, 16.0 maps/s"
-    # What was longer before is wiped out.
-    assert all(len(after) >= len(before.rstrip()) for before, after in pairwise(shown))
-
-
-def test_progress_in_a_log_file_is_its_last_state():
+def test_log_file_gets_one_line_when_a_run_fails():
     log = io.StringIO()
     now = [0.0]
 

@@ -246,16 +246,19 @@ def save_picture(
     path: str | PathLike[str],
     *,
     style: Literal["flat", "surface", "relief"] = "flat",
+    dpi: float = _DPI,
     **options: Any,
 ) -> None:
-    """Write a picture of a map to a PNG file, atomically.
+    """Write a picture of a map to a file, which appears complete or not at all.
 
     Args:
         grid_map: the map.
-        layer: layer that gives the colors of a flat picture, else the heights.
-        path: the file; an existing one is replaced.
+        layer: gives the colors of a flat picture, else the heights.
+        path: the file; an existing one is replaced. It is a PDF or an SVG file if its name ends
+            so, else a PNG file.
         style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
-        options: options of `plot` or `plot_3d`, except `ax`.
+        dpi: pixels per inch.
+        options: those of that function, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
@@ -264,7 +267,7 @@ def save_picture(
     """
     styles = "flat", "surface", "relief"
     check(style in styles, "style", f"one of {', '.join(styles)}", style)
-    figure = Figure(figsize=_SIZE, dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=_SIZE, dpi=dpi, layout="constrained")
     if style == "flat":
         plot(grid_map, layer, figure.add_subplot(), **options)
     elif style == "surface":
@@ -273,11 +276,12 @@ def save_picture(
         # One pixel of the relief is one of the picture.
         figure.set_layout_engine("none")
         width, height = options.get("size", _RELIEF_SIZE)
-        figure.set_size_inches(width / _DPI, height / _DPI)
+        figure.set_size_inches(width / dpi, height / dpi)
         top = 0.93 if options.get("title") else 1.0
         plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
     with new_file(path) as temporary:
-        figure.savefig(temporary, format="png")
+        ending = str(path).rpartition(".")[2].lower()
+        figure.savefig(temporary, format=ending if ending in ("pdf", "svg") else "png")
 
 
 def _check_options(color_mode: str, exaggeration: float) -> None:

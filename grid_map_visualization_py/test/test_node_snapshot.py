@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py import save_to_bag, testing, to_message
+from grid_map_ros_py import testing, to_message
 from grid_map_ros_py.testing import start_node
 from grid_map_visualization_py._executables.snapshot import main, parsed
 
@@ -54,6 +54,20 @@ def test_topic_without_maps_is_an_error(tmp_path):
     assert not path.exists()
 
 
+def test_a_missing_layer_is_one_error(grid_map, tmp_path):
+    path = tmp_path / "map.png"
+    process = start_node(MODULE, "--layer", "height", "--out", str(path))
+    try:
+        with testing.peer() as peer:
+            peer.publish("/grid_map", to_message(grid_map))
+            peer.wait_until(lambda: not process.is_running, "the error")
+        assert process.wait() == 1
+    finally:
+        process.kill()
+    assert "/grid_map: no layer 'height'; available: elevation, slope" in process.text
+    assert not path.exists()
+
+
 @pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf"])
 def test_time_that_makes_no_sense_is_one_message(call, capfd, timeout):
     assert call("--timeout", timeout) == 1
@@ -61,47 +75,10 @@ def test_time_that_makes_no_sense_is_one_message(call, capfd, timeout):
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        (),
-        ("--shade-by", "elevation", "--lower", "-1", "--upper", "3", "--invert"),
-        ("--three-d", "--color-layer", "slope", "--exaggeration", "0.1", "--max-cells", "9"),
-    ],
-)
-def test_picture_of_a_bag(grid_map, tmp_path, call, capsys, options):
-    save_to_bag(grid_map, tmp_path / "bag", "/grid_map")
-    path = tmp_path / "map.png"
-    assert call("--bag", tmp_path / "bag", "--out", path, *options) == 0
-    assert capsys.readouterr().out == f"{path}\n"
-    assert len(np.unique(matplotlib.image.imread(path))) > 20
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--layer", "height"], "no layer 'height'; available: elevation, slope"),
-        (["--color-map", "virids"], "did you mean viridis"),
-        (["--lower", "2", "--upper", "1"], "'upper'"),
-        (["--exaggeration", "nan"], "'exaggeration'"),
-        (["--three-d", "--max-cells", "3"], "'max_cells'"),
-        (["--out", "/no/such/folder/map.png"], "/no/such/folder"),
-        (["--topic", "/other"], "/grid_map"),
-    ],
-)
-def test_mistake_is_one_message_and_exit_code_1(grid_map, tmp_path, call, capsys, options, words):
-    save_to_bag(grid_map, tmp_path / "bag", "/grid_map")
-    assert call("--bag", tmp_path / "bag", "--out", tmp_path / "map.png", *options) == 1
-    errors = capsys.readouterr().err
-    assert errors.startswith("snapshot: ")
-    assert words in errors
-    assert not (tmp_path / "map.png").exists()
-
-
-@pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--color-layer", "a"], "--color-layer goes with --three-d only"),
-        (["--three-d", "--shade-by", "a"], "--shade-by goes without --three-d only"),
+        (["--color-layer", "a"], "--color-layer goes with --3d or --relief only"),
+        (["--out", "map.jpg"], "expected a name that ends in .png, .pdf, .svg"),
         (["--color-mode", "rainbow"], "rainbow"),
     ],
 )

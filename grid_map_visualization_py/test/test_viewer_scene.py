@@ -16,17 +16,17 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_visualization_py._viewer.glb import to_glb
+from grid_map_visualization_py._viewer.light import on_screen
+from grid_map_visualization_py._viewer.page import is_loopback, url_of
+from grid_map_visualization_py._viewer.picking import hit
+from grid_map_visualization_py._viewer.rate import MapRate
+from grid_map_visualization_py._viewer.scene import View, make_scene, view
+from grid_map_visualization_py._viewer.settings import Settings, follow, vector_prefixes
+from grid_map_visualization_py._viewer.slots import Slots
+from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py.colors import Coloring, ColorScale
 from grid_map_visualization_py.surface import Mesh, Surface
-from grid_map_visualization_py.viewer.glb import to_glb
-from grid_map_visualization_py.viewer.light import on_screen
-from grid_map_visualization_py.viewer.page import is_loopback, url_of
-from grid_map_visualization_py.viewer.picking import hit
-from grid_map_visualization_py.viewer.rate import MapRate
-from grid_map_visualization_py.viewer.scene import View, make_scene, view
-from grid_map_visualization_py.viewer.settings import Settings, follow, vector_prefixes
-from grid_map_visualization_py.viewer.slots import Slots
-from grid_map_visualization_py.viewer.texts import legend, readout, status
 
 TYPES = {5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

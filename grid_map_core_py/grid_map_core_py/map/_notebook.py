@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from ..arrays._checks import Layer, as_text
 from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
-from ..conversions._packed_colors import color_value_to_bytes
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap
@@ -78,6 +77,9 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     resized = cv2.resize(np.ascontiguousarray(values), shape, interpolation=cv2.INTER_NEAREST)
     seen = np.asarray(resized, np.float32)
     if _is_color(layer):
+        # The conversions import maps.
+        from ..conversions._packed_colors import color_value_to_bytes
+
         pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)
     else:
         pixels = _bgr(seen, grid_map[layer])

@@ -18,6 +18,7 @@ from ._image import (
 from ._multi_array import from_multi_array, set_array, to_multi_array
 from ._occupancy_grid import from_occupancy_grid, occupancies, to_occupancy_grid
 from ._octomap import from_octomap, octomap_to_points
+from ._octomap_file import load_octomap
 from ._point_cloud import to_flat_point_cloud, to_point_cloud
 from ._point_cloud_reading import from_point_cloud, read_columns, read_points
 from ._polygon import (
@@ -46,6 +47,7 @@ __all__ = [
     "from_polygon",
     "from_serialized_message",
     "from_stamp",
+    "load_octomap",
     "occupancies",
     "octomap_to_points",
     "read_columns",

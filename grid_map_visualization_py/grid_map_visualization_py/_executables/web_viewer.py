@@ -18,11 +18,11 @@ from grid_map_ros_py.nodes import (
     run,
 )
 
+from .._viewer.page import Page, is_loopback
+from .._viewer.settings import Settings
+from .._viewer.viewer import Viewer
 from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
 from ..surface import check_max_cells
-from ..viewer.page import Page, is_loopback
-from ..viewer.settings import Settings
-from ..viewer.viewer import Viewer
 
 
 class WebViewerNode(Node):

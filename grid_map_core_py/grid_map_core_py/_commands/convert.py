@@ -1,0 +1,48 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Convert maps between file formats; make maps of clouds, meshes and height images."""
+
+import argparse
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+from ..commands._arguments import (
+    add_choice_of_map,
+    add_destination,
+    add_layers,
+    add_source,
+)
+from ..commands._maps import Destination, TimedMap, open_records
+from ..commands._progress import ProgressBar
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    add_source(parser)
+    add_destination(parser)
+    add_layers(parser, "convert this layer, instead of all")
+    parser.add_argument("--frame", help="frame of the map, in place of that of the source")
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_choice_of_map(parser, "all, if the destination is a bag, else the last one")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Convert, and tell the number of maps."""
+    destination = Destination(options, usual_topic="/grid_map")
+    with open_records(options, destination, options.layers) as records, ExitStack() as stack:
+        is_long = len(records) > 1 and not options.quiet
+        progress = stack.enter_context(ProgressBar()) if is_long else None
+
+        def maps() -> Iterator[TimedMap]:
+            for done, record in enumerate(records, 1):
+                grid_map = record.grid_map(options.layers, unwrap=False)
+                if options.frame is not None:
+                    grid_map.frame_id = options.frame
+                yield record.time, grid_map
+                del grid_map
+                if progress:
+                    progress(done, len(records))
+
+        count = destination.write(maps())
+    destination.tell(count)
+    return 0

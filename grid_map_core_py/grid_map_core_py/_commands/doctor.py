@@ -1,0 +1,173 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Show versions, what is missing or broken, and settings of ROS and DDS that contradict."""
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from ..commands._arguments import add_json
+from ..commands._output import print_json, print_table
+
+_BUILD = "build and source the workspace, or pip install it"
+_SOURCE = "source ROS 2 Jazzy, then the workspace"
+
+PACKAGES = {
+    "numpy": ("arrays", "apt install python3-numpy"),
+    "scipy": ("distances and interpolation", "apt install python3-scipy"),
+    "cv2": ("images", "apt install python3-opencv"),
+    "yaml": ("parameter files", "apt install python3-yaml"),
+    "grid_map_core_py": ("maps and their files", _BUILD),
+    "lark": ("expressions of filters", "apt install python3-lark"),
+    "grid_map_filters_py": ("filters", _BUILD),
+    "grid_map_ros_py": ("bags, octomaps and conversions", _BUILD),
+    "grid_map_visualization_py": ("pictures, and displays of RViz", _BUILD),
+    "grid_map_msgs.msg": ("topics of maps", _BUILD),
+    "rclpy": ("nodes", _SOURCE),
+    "sensor_msgs.msg": ("messages", _SOURCE),
+    "rosbags": ("bags", "pip install rosbags"),
+    "matplotlib": ("pictures and color maps", "apt install python3-matplotlib"),
+    "viser": ("maps in the browser", "pip install viser"),
+    "rasterio": ("GeoTIFF", "pip install rasterio"),
+    "trimesh": ("PLY, OBJ and STL files", "pip install trimesh"),
+    "pypcd4": ("PCD files", "pip install pypcd4"),
+    "numba": ("faster filters", "pip install numba"),
+    "argcomplete": ("completion in the shell", "apt install python3-argcomplete"),
+    "octomap_msgs.msg": ("octomaps of topics", "apt install ros-jazzy-octomap-msgs"),
+    "nav2_msgs.msg": ("costmaps of nav2", "apt install ros-jazzy-nav2-msgs"),
+    "tf2_ros": ("clouds in other frames", "apt install ros-jazzy-tf2-ros-py"),
+}
+"""Modules, what they are good for, and how to install them."""
+
+REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
+
+_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+
+_PROBE = """
+import importlib, importlib.metadata, json, os, sys
+
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+owners = importlib.metadata.packages_distributions()
+for module in sys.argv[1:]:
+    status, text = "ok", ""
+    top = module.partition(".")[0]
+    try:
+        loaded = importlib.import_module(module)
+        text = str(getattr(loaded, "__version__", ""))
+        text = text or importlib.metadata.version(owners.get(top, [top])[0])
+    except importlib.metadata.PackageNotFoundError:
+        pass
+    except BaseException as error:
+        is_missing = isinstance(error, ImportError) and module.startswith(error.name or module)
+        status, text = ("missing", "") if is_missing else ("broken", " ".join(str(error).split()))
+    print(json.dumps([status, text]), file=answers, flush=True)
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the findings; return 1 if something that is installed or set does not work."""
+    packages, problems = examined([*PACKAGES]), [*contradictions()]
+    failures = [
+        name
+        for name, (status, _) in packages.items()
+        if status == "broken" or (status == "missing" and name in REQUIRED)
+    ]
+    failures += [name for name, _ in problems]
+    version, settings = platform.python_version(), _settings()
+    if options.json:
+        keys = "status", "text", "gives", "remedy"
+        facts: dict[str, Any] = {
+            "ok": not failures,
+            "python": {"version": version, "executable": sys.executable},
+            "packages": {
+                name: dict(zip(keys, (*packages[name], *PACKAGES[name]), strict=True))
+                for name in packages
+            },
+            "settings": settings,
+            "problems": [{"setting": name, "problem": text} for name, text in problems],
+        }
+        print_json(facts)
+        return bool(failures)
+    print(f"Python {version} at {sys.executable}")
+    rows = []
+    for name, (status, text) in packages.items():
+        gives, remedy = PACKAGES[name]
+        advice = f"{gives} ({remedy}){': ' if text else ''}{text}"
+        rows.append((status, name, text if status == "ok" else advice))
+    print_table(rows)
+    print_table([("", name, value) for name, value in settings.items()] or [("no ROS settings",)])
+    for name, text in problems:
+        print(f"wrong: {name}: {text}")
+    print(f"To repair: {', '.join(failures)}" if failures else "All that is installed works.")
+    return bool(failures)
+
+
+def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
+    """Return the status ("ok", "missing" or "broken") of modules, and their version or error.
+
+    They are imported in a process of their own, which a broken one may end.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    while rest := modules[len(found) :]:
+        command = [sys.executable, "-P", "-c", _PROBE, *rest]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        answers = [json.loads(line) for line in done.stdout.splitlines()]
+        found |= {name: (*answer,) for name, answer in zip(rest, answers, strict=False)}
+        if len(answers) < len(rest):
+            died = f"importing it ends Python with exit code {done.returncode}"
+            found[rest[len(answers)]] = ("broken", died)
+    return found
+
+
+def _settings() -> dict[str, str]:
+    """Return the environment variables of ROS and of its middleware."""
+    beginnings = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_", "AMENT_PREFIX_PATH")
+    return {name: os.environ[name] for name in sorted(os.environ) if name.startswith(beginnings)}
+
+
+def contradictions() -> Iterator[tuple[str, str]]:
+    """Yield settings that cannot work or contradict one another, and the reason."""
+    value = os.environ.get
+    prefixes = [Path(one) for one in value("AMENT_PREFIX_PATH", "").split(":") if one]
+    for prefix in (one for one in prefixes if not one.is_dir()):
+        yield "AMENT_PREFIX_PATH", f"there is no folder {prefix}; source the workspace again"
+    middleware = value("RMW_IMPLEMENTATION")
+    if middleware and not any((one / "lib" / f"lib{middleware}.so").exists() for one in prefixes):
+        yield "RMW_IMPLEMENTATION", f"{middleware} is not installed"
+    allowed = {
+        "ROS_DISTRO": ("jazzy",),
+        "ROS_DOMAIN_ID": (*map(str, range(233)),),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"),
+    }
+    for name in (one for one in allowed if value(one) and value(one) not in allowed[one]):
+        values = allowed[name]
+        expected = ", ".join(values) if len(values) < 9 else f"{values[0]} to {values[-1]}"
+        yield name, f"expected {expected}, got {value(name)}"
+    reach = value("ROS_AUTOMATIC_DISCOVERY_RANGE")
+    if value("ROS_LOCALHOST_ONLY") == "1" and reach not in (None, "", "LOCALHOST"):
+        yield "ROS_LOCALHOST_ONLY", f"overrules ROS_AUTOMATIC_DISCOVERY_RANGE, which is {reach}"
+    yield from filter(None, map(_profile, _PROFILES))
+
+
+def _profile(name: str) -> tuple[str, str] | None:
+    """Return a setting and the reason why the profile of Fast DDS that it names cannot be read."""
+    path = os.environ.get(name)
+    try:
+        if path:
+            ElementTree.parse(path)
+    except (OSError, ElementTree.ParseError) as error:
+        return name, f"{path} cannot be read: {error}"
+    return None

@@ -1,0 +1,115 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Show range, mean, missing values and histogram of every layer."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from ..commands._arguments import add_choice_of_map, add_json, add_layers, add_source
+from ..commands._errors import UsageError
+from ..commands._maps import read_map
+from ..commands._output import can_print, number, print_json, print_table, shown
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+BLOCKS, ASCII_BLOCKS = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
+WIDTH = 40
+"""Of the longest bar, in characters."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    add_source(parser)
+    add_choice_of_map(parser)
+    add_layers(parser, "show this layer, instead of all")
+    parser.add_argument("--bins", type=int, default=16, help="of the histograms (%(default)s)")
+    parser.add_argument("--histogram", action="store_true", help="show the histograms at length")
+    add_json(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the statistics."""
+    if not 1 <= options.bins <= 1000:
+        raise UsageError(f"--bins: expected a number from 1 to 1000, got {options.bins}")
+    from ..files import map_facts
+
+    grid_map = read_map(options, options.layers)
+    layers = [statistics_of(name, grid_map[name], options.bins) for name in grid_map]
+    if options.json:
+        info = map_facts(grid_map)
+        print_json({"path": options.source, "map": info, "layers": layers})
+        return 0
+    head = ("layer", "min", "max", "mean", "std", "NaN", "infinite", "histogram")
+    print_table([head, *map(_row, layers)], numbers=range(1, 7))
+    for layer in layers if options.histogram else ():
+        _print_histogram(layer)
+    return 0
+
+
+def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dict[str, Any]:
+    """Return statistics of the finite values of a layer, and a histogram, as JSON has them.
+
+    Values are None and the histogram is empty if nothing is finite, or if the name of the layer
+    ends in "color": then it holds packed colors.
+
+    Args:
+        name: of the layer.
+        layer: (rows, cols).
+        bins: number of bins; bin n reaches from `edges[n]` to `edges[n + 1]`.
+    """
+    import numpy as np
+
+    is_color = name.endswith("color")
+    nan = int(np.isnan(layer).sum())
+    # In double precision neither sums nor the widths of bins overflow.
+    finite = layer[np.isfinite(layer)].astype(np.float64)
+    found: dict[str, Any] = {
+        "name": name,
+        "is_color": is_color,
+        "cells": layer.size,
+        "nan": nan,
+        "infinite": layer.size - nan - finite.size,
+        **dict.fromkeys(("min", "max", "mean", "std")),
+        "histogram": {"edges": [], "counts": []},
+    }
+    if is_color or not finite.size:
+        return found
+    lowest, highest = float(finite.min()), float(finite.max())
+    # A single value, however large, is in the middle of its histogram.
+    margin = max(0.5, 1e-3 * abs(lowest)) if lowest == highest else 0.0
+    counts, edges = np.histogram(finite, bins, (lowest - margin, highest + margin))
+    mean, deviation = float(finite.mean()), float(finite.std())
+    found |= {"min": lowest, "max": highest, "mean": mean, "std": deviation}
+    return found | {"histogram": {"edges": edges.tolist(), "counts": counts.tolist()}}
+
+
+def _row(layer: dict[str, Any]) -> tuple[str, ...]:
+    values = (layer[name] for name in ("min", "max", "mean", "std"))
+    numbers = ("-" if value is None else number(value) for value in values)
+    missing = f"{layer['nan'] / layer['cells']:.1%}" if layer["nan"] else "0"
+    counts = layer["histogram"]["counts"]
+    bars = "(packed colors)" if layer["is_color"] else sparkline(counts)
+    return (shown(layer["name"]), *numbers, missing, str(layer["infinite"]), bars)
+
+
+def sparkline(counts: list[int]) -> str:
+    """Return a character for each number, the higher the larger; only zeros are blank."""
+    blocks = BLOCKS if can_print(BLOCKS) else ASCII_BLOCKS
+    highest, steps = max(counts, default=0), len(blocks) - 1
+    return "".join(blocks[-(-steps * count // highest)] if count else blocks[0] for count in counts)
+
+
+def _print_histogram(layer: dict[str, Any]) -> None:
+    counts, edges = layer["histogram"]["counts"], layer["histogram"]["edges"]
+    if not counts:
+        return
+    print(f"\n{shown(layer['name'])}")
+    block = BLOCKS[-1] if can_print(BLOCKS) else "#"
+    highest = max(counts)
+    rows = [
+        (number(low), "..", number(high), str(count), block * round(WIDTH * count / highest))
+        for low, high, count in zip(edges[:-1], edges[1:], counts, strict=True)
+    ]
+    print_table(rows, numbers=(0, 2, 3))

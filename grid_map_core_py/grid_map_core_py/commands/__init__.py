@@ -1,0 +1,54 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The command line `grid-map`, and the parts of which packages make subcommands.
+
+A subcommand is a module with `add_arguments(parser)` and `run(options)`, which returns the exit
+code; the first line of its docstring is its summary. A package adds one by an entry point of the
+group `grid_map_core_py.commands`, whose name is that of the command and whose object is the module.
+`grid-map --help` reads only the docstring, without an import, so it is fast, and a package that is
+broken or missing leaves the other commands usable.
+
+Data goes to standard output, all messages to standard error. Exit codes: 0, 1 after an error, 2 for
+wrong arguments, 130 after Ctrl-C, 143 after SIGTERM, 141 if the reader of the output is gone.
+"""
+
+from ._arguments import (
+    add_choice_of_map,
+    add_destination,
+    add_json,
+    add_layers,
+    add_source,
+    complete_layers,
+    completed,
+)
+from ._errors import CommandError, UsageError
+from ._main import main
+from ._maps import Destination, check_free, describe, open_records, read_map
+from ._output import byte_count, coordinate, message, number, print_json, print_table, shown
+from ._progress import ProgressBar
+
+__all__ = [
+    "CommandError",
+    "Destination",
+    "ProgressBar",
+    "UsageError",
+    "add_choice_of_map",
+    "add_destination",
+    "add_json",
+    "add_layers",
+    "add_source",
+    "byte_count",
+    "check_free",
+    "complete_layers",
+    "completed",
+    "coordinate",
+    "describe",
+    "main",
+    "message",
+    "number",
+    "open_records",
+    "print_json",
+    "print_table",
+    "read_map",
+    "shown",
+]

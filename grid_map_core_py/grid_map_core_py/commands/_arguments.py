@@ -1,0 +1,143 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Arguments that several commands have, and how shells complete them."""
+
+import argparse
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+SOURCES = "file or folder of any format, or - for .npz from a pipe"
+
+
+def add_source(parser: argparse.ArgumentParser, help: str = SOURCES) -> None:  # noqa: A002
+    """Add the file to read, and how to read it."""
+    parser.add_argument("source", help=help)
+    group = parser.add_argument_group("reading")
+    completed(
+        group.add_argument("--from", dest="from_format", metavar="FORMAT", help=_FORMAT),
+        complete_formats,
+    )
+    group.add_argument(
+        "--resolution", type=float, help="clouds, meshes, height images: side of a cell [m]"
+    )
+    group.add_argument("--black", type=float, help="height images, also written: height of black")
+    group.add_argument("--white", type=float, help="height images, also written: height of white")
+    group.add_argument("--height-layer", metavar="NAME", help="their layer (elevation)")
+    group.add_argument(
+        "--as",
+        dest="kind",
+        choices=("points", "mesh"),
+        help="clouds and meshes: (mesh, if there are faces)",
+    )
+    group.add_argument(
+        "--reduce",
+        dest="reduction",
+        choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
+        help="clouds: height of the points in a cell (max)",
+    )
+    group.add_argument("--min-height", type=float, help="clouds: leave out points below [m]")
+    group.add_argument("--max-height", type=float, help="clouds: leave out points above [m]")
+
+
+def add_choice_of_map(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
+    """Add which map of a bag to take."""
+    group = parser.add_argument_group("bags")
+    topic = group.add_argument("--topic", help="of the maps, if the bag has several")
+    completed(topic, complete_topics)
+    group.add_argument(
+        "--index", type=int, help=f"which map, 0 is the first, -1 the last ({which})"
+    )
+
+
+def add_layers(parser: argparse.ArgumentParser, text: str) -> None:
+    """Add names of layers."""
+    action = parser.add_argument(
+        "--layer", dest="layers", metavar="LAYER", action="append", help=f"{text}; may be repeated"
+    )
+    completed(action, complete_layers)
+
+
+def add_destination(parser: argparse.ArgumentParser) -> None:
+    """Add the file to write, and how to write it."""
+    parser.add_argument(
+        "destination",
+        help="name without ending (a bag), .npz, .tif, .png, FOLDER/map.yaml (images of all "
+        "layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
+    )
+    group = parser.add_argument_group("writing")
+    group.add_argument("-f", "--force", action="store_true", help="replace what is there")
+    completed(
+        group.add_argument("--to", metavar="FORMAT", help=_FORMAT), lambda **_: _names(writes=True)
+    )
+    group.add_argument(
+        "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: smaller files"
+    )
+    group.add_argument(
+        "--bits", type=int, choices=(8, 16, 32), help="images: of a pixel (16, 32 for .tif)"
+    )
+    group.add_argument("--mode", choices=("trinary", "scale", "raw"), help="map_server (trinary)")
+    group.add_argument("--crs", help="GeoTIFF: such as EPSG:25832 (that of a GeoTIFF source)")
+    group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of JSON."""
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+_FORMAT = "name of the format, if the name of the file does not tell it"
+
+# --- completion -----------------------------------------------------------------------------------
+
+
+Completer = Callable[..., list[str]]
+
+
+def completed(action: argparse.Action, completer: Completer) -> None:
+    """Let shells complete an argument; argcomplete asks its `completer`."""
+    action.completer = completer  # type: ignore[attr-defined]
+
+
+# A completer returns nothing if anything goes wrong: the command itself will tell what.
+
+
+def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    """Return the layers of the source."""
+    with suppress(Exception):
+        from ._maps import describe
+
+        facts = describe(parsed_args)
+        if "topics" in facts:
+            # The command reads one map, of the topic that is named or the only one.
+            return [
+                name
+                for topic in facts["topics"]
+                if "map" in topic
+                for name in topic["map"]["layers"]
+            ]
+        return [*facts["map"]["layers"]]
+    return []
+
+
+def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
+    """Return the topics of maps in the source."""
+    with suppress(Exception):
+        from ._maps import describe
+
+        topics = describe(parsed_args, topic=None)["topics"]
+        return [topic["name"] for topic in topics if "map" in topic]
+    return []
+
+
+def complete_formats(**_: Any) -> list[str]:
+    """Return the names of the formats that are read."""
+    return _names(writes=False)
+
+
+def _names(*, writes: bool) -> list[str]:
+    with suppress(Exception):
+        from ..files import formats
+
+        return [one.name for one in formats().values() if (one.save if writes else one.load)]
+    return []

@@ -1,0 +1,13 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Errors of the command line itself."""
+
+from ..errors import GridMapError
+
+
+class CommandError(GridMapError):
+    """A command cannot do what it was asked for: exit code 1."""
+
+
+class UsageError(CommandError):
+    """The arguments make no sense, whatever is in the files: exit code 2."""

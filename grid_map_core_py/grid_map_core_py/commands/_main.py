@@ -1,0 +1,169 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""From the words of a command line to its exit code."""
+
+import argparse
+import ast
+import os
+import re
+import signal
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..errors import GridMapError
+from ._errors import CommandError, UsageError
+from ._output import message
+
+PROGRAM = "grid-map"
+GROUP = "grid_map_core_py.commands"
+BUILT_IN = ("info", "inspect", "convert", "doctor")
+
+_INTERRUPTED, _NO_READER = 128 + signal.SIGINT, 128 + signal.SIGPIPE
+
+
+class Parser(argparse.ArgumentParser):
+    """Tells what is wrong in one line, and takes numbers such as -1e-3 for values of options."""
+
+    def __init__(self, **options: Any) -> None:
+        # An abbreviation that is unique today may be ambiguous with the next option.
+        super().__init__(allow_abbrev=False, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d|-inf(inity)?$")
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with exit code 2."""
+        self.exit(2, f"{PROGRAM}: error: {message} (see '{self.prog} --help')\n")
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(PROGRAM, import_module("grid_map_core_py").__version__)
+        parser.exit()
+
+
+def make_parser(words: Sequence[str]) -> Parser:
+    """Return the parser of the whole command line; only the command in `words` has arguments."""
+    parser = Parser(
+        prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    subparsers = parser.add_subparsers(metavar="command", required=True)
+    commands = _commands()
+    wanted = next((word for word in words if word in commands), None)
+    for name, entry in commands.items():
+        summary = _summary(entry.value)
+        command = subparsers.add_parser(name, help=summary.rstrip("."), description=summary)
+        if name == wanted:
+            try:
+                module = entry.load()
+            # Any error of a plug-in names it.
+            except Exception as error:
+                text = f"{name}: the command of {entry.value} cannot be loaded: {error}"
+                raise CommandError(text) from error
+            module.add_arguments(command)
+            command.set_defaults(run=module.run, parser=command)
+    return parser
+
+
+def _commands() -> dict[str, EntryPoint]:
+    """Return the commands of all packages by name, those of this package first."""
+    package = __package__.partition(".")[0]
+    own = [EntryPoint(name, f"{package}._commands.{name}", GROUP) for name in BUILT_IN]
+    known = {entry.name: entry for entry in own}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        known.setdefault(entry.name, entry)
+    return known
+
+
+def _summary(module: str) -> str:
+    """Return the first line of a module's docstring without importing the module."""
+    package, *names = module.split(".")
+    # A package that is missing or damaged has no summary.
+    try:
+        for folder in find_spec(package).submodule_search_locations:  # type: ignore[union-attr]
+            for path in (
+                Path(folder, *names).with_suffix(".py"),
+                Path(folder, *names, "__init__.py"),
+            ):
+                if path.is_file():
+                    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+                    return text.partition("\n")[0]
+    except Exception:
+        return ""
+    return ""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line and return its exit code."""
+    before = signal.signal(signal.SIGTERM, _terminate)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("once", UserWarning)
+            warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
+            return _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    except OSError as error:
+        # Only standard output is left; Python would try once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _terminate(number: int, _: object) -> NoReturn:
+    """End as after Ctrl-C, so that nothing unfinished is left behind."""
+    sys.exit(128 + number)
+
+
+def _run(arguments: Sequence[str]) -> int:
+    parser: Parser | None = None
+    try:
+        completing = "_ARGCOMPLETE" in os.environ
+        words = os.environ.get("COMP_LINE", "").split() if completing else arguments
+        parser = make_parser(words)
+        if completing:
+            argcomplete: Any = import_module("argcomplete")
+            argcomplete.autocomplete(parser)  # ends the process
+        if not arguments:
+            parser.print_help(sys.stderr)
+            return 2
+        options, unknown = parser.parse_known_args(arguments)
+        parser = options.parser
+        if unknown:
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        code: int = options.run(options)
+        return code
+    except BrokenPipeError:
+        raise
+    except Exception as error:
+        if isinstance(error, UsageError) and parser is not None:
+            parser.error(str(error))
+        return _failed(_text_of(error))
+    finally:
+        if sys.stdout:
+            sys.stdout.flush()
+
+
+def _text_of(error: Exception) -> str:
+    """Return the text of an error that a user can mend; raise any other error.
+
+    That of an OSError is its file and its reason, without its number.
+    """
+    if isinstance(error, OSError):
+        return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
+    if isinstance(error, GridMapError | MemoryError):
+        return str(error) or "out of memory"
+    if isinstance(error, ModuleNotFoundError):
+        return f"{error}; '{PROGRAM} doctor' tells what is missing"
+    raise error
+
+
+def _failed(text: str) -> int:
+    message(f"error: {' '.join(text.split())}")
+    return 1

@@ -1,0 +1,437 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The command line with the commands and formats of the core."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import PROGRAM, SECOND, a_map, printed
+
+from grid_map_core_py import GridMap, __version__, load
+from grid_map_core_py.commands import _main, main
+from grid_map_core_py.files import load_npz, save_npz
+from grid_map_core_py.testing import assert_maps_equal
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    """Return a folder with a map, for reading only."""
+    folder = tmp_path_factory.mktemp("files")
+    save_npz(a_map(), folder / "site.npz")
+    (folder / "notes.txt").write_text("no map")
+    (folder / "chain.yaml").write_text("filters: {}")
+    return folder
+
+
+@pytest.fixture
+def command(files, tmp_path, monkeypatch, capfd):
+    """Return a function that runs a command within this process, and returns what comes of it."""
+    for path in files.iterdir():
+        (tmp_path / path.name).symlink_to(path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"nothing")))
+
+    def run(*words: str) -> tuple[int, str, str]:
+        try:
+            code = main(words)
+        except SystemExit as end:
+            code = end.code
+        return code, *capfd.readouterr()
+
+    return run
+
+
+# --- info and inspect -----------------------------------------------------------------------------
+
+
+def test_info_prints_the_same_facts_as_json(command):
+    _, text, _ = command("info", "site.npz")
+    assert text.startswith("site.npz: npz, ")
+    rows = dict(line.split(maxsplit=1) for line in text.splitlines()[1:])
+    assert rows == {
+        "frame": "odom",
+        "time": "3.000000000 s",
+        "size": "8 x 6 cells of 0.1 m",
+        "length": "0.8 x 0.6 m",
+        "position": "(1, 2)",
+        "layers": "elevation (basic), variance, color",
+    }
+    found = json.loads(command("info", "--json", "site.npz")[1])
+    assert found["map"] == {
+        "frame_id": "odom",
+        "timestamp": 3 * SECOND,
+        "size": [8, 6],
+        "resolution": 0.1,
+        "length": pytest.approx([0.8, 0.6]),
+        "position": [1.0, 2.0],
+        "start_index": [0, 0],
+        "layers": ["elevation", "variance", "color"],
+        "basic_layers": ["elevation"],
+    }
+    size = Path("site.npz").stat().st_size
+    assert (found["path"], found["format"], found["bytes"]) == ("site.npz", "npz", size)
+
+
+def test_inspect_gives_statistics_of_finite_values(command):
+    values = a_map()["elevation"]
+    finite = values[np.isfinite(values)].astype(float)
+    found = json.loads(command("inspect", "site.npz", "--json", "--bins", "4")[1])
+    elevation, variance, color = found["layers"]
+    assert elevation["name"] == "elevation"
+    assert (elevation["cells"], elevation["nan"], elevation["infinite"]) == (48, 2, 0)
+    for name in ("min", "max", "mean", "std"):
+        assert elevation[name] == pytest.approx(getattr(np, name)(finite))
+    histogram = elevation["histogram"]
+    inside = [
+        ((finite >= low) & (finite < high)).sum()
+        for low, high in zip(histogram["edges"][:-1], histogram["edges"][1:], strict=True)
+    ]
+    inside[-1] += 1  # the last bin has its upper edge
+    assert histogram["counts"] == inside
+    assert (variance["infinite"], variance["min"], variance["max"]) == (1, 0.25, 0.25)
+    assert (color["is_color"], color["min"], color["nan"]) == (True, None, 0)
+
+
+def test_inspect_draws_histograms_in_any_encoding(command, files):
+    words = ("inspect", "site.npz", "--layer", "elevation", "--bins", "3", "--histogram")
+    _, text, _ = command(*words)
+    head, row, *_, name, low, middle, high = text.splitlines()
+    assert head.split()[0] == "layer"
+    assert row.split()[0] == name == "elevation"
+    assert "4.2%" in row
+    bars = [line.count("█") for line in (low, middle, high)]
+    counts = [int(line.split()[3]) for line in (low, middle, high)]
+    assert sum(counts) == 46
+    assert max(bars) == 40
+    assert np.argsort(bars).tolist() == np.argsort(counts).tolist()
+    ascii_only = printed(*words, cwd=files, environ={"PYTHONIOENCODING": "ascii"})
+    assert [line.count("#") for line in ascii_only.splitlines()[-3:]] == bars
+
+
+def test_inspect_takes_layers_without_values(command):
+    save_npz(GridMap((1, 1), 0.5, layers={"empty": np.nan}), "empty.npz")
+    code, text, _ = command("inspect", "empty.npz", "--histogram")
+    assert code == 0
+    assert text.splitlines()[1].split() == ["empty", "-", "-", "-", "-", "100.0%", "0"]
+
+
+@pytest.mark.parametrize("value", [0.0, -7.5, 3e38, -1e20])
+def test_single_value_is_in_the_middle_of_its_histogram(value, command):
+    save_npz(GridMap((1, 1), 0.5, layers={"flat": value}), "flat.npz")
+    code, text, error = command("inspect", "flat.npz", "--json", "--bins", "5")
+    assert code == 0, error
+    (flat,) = json.loads(text)["layers"]
+    assert (flat["min"], flat["max"], flat["std"]) == (pytest.approx(value), flat["min"], 0.0)
+    assert flat["histogram"]["counts"] == [0, 0, 4, 0, 0]
+
+
+# --- convert --------------------------------------------------------------------------------------
+
+
+def test_a_map_goes_through_every_format(command):
+    pytest.importorskip("rasterio")
+    steps = ["site.npz", "images/map.yaml", "site.tif", "again.npz"]
+    for source, destination in pairwise(steps):
+        code, text, error = command("convert", source, destination)
+        assert (code, text, error) == (0, "", f"grid-map: 1 map in {destination}\n")
+    assert_maps_equal(load_npz("again.npz"), load("images"))
+    lost = np.abs(load_npz("again.npz")["elevation"] - load_npz("site.npz")["elevation"])
+    assert np.nanmax(lost) < 1e-3
+
+
+def test_options_of_formats_reach_reader_and_writer(command):
+    words = ("--layer", "elevation", "--black", "-4", "--white", "4", "--bits", "16")
+    assert command("convert", "site.npz", "site.png", *words)[0] == 0
+    words = ("--resolution", "0.1", "--black", "-4", "--white", "4", "--frame", "odom")
+    assert command("convert", "site.png", "back.npz", *words)[0] == 0
+    back, expected = load_npz("back.npz"), load_npz("site.npz")
+    assert (back.layers, back.frame_id, back.size) == (("elevation",), "odom", expected.size)
+    np.testing.assert_allclose(back["elevation"], expected["elevation"], atol=8 / 65535)
+    words = ("--layer", "variance", "--mode", "raw")
+    assert command("convert", "site.npz", "nav/map.yaml", *words)[0] == 1
+    Path("nav").mkdir()
+    assert command("convert", "site.npz", "nav/map.yaml", *words)[0] == 0
+    assert json.loads(command("info", "nav", "--json")[1])["format"] == "map_server"
+    assert command("convert", "nav", "nav/other.yaml")[0] == 0
+    assert {path.name for path in Path("nav").iterdir()} == {
+        *("map.yaml", "map.pgm", "other.yaml", "other.pgm")
+    }
+
+
+def test_the_reference_system_of_a_geotiff_stays(command):
+    rasterio = pytest.importorskip("rasterio")
+    command("convert", "site.npz", "site.tif", "--crs", "EPSG:25832", "--compress")
+    command("convert", "site.tif", "same.tif", "--layer", "elevation")
+    command("convert", "site.tif", "other.tif", "--crs", "EPSG:25833")
+    for name, code in (("same.tif", 25832), ("other.tif", 25833)):
+        with rasterio.open(name) as raster:
+            assert raster.crs.to_epsg() == code
+    assert json.loads(command("info", "same.tif", "--json")[1])["map"]["crs"] == "EPSG:25832"
+    assert "crs       EPSG:25832\n" in command("info", "same.tif")[1]
+    command("convert", "site.npz", "degrees.tif", "--crs", "EPSG:4326")
+    warning = command("info", "degrees.tif")[2]
+    assert warning.startswith("grid-map: warning: degrees.tif: is in degrees")
+    assert warning.count("\n") == 1
+
+
+def test_maps_go_through_pipes(files):
+    pipeline = f"{PROGRAM} convert site.npz - --layer color | {PROGRAM} convert - - | "
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", f"{pipeline} {PROGRAM} info - --json"],
+        cwd=files,
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    found = json.loads(done.stdout)
+    assert (found["map"]["layers"], found["bytes"]) == (["color"], None)
+
+
+def test_points_and_meshes_become_maps(command):
+    pytest.importorskip("trimesh")
+    points = "0.5 0.5 1\n0.6 0.4 3\n1.5 0.5 2\n"
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{properties}end_header\n"
+    Path("cloud.ply").write_text(head + points)
+    Path("ramp.obj").write_text("v 0 0 0\nv 2 0 2\nv 2 2 2\nv 0 2 0\nf 1 2 3 4\n")
+    words = ("--resolution", "1", "--reduce", "mean", "--height-layer", "height")
+    assert command("convert", "cloud.ply", "cloud.npz", *words)[0] == 0
+    cloud = load_npz("cloud.npz")
+    assert (cloud.frame_id, cloud.layers) == ("map", ("height",))
+    assert cloud.at_position("height", (0.55, 0.45)) == 2.0
+    assert cloud.at_position("height", (1.5, 0.5)) == 2.0
+    assert command("convert", "ramp.obj", "ramp.npz", "--resolution", "1")[0] == 0
+    assert load_npz("ramp.npz")["elevation"].tolist() == [[1.5, 1.5], [0.5, 0.5]]
+    _, text, _ = command("info", "ramp.obj", "--json")
+    told = json.loads(text)
+    assert (told["points"], told["faces"], told["upper"]) == (4, 2, [2.0, 2.0, 2.0])
+    for line, expected, text in (
+        ("convert ramp.obj x.npz", 1, "resolution: expected the side of a cell [m]"),
+        ("convert ramp.obj x.npz --resolution 1 --reduce mean", 1, "max_height are for points"),
+        ("convert cloud.ply x.npz --resolution 1 --layer z", 1, "no layer 'z'; available: elev"),
+        ("info cloud.ply --topic /points", 2, "--topic is for"),
+        ("inspect ramp.obj", 1, "the extent is 2 x 2 x 2 m"),
+    ):
+        code, _, error = command(*line.split())
+        assert (code, text in error) == (expected, True), error
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+WRONG = {
+    "info nowhere": (1, "nowhere: cannot be read: No such file"),
+    "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
+    "info chain.yaml": (1, "chain.yaml: cannot be read: image: expected"),
+    "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
+    "info -": (1, "standard input: cannot be read"),
+    "inspect site.npz --index 1": (2, "--index is for"),
+    "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),
+    "inspect site.npz --bins 0": (2, "--bins: expected a number from 1"),
+    "inspect site.npz --from zip": (1, "format: expected one that is read, npz"),
+    "convert site.npz chain.yaml": (1, "chain.yaml: is there already; --force replaces it"),
+    "convert site.npz site.jpg": (2, "expected a name of one of the formats npz"),
+    "convert site.npz - --to images": (2, "standard output takes npz, not images"),
+    "convert - x.npz --from images": (2, "standard input takes npz, not images"),
+    "convert site.npz nowhere/map.npz": (1, "nowhere/map.npz: cannot be written"),
+    "convert site.npz new.npz --crs EPSG:1": (2, "--crs is for geotiff, and this is npz"),
+    "convert site.npz new.npz --resolution 1": (2, "--resolution is for height_image, pcd, mesh"),
+    "convert site.npz new.npz --reduce mean": (2, "--reduce is for pcd, mesh"),
+    "convert site.npz new.npz --as mesh": (2, "--as is for pcd, mesh"),
+    "convert site.npz new.npz --bits 8": (2, "--bits is for images, height_image"),
+    "convert site.npz new.npz --black 0": (2, "--black is for height_image"),
+    "inspect site.npz --bars": (2, "--bars (see 'grid-map inspect --help')"),
+    "info site.npz --ind 0": (2, "unrecognized arguments: --ind 0"),
+    "dance": (2, "invalid choice: 'dance'"),
+    "convert site.npz": (2, "required: destination"),
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_every_mistake_is_one_line(line, command):
+    code, output, error = command(*line.split())
+    expected_code, text = WRONG[line]
+    assert (code, output) == (expected_code, "")
+    assert error.startswith("grid-map: error: ")
+    assert text in error
+    assert error.count("\n") == 1
+    assert not list(Path().glob("out*"))
+
+
+def test_only_force_replaces_a_file(command):
+    for line in ("convert site.npz new.npz", "convert site.npz new/map.yaml"):
+        name = line.split()[-1]
+        assert command(*line.split())[0] == 0
+        before = Path(name).stat().st_ino
+        code, _, error = command(*line.split())
+        assert (code, f"{name}: is there already; --force replaces it" in error) == (1, True)
+        assert Path(name).stat().st_ino == before
+        assert command(*line.split(), "--force")[0] == 0
+        assert Path(name).stat().st_ino != before
+
+
+def test_pipes_and_devices_are_never_replaced(command):
+    os.mkfifo("pipe")
+    code, _, error = command("convert", "site.npz", "pipe", "--to", "npz", "--force")
+    assert (code, "pipe: is neither a file nor a folder" in error) == (1, True)
+    assert Path("pipe").is_fifo()
+
+
+def test_an_error_keeps_what_is_there(command):
+    save_npz(a_map(1), "out.npz")
+    before = Path("out.npz").read_bytes()
+    code, _, error = command("convert", "notes.txt", "out.npz", "--force", "--from", "npz")
+    assert (code, "notes.txt: cannot be read" in error) == (1, True)
+    assert Path("out.npz").read_bytes() == before
+    assert not [path for path in Path().iterdir() if "partial" in path.name]
+
+
+def test_control_characters_in_names_are_escaped(command):
+    save_npz(GridMap((1, 1), 0.5, layers={"\x1b[31mred": 1.0}, frame_id="a\nb"), "evil.npz")
+    for line in ("info evil.npz", "inspect evil.npz"):
+        _, text, _ = command(*line.split())
+        assert "\x1b" not in text
+        assert "\\x1b[31mred" in text
+
+
+# --- being a good program -------------------------------------------------------------------------
+
+
+def test_a_closed_pipe_ends_it_silently(files):
+    script = f"{PROGRAM} info site.npz | head -n 1; {PROGRAM} info site.npz | true"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=files, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.startswith("site.npz: npz")
+    assert done.stderr == ""
+
+
+def test_full_disk_and_closed_output_are_one_error(files):
+    info = f"{PROGRAM} info site.npz"
+    convert = f"{PROGRAM} convert site.npz -"
+    script = f"{info} >/dev/full; echo $?; {info} >&-; echo $?; {convert} >&-; echo $?"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=files, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["1", "0", "1"]
+    full, closed = done.stderr.splitlines()
+    assert full == "grid-map: error: No space left on device"
+    assert "expected a pipe or a file at standard output" in closed
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_without_traceback_or_remains(number, tmp_path):
+    pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
+    command = [str(PROGRAM), "convert", "-", str(tmp_path / "out.npz")]
+    environ = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, env=environ, **pipes) as process:
+        process.stdin.write(bytes(10**6))
+        process.stdin.flush()
+        # It copies standard input to a file.
+        while not any(path.stat().st_size for path in tmp_path.glob("standard-input-*")):
+            assert process.poll() is None
+        process.send_signal(number)
+        _, error = process.communicate(timeout=30)
+    assert (process.returncode, error) == (128 + number, b"")
+    assert not [*tmp_path.iterdir()]
+
+
+# --- commands of packages -------------------------------------------------------------------------
+
+
+def run_python(code: str, *words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *map(str, words)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_help_imports_neither_packages_nor_numpy(tmp_path):
+    heavy = ("numpy", "cv2", "matplotlib", "yaml", "scipy", "rclpy", "argcomplete", "viser")
+    code = (
+        "import sys\nfrom grid_map_core_py.commands import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        f"found = [name for name in {heavy} if name in sys.modules]\n"
+        "print(found, [name for name in sys.modules if name.startswith('grid_map_filters')])"
+    )
+    assert run_python(code, cwd=tmp_path).stdout.endswith("\n[] []\n")
+
+
+def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
+    blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "rosbags", "rasterio", "lark")
+    others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
+    code = (
+        f"import sys\nfor name in {(*blocked, *others)}:\n    sys.modules[name] = None\n"
+        "from grid_map_core_py.commands import main\n"
+        "print([main(line.split()) for line in sys.argv[1:]], file=sys.stderr)\n"
+    )
+    lines = [
+        f"inspect {files}/site.npz",
+        f"convert {files}/site.npz images/map.yaml",
+        "convert images slope.png --layer elevation",
+        "info images",
+        "info survey.mcap",
+        "plot images map.png",
+        "convert images map.tif",
+    ]
+    errors = run_python(code, *lines, cwd=tmp_path).stderr.splitlines()
+    assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1]"
+    assert any("survey.mcap: a bag needs the package 'grid_map_ros_py'" in line for line in errors)
+    assert any("plot: the command of grid_map_visualization_py" in line for line in errors)
+    assert any("GeoTIFF needs the package 'rasterio'" in line for line in errors)
+
+
+@pytest.fixture
+def plug_in(monkeypatch, tmp_path):
+    """Let a package with two commands be installed, of which one is broken."""
+    package = tmp_path / "dancing"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise SystemError('imported')")
+    (package / "dance.py").write_text(
+        '"""Dance to the music.\n\nMore."""\nraise OSError("no shoes")'
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    entries = [
+        ("dance", "dancing.dance"),
+        ("gone", "no_such_package.gone"),
+        ("info", "dancing.info"),
+    ]
+    points = [EntryPoint(name, value, _main.GROUP) for name, value in entries]
+    monkeypatch.setattr(_main, "entry_points", lambda **_: points)
+
+
+@pytest.mark.usefixtures("plug_in")
+def test_a_broken_command_leaves_the_others_usable(command):
+    code, text, _ = command("--help")
+    assert code == 0
+    assert "Dance to the music\n" in text
+    assert command("info", "site.npz")[0] == 0
+    for name, reason in (("dance", "imported"), ("gone", "No module named 'no_such_package'")):
+        code, _, error = command(name)
+        assert code == 1
+        assert error.startswith(f"grid-map: error: {name}: the command of ")
+        assert reason in error
+
+
+@pytest.mark.parametrize("name", ["info", "inspect", "convert", "doctor"])
+def test_every_command_has_help(name, command):
+    code, text, _ = command(name, "--help")
+    assert code == 0
+    assert text.startswith(f"usage: grid-map {name}")
+    assert name in command("--help")[1]
+
+
+def test_without_a_command_there_is_help(command):
+    code, text, error = command()
+    assert (code, text) == (2, "")
+    assert error == command("--help")[1]
+
+
+def test_version_is_that_of_the_package(command):
+    assert command("--version")[1] == f"grid-map {__version__}\n"

@@ -1,0 +1,103 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Run a filter chain over a map, or over all maps of a bag."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, redirect_stdout
+from typing import TYPE_CHECKING
+
+from grid_map_core_py.commands import (
+    Destination,
+    ProgressBar,
+    UsageError,
+    add_choice_of_map,
+    add_destination,
+    add_json,
+    add_source,
+    message,
+    open_records,
+    print_json,
+)
+
+from .._chain import FilterChain
+from .._offline import Failure, filter_maps
+from .._step_times import StepTimes
+
+if TYPE_CHECKING:
+    from grid_map_core_py import GridMap
+    from grid_map_core_py.files import MapRecord
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    parser.add_argument("chain", help="parameter file with the chain, or - for standard input")
+    add_source(parser)
+    add_destination(parser)
+    parser.add_argument(
+        "--name", default="filters", help="parameter that holds the chain (%(default)s)"
+    )
+    parser.add_argument("--timing", action="store_true", help="print how long each filter took")
+    add_json(parser)
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_choice_of_map(parser, "all, if the destination is a bag, else the last one")
+    parser.add_argument(
+        "--keep-going", action="store_true", help="leave out maps that cannot be filtered"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Filter, and tell the number of maps."""
+    if options.chain == options.source == "-":
+        raise UsageError("the chain and the map cannot both come from standard input")
+    if options.json and not options.timing:
+        raise UsageError("--json is for what --timing prints")
+    path = "/dev/stdin" if options.chain == "-" else options.chain
+    chain = FilterChain.from_yaml(path, options.name)
+    destination = Destination(options, usual_topic="/filtered_map")
+    failures: list[Failure] | None = [] if options.keep_going else None
+    times = StepTimes()
+    with open_records(options, destination) as records, ExitStack() as stack:
+        destination.usual_topic = "/filtered_map"
+        is_long = len(records) > 1 and not options.quiet
+        progress = stack.enter_context(ProgressBar()) if is_long else None
+
+        def maps() -> "Iterator[tuple[int | None, GridMap]]":
+            for filtered in filter_maps(
+                chain, records, load=_load, failures=failures, observer=times, progress=progress
+            ):
+                yield filtered.item.time, filtered.grid_map
+                del filtered
+
+        count = destination.write(maps())
+    for failure in failures or ():
+        message(f"left out {failure}")
+    destination.tell(count)
+    if options.timing:
+        with redirect_stdout(sys.stderr if destination.path == "-" else sys.stdout):
+            _print_times(times, as_json=options.json)
+    return 0
+
+
+def _load(record: "MapRecord") -> "GridMap":
+    return record.grid_map(unwrap=False)
+
+
+def _print_times(times: StepTimes, *, as_json: bool) -> None:
+    if not as_json:
+        print(times)
+        return
+    print_json(
+        [
+            {
+                "name": time.config.name,
+                "type": time.config.type,
+                "maps": time.runs,
+                "last_ms": time.last,
+                "mean_ms": time.mean,
+                "max_ms": time.longest,
+            }
+            for time in times
+        ]
+    )

@@ -1,0 +1,137 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`grid-map filter`: a chain over a map or over all maps of a bag."""
+
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from grid_map_core_py import GridMap, load
+from grid_map_core_py.commands import main
+from grid_map_core_py.files import save_npz
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_filters_py import FilterChain
+from grid_map_ros_py import BagReader, BagWriter, bag_maps, save_to_bag
+
+CHAIN = """
+grid_map_filters:
+  ros__parameters:
+    filters:
+      filter1:
+        name: twice
+        type: gridMapFilters/MathExpressionFilter
+        params: {expression: 2 * height, output_layer: double}
+"""
+SECOND = 1_000_000_000
+
+
+def a_map(number: int, layer: str = "height") -> GridMap:
+    grid_map = GridMap((1.0, 2.0), 0.5, layers={layer: number}, timestamp=number * SECOND)
+    return moved_in_buffer(grid_map, (1, 2))
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capfd):
+    """Return a function that runs a command in a folder with maps, and returns what comes of it."""
+    monkeypatch.chdir(tmp_path)
+    Path("chain.yaml").write_text(CHAIN)
+    with BagWriter("survey") as bag:
+        for number in (1, 2, 3):
+            bag.write("/grid_map", a_map(number), time=number * SECOND + 7)
+    save_to_bag([a_map(1), a_map(2, "hight")], "bad", "/grid_map")
+    save_npz(a_map(4), "site.npz")
+
+    def run(line: str) -> tuple[int, str, str]:
+        try:
+            code = main(line.split())
+        except SystemExit as end:
+            code = end.code
+        return code, *capfd.readouterr()
+
+    return run
+
+
+def test_chain_runs_over_a_bag_with_progress_and_times(command):
+    code, text, error = command("filter chain.yaml survey out --timing --json --compress")
+    assert code == 0, error
+    bar, result = error.splitlines()
+    assert bar.startswith("[##############################] 3/3 maps, ")
+    assert result == "grid-map: 3 maps in out"
+    (step,) = json.loads(text)
+    assert step.keys() == {"name", "type", "maps", "last_ms", "mean_ms", "max_ms"}
+    assert (step["name"], step["maps"]) == ("twice", 3)
+    chain = FilterChain.from_yaml("chain.yaml")
+    with BagReader("out") as bag:
+        assert (bag.topic, [*bag.topics]) == ("/filtered_map", ["/filtered_map"])
+        for number, record in enumerate(bag, 1):
+            assert record.time == number * SECOND + 7
+            actual = record.grid_map(unwrap=False)
+            assert actual.start_index == (1, 2)
+            assert_maps_equal(actual, chain(a_map(number)))
+
+
+def test_chain_runs_over_one_map(command):
+    assert command("filter chain.yaml site.npz out.npz")[0] == 0
+    assert (load("out.npz")["double"] == 8).all()
+    assert command("filter chain.yaml survey one --index 0 --output-topic /one")[0] == 0
+    assert [grid_map.timestamp for grid_map in bag_maps("one", "/one")] == [SECOND]
+
+
+def test_chain_may_come_from_a_pipe(command, monkeypatch):
+    assert command("convert site.npz again.npz")[0] == 0
+    words = [sys.executable, "-m", "grid_map_core_py.commands"]
+    words += ["filter", "-", "site.npz", "-", "--timing"]
+    done = subprocess.run(words, input=CHAIN.encode(), capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    # The table makes room for the map on standard output.
+    assert b"twice" in done.stderr
+    Path("out.npz").write_bytes(done.stdout)
+    assert (load("out.npz")["double"] == 8).all()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"")))
+
+
+def test_a_failing_map_ends_it_or_is_left_out(command):
+    code, _, error = command("filter chain.yaml bad out --quiet")
+    assert (code, Path("out").exists()) == (1, False)
+    assert error.startswith("grid-map: error: map 1: filter 1 'twice'")
+    code, _, error = command("filter chain.yaml bad out --keep-going --quiet")
+    assert code == 0
+    assert "left out map 1" in error
+    assert [float(grid_map["double"][0, 0]) for grid_map in bag_maps("out")] == [2.0]
+    save_to_bag(a_map(1, "hight"), "bad", "/grid_map")
+    code, _, error = command("filter chain.yaml bad out --keep-going --force")
+    assert (code, "no maps to write" in error) == (1, True)
+    assert len([*bag_maps("out")]) == 1
+
+
+def test_warnings_of_filters_are_shown_once(command):
+    deletion = "type: gridMapFilters/DeletionFilter\n        params: {layers: [slope]}\n"
+    Path("chain.yaml").write_text(CHAIN.partition("type:")[0] + deletion)
+    code, _, error = command("filter chain.yaml survey out --quiet")
+    assert code == 0
+    assert error.count("no layer slope to delete") == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "text"),
+    [
+        ("none.yaml site.npz out.npz", 1, "none.yaml"),
+        ("chain.yaml none out", 1, "none: cannot be read: No such file"),
+        ("chain.yaml survey out --topic /map", 1, "'/map'; topics: /grid_map"),
+        ("chain.yaml survey survey --force", 1, "is the source, too"),
+        ("chain.yaml survey/survey_0.mcap survey --force", 1, "is the source, too"),
+        ("- - out.npz", 2, "cannot both come from standard input"),
+        ("chain.yaml site.npz out.npz --json", 2, "--timing"),
+    ],
+)
+def test_mistakes_are_one_line(line, code, text, command):
+    found, output, error = command(f"filter {line}")
+    assert (found, output) == (code, ""), error
+    assert error.startswith("grid-map: error: ")
+    assert text in error
+    assert error.count("\n") == 1
+    assert not [*Path().glob("out*")]

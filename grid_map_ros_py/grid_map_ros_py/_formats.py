@@ -1,0 +1,87 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Bags and octomaps in the table of formats of `grid_map_core_py.files`."""
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.files import Format, map_facts
+
+from .bags import BagReader, BagWriter, bag_topics, load_from_bag
+from .messages._octomap_file import load_octomap
+
+
+def _is_bag(path: Path) -> bool:
+    if path.is_dir():
+        return not (path / "map.yaml").exists()
+    return path.suffix.lower() in (".mcap", ".db3")
+
+
+def _describe_bag(
+    path: str | PathLike[str], *, topic: str | None = None, index: int = -1
+) -> dict[str, Any]:
+    """Return the topics of a bag, each topic of maps with the facts of one map."""
+    chosen = [one for one in bag_topics(path) if topic in (None, one.name)]
+    if topic is not None and not chosen:
+        BagReader(path, topic)  # raises: there is no such topic
+    topics = []
+    for one in chosen:
+        facts = asdict(one)
+        if one.holds_maps:
+            with BagReader(path, one.name) as bag:
+                facts["map"] = map_facts(bag[index].grid_map(unwrap=False))
+        topics.append(facts)
+    return {"topics": topics}
+
+
+def _open_bag(path: str | PathLike[str], topic: str | None = None) -> Any:
+    return BagReader(path, topic)
+
+
+def _save_bag(
+    grid_map: GridMap,
+    path: str | PathLike[str],
+    *,
+    topic: str = "/grid_map",
+    compress: bool = False,
+) -> None:
+    """Write a bag with one map."""
+    _save_maps(path, [(None, grid_map)], topic=topic, compress=compress)
+
+
+def _save_maps(
+    path: str | PathLike[str],
+    maps: Iterable[tuple[int | None, GridMap]],
+    *,
+    topic: str,
+    compress: bool = False,
+) -> int:
+    count = 0
+    with BagWriter(path, compression="zstd" if compress else "none") as bag:
+        for time, grid_map in maps:
+            bag.write(topic, grid_map, time=time)
+            count += 1
+            del grid_map
+    return count
+
+
+BAG = Format(
+    name="bag",
+    description="bag of rosbag2, any number of maps",
+    endings=(".mcap", ".db3"),
+    reads=_is_bag,
+    writes=lambda path: not path.suffix,
+    load=load_from_bag,
+    save=_save_bag,
+    describe=_describe_bag,
+    open_maps=_open_bag,
+    save_maps=_save_maps,
+)
+
+OCTOMAP = Format(
+    name="octomap", description="octomap, its surface", endings=(".bt", ".ot"), load=load_octomap
+)

@@ -1,0 +1,156 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Draw a map from above, as a surface or as terrain in relief to a PNG, PDF or SVG file."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from grid_map_core_py.commands import (
+    CommandError,
+    UsageError,
+    add_choice_of_map,
+    add_source,
+    check_free,
+    complete_layers,
+    completed,
+    message,
+    read_map,
+)
+
+if TYPE_CHECKING:
+    from grid_map_core_py import GridMap
+
+ENDINGS = (".png", ".pdf", ".svg")
+
+LARGEST_DPI = 1200
+"""A picture of this resolution takes half a gigabyte."""
+
+_STYLES_OF = {
+    "shade_by": ("flat",),
+    "color_layer": ("surface", "relief"),
+    "max_cells": ("surface",),
+}
+"""Options that not all styles have."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    add_source(parser)
+    parser.add_argument("picture", type=Path, help=f"file that ends in {', '.join(ENDINGS)}")
+    parser.add_argument("-f", "--force", action="store_true", help="replace what is there")
+    add_choice_of_map(parser)
+    add_style(parser)
+
+
+def add_style(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say how to draw a map."""
+    picture = parser.add_argument_group("picture")
+    _add_layer(
+        picture, "--layer", "what is drawn, the heights if not flat (elevation, or the first)"
+    )
+    styles = picture.add_mutually_exclusive_group()
+    for flags, style, text in (
+        (("--3d", "--three-d"), "surface", "draw a surface with axes"),
+        (("--relief",), "relief", "draw terrain in perspective, with light and shadows"),
+    ):
+        styles.add_argument(*flags, dest="style", action="store_const", const=style, help=text)
+    _add_layer(picture, "--color-layer", "not flat: layer that gives the colors (the heights)")
+    picture.add_argument("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
+    _add_layer(picture, "--shade-by", "flat: heights that the light falls on (no light)")
+    picture.add_argument("--exaggeration", type=float, help="factor on the heights (1)")
+    picture.add_argument("--title", help="above the picture (layer and frame)")
+    picture.add_argument("--dpi", type=float, default=110.0, help="pixels per inch (110)")
+    colors = parser.add_argument_group("colors")
+    colors.add_argument(
+        "--color-mode",
+        choices=("intensity", "color"),
+        help="color: packed colors (for layers whose name ends in color)",
+    )
+    completed(
+        colors.add_argument("--color-map", help="name in Matplotlib (viridis)"),
+        complete_color_maps,
+    )
+    colors.add_argument("--lower", type=float, help="value at the lower end (the smallest)")
+    colors.add_argument("--upper", type=float, help="value at the upper end (the largest)")
+    colors.add_argument(
+        "--invert", action="store_const", const=True, help="swap the ends of the color map"
+    )
+    colors.add_argument("--label", help="of the color bar (the name of the layer)")
+
+
+def complete_color_maps(**_: Any) -> list[str]:
+    """Return the names of color maps, for completion in a shell."""
+    try:
+        from ..colors import color_map_names
+
+        return color_map_names()
+    except Exception:
+        return []
+
+
+def _add_layer(parser: argparse._ActionsContainer, name: str, text: str) -> None:
+    completed(parser.add_argument(name, metavar="LAYER", help=text), complete_layers)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw, and tell where the picture is."""
+    check_style(options, options.picture)
+    check_free(str(options.picture), force=options.force)
+    shown = {options.layer, options.color_layer, options.shade_by} - {None}
+    draw(read_map(options, shown if options.layer else None), options, options.picture)
+    message(f"{options.picture} is drawn")
+    return 0
+
+
+def check_style(options: argparse.Namespace, picture: Path) -> None:
+    """Refuse at once what would be refused in the end.
+
+    Raises:
+        UsageError: the name or an argument of `add_style` makes no sense.
+    """
+    if picture.suffix.lower() not in ENDINGS:
+        raise UsageError(f"{picture}: expected a name that ends in {', '.join(ENDINGS)}")
+    flags = {"surface": "--3d", "relief": "--relief"}
+    for name, styles in _STYLES_OF.items():
+        if getattr(options, name) is not None and (options.style or "flat") not in styles:
+            flag, without = f"--{name.replace('_', '-')}", " and ".join(flags.values())
+            with_flags = " or ".join(flags[style] for style in styles if style in flags)
+            kind = f"with {with_flags}" if with_flags else f"without {without}"
+            raise UsageError(f"{flag} goes {kind} only")
+    if not 1 <= options.dpi <= LARGEST_DPI:
+        raise UsageError(f"--dpi: expected a number from 1 to {LARGEST_DPI}, got {options.dpi:g}")
+
+
+def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> None:
+    """Draw a map as the arguments of `add_style` say.
+
+    Raises:
+        GridMapError: the map lacks a layer, an argument makes no sense, Matplotlib is not
+            installed, or the file cannot be written.
+    """
+    # Slow to import.
+    from grid_map_core_py.files import storage_errors
+
+    from ..pictures import save_picture
+
+    if not grid_map.layers:
+        raise CommandError("the map has no layers")
+    usual = "elevation" if "elevation" in grid_map else grid_map.layers[0]
+    layer = usual if options.layer is None else options.layer
+    names = (
+        *("style", "color_layer", "max_cells", "shade_by", "exaggeration", "dpi"),
+        *("color_mode", "color_map", "lower", "upper", "invert", "label"),
+    )
+    style = {name: getattr(options, name) for name in names}
+    style = {name: value for name, value in style.items() if value is not None}
+    if (options.color_layer or layer).endswith("color"):
+        style.setdefault("color_mode", "color")
+    title = f"{layer} in {grid_map.frame_id!r}" if options.title is None else options.title
+    for name in {layer, options.color_layer, options.shade_by} - {None}:
+        grid_map[name]  # raises where there is none
+    try:
+        save_picture(grid_map, layer, picture, title=title, **style)
+    except OSError:
+        with storage_errors(picture, "written"):
+            raise

@@ -1,0 +1,109 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Show a map in the browser, until Ctrl-C."""
+
+import argparse
+import signal
+import threading
+import webbrowser
+from typing import Any
+
+from grid_map_core_py.commands import (
+    CommandError,
+    UsageError,
+    add_choice_of_map,
+    add_source,
+    complete_layers,
+    completed,
+    message,
+    read_map,
+)
+
+from .plot import complete_color_maps
+
+_PERIOD = 0.05
+"""Seconds between two looks at the choices of the user on the page."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` needs."""
+    add_source(parser)
+    add_choice_of_map(parser)
+    completed(
+        parser.add_argument("--layer", help="of the heights (elevation, or the first)"),
+        complete_layers,
+    )
+    completed(
+        parser.add_argument("--color-layer", default="", help="of the colors (the heights)"),
+        complete_layers,
+    )
+    completed(
+        parser.add_argument("--color-map", default="viridis", help="of Matplotlib (%(default)s)"),
+        complete_color_maps,
+    )
+    parser.add_argument(
+        "--max-cells", type=int, default=150_000, help="thin out larger maps; 0 for never"
+    )
+    page = parser.add_argument_group("page")
+    page.add_argument(
+        "--host", default="127.0.0.1", help="address to serve at (%(default)s: this machine alone)"
+    )
+    page.add_argument("--port", type=int, default=8080, help="(%(default)s); 0 takes a free one")
+    page.add_argument("--open", action="store_true", help="open a browser, too")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serve the page until a signal ends it."""
+    from grid_map_ros_py import ReceivedMap, to_serialized_message
+
+    from .._viewer.viewer import Viewer
+    from ..surface import check_max_cells
+
+    if not 0 <= options.port < 2**16:
+        raise UsageError(f"--port: expected a number from 0 to 65535, got {options.port}")
+    check_max_cells(options.max_cells)
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    # The viewer takes maps as they come from topics.
+    received = ReceivedMap(to_serialized_message(read_map(options)))
+    page = _page(options, received.layers)
+    try:
+        viewer = Viewer(page, options.max_cells)
+        viewer.receive(received)
+        print(page.url, flush=True)
+        if options.open:
+            webbrowser.open(page.url)
+        told = ""
+        while not ended.wait(_PERIOD):
+            problem = viewer.update()
+            if problem and problem != told:
+                message(f"error: {problem}")
+            told = problem
+    finally:
+        page.close()
+    return 0
+
+
+def _page(options: argparse.Namespace, layers: tuple[str, ...]) -> Any:
+    from grid_map_core_py import LayerNotFoundError
+
+    from .._viewer.page import Page, is_loopback
+    from .._viewer.settings import Settings, follow
+    from ..colors import Coloring, ColorScale
+
+    for name in filter(None, (options.layer, options.color_layer)):
+        if name not in layers:
+            raise LayerNotFoundError(name, layers)
+    if not layers:
+        raise CommandError(f"{options.source}: the map has no layers")
+    scale = ColorScale(color_map=options.color_map)
+    mode: Any = "color" if options.color_layer.endswith("color") else "intensity"
+    settings = Settings(
+        height_layer=options.layer or follow("elevation", layers),
+        coloring=Coloring(mode=mode, layer=options.color_layer, scale=scale),
+    )
+    page = Page(options.host, options.port, settings)
+    if not is_loopback(options.host):
+        message(f"warning: everybody who reaches {page.url} sees the map")
+    return page

@@ -1,0 +1,130 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`grid-map plot` and `grid-map view`."""
+
+import subprocess
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+import cv2
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.commands import main
+from grid_map_core_py.files import save_npz
+from grid_map_ros_py import save_to_bag
+from grid_map_ros_py.testing import Process, running, wait_until
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capfd):
+    """Return a function that runs a command in a folder with maps, and returns what comes of it."""
+    monkeypatch.chdir(tmp_path)
+    grid_map = GridMap((0.8, 0.6), 0.1, layers=("elevation", "slope", "color"), frame_id="odom")
+    grid_map["elevation"] = np.arange(48.0).reshape(8, 6)
+    grid_map["elevation"][2, 3:5] = np.nan
+    grid_map["slope"] = 0.5
+    grid_map["color"] = np.array(0x00FF8000, np.uint32).view(np.float32)
+    save_npz(grid_map, "site.npz")
+    save_to_bag(grid_map, "survey", "/grid_map")
+
+    def run(line: str) -> tuple[int, str, str]:
+        try:
+            code = main(line.split())
+        except SystemExit as end:
+            code = end.code
+        return code, *capfd.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "--shade-by elevation --lower -1 --upper 3 --invert",
+        "--3d --color-layer slope --exaggeration 0.1 --max-cells 9",
+        "--relief --color-map terrain --title Here",
+        "--layer color",
+    ],
+)
+def test_pictures_show_the_map(options, command):
+    code, text, error = command(f"plot site.npz map.png {options}")
+    assert (code, text, error) == (0, "", "grid-map: map.png is drawn\n")
+    picture = cv2.imread("map.png")
+    assert min(picture.shape[:2]) > 300
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
+    if "shade" in options:
+        assert picture.shape[:2] == (770, 990)
+
+
+def test_the_ending_decides_the_kind_of_picture(command):
+    assert command("plot survey surface.pdf --3d --dpi 50")[0] == 0
+    assert Path("surface.pdf").read_bytes().startswith(b"%PDF")
+    assert command("plot survey colors.SVG --layer color")[0] == 0
+    assert "<svg" in Path("colors.SVG").read_text()
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "text"),
+    [
+        ("plot site.npz map.jpg", 2, "expected a name that ends in .png, .pdf, .svg"),
+        ("plot site.npz site.npz", 2, "expected a name"),
+        ("plot site.npz map.png --layer hight", 1, "no layer 'hight'; available: elevation"),
+        ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 1 to 1200"),
+        (
+            "plot site.npz map.png --lower -1e-3 --upper -inf",
+            1,
+            "'upper': expected a finite",
+        ),
+        ("plot site.npz map.png --lower 2 --upper 1", 1, "'upper'"),
+        ("plot site.npz map.png --exaggeration nan", 1, "'exaggeration'"),
+        ("plot site.npz map.png --3d --max-cells 3", 1, "'max_cells'"),
+        ("plot site.npz map.png --max-cells 9", 2, "--max-cells goes with --3d only"),
+        ("plot site.npz map.png --3d --shade-by slope", 2, "--shade-by goes without --3d"),
+        ("plot site.npz map.png --color-map virids", 1, "did you mean viridis"),
+        ("plot site.npz nowhere/map.png", 1, "nowhere/map.png: cannot be written: No such file"),
+        ("plot survey map.png --topic /other", 1, "/grid_map"),
+        ("view site.npz --port 99999", 2, "--port: expected a number from 0 to 65535"),
+        ("view site.npz --layer elevtion", 1, "no layer 'elevtion'; available: elevation, slope"),
+    ],
+)
+def test_mistakes_are_one_line(line, code, text, command):
+    found, output, error = command(line)
+    assert (found, output) == (code, ""), error
+    assert error.startswith("grid-map: error: ")
+    assert text in error
+    assert error.count("\n") == 1
+    assert not Path("map.png").exists()
+
+
+def test_only_force_replaces_a_picture(command):
+    Path("map.png").write_text("old")
+    assert command("plot site.npz map.png")[0] == 1
+    assert Path("map.png").read_text() == "old"
+    assert command("plot site.npz map.png --force")[0] == 0
+    assert cv2.imread("map.png") is not None
+
+
+def test_without_matplotlib_the_error_says_what_to_install(command):
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "from grid_map_core_py.commands import main\nsys.exit(main(sys.argv[1:]))"
+    )
+    assert command("--version")[0] == 0
+    words = [sys.executable, "-c", code, "plot", "site.npz", "map.png"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "needs the package 'matplotlib', which is not installed: " in done.stderr
+
+
+@pytest.mark.usefixtures("command")
+def test_the_page_is_served_until_an_interrupt():
+    pytest.importorskip("viser")
+    words = [sys.executable, "-m", "grid_map_core_py.commands", "view", "survey", "--port", "0"]
+    with running(Process(words)) as process:
+        wait_until(lambda: process.lines, "the address")
+        with urlopen(process.lines[0].strip()) as answer:
+            assert answer.status == 200
+            assert b"<html" in answer.read()

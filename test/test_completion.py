@@ -1,0 +1,110 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Completion in real shells."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.files import save_npz
+from grid_map_ros_py import BagWriter
+
+pytest.importorskip("argcomplete")
+REGISTER = shutil.which("register-python-argcomplete")
+if REGISTER is None:
+    pytest.skip("there is no register-python-argcomplete", allow_module_level=True)
+
+ASK = """
+eval "$(register-python-argcomplete grid-map)"
+COMP_LINE=$1 COMP_POINT=${#1} COMP_TYPE=9
+read -ra COMP_WORDS <<<"$1"
+COMP_CWORD=$((${#COMP_WORDS[@]} - 1))
+_python_argcomplete grid-map
+printf '%s\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("completion")
+    save_npz(GridMap((1, 1), 0.5, layers=("elevation", "variance", "color")), path / "site.npz")
+    with BagWriter(path / "survey") as bag:
+        bag.write("/one", GridMap((1, 1), 0.5, layers=["elevation"]))
+        bag.write("/other", GridMap((1, 1), 0.5, layers=["height"]))
+    return path
+
+
+def shell(folder: Path, *command: str) -> str:
+    scripts = Path(__file__).parents[1] / "grid_map_core_py" / "scripts"
+    environ = {**os.environ, "PATH": f"{scripts}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        command, cwd=folder, env=environ, capture_output=True, text=True, timeout=60, check=False
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("grid-map in", {"info", "inspect"}),
+        ("grid-map info s", {"site.npz", "survey/"}),
+        ("grid-map inspect site.npz --layer ", {"elevation", "variance", "color"}),
+        ("grid-map plot survey map.png --topic /other --layer he", {"height"}),
+        ("grid-map inspect survey --topic ", {"/one", "/other"}),
+        (
+            "grid-map convert site.npz --to ",
+            {"bag", "npz", "images", "geotiff", "height_image", "map_server"},
+        ),
+        (
+            "grid-map ",
+            {
+                "info",
+                "inspect",
+                "convert",
+                "doctor",
+                "filter",
+                "plot",
+                "view",
+                "--version",
+                "-h",
+                "--help",
+            },
+        ),
+        ("grid-map plot site.npz --color-map vir", {"viridis"}),
+        ("grid-map inspect broken.npz --layer ", set()),
+    ],
+)
+def test_bash_completes(line, expected, folder):
+    assert {
+        one.strip() for one in shell(folder, "bash", "-c", ASK, "bash", line).split()
+    } == expected
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="there is no zsh")
+def test_zsh_registers_completion(folder):
+    script = """
+    autoload -U compinit && compinit -u -D
+    eval "$(register-python-argcomplete grid-map)"
+    print $_comps[grid-map]
+    """
+    assert shell(folder, "zsh", "-f", "-c", script).strip() == "_python_argcomplete"
+
+
+TYPE_IN_ZSH = """
+zmodload zsh/zpty
+zpty terminal zsh -f -i
+zpty -w terminal 'autoload -U compinit && compinit -u -D'
+zpty -w terminal 'eval "$(register-python-argcomplete grid-map)"; echo RE""ADY'
+zpty -r terminal output '*READY*'
+zpty -w -n terminal $'grid-map inspect site.npz --layer var\t'
+zpty -r terminal output '*variance*' && print complete
+"""
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="there is no zsh")
+def test_zsh_completes(folder):
+    assert shell(folder, "zsh", "-f", "-c", TYPE_IN_ZSH).strip() == "complete"
