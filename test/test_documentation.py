@@ -374,7 +374,7 @@ def test_every_error_is_in_the_tree():
 @pytest.mark.parametrize("package", LIBRARIES, ids=lambda package: package.name)
 def test_architecture_shows_every_room(package):
     paths = (package / package.name).iterdir()
-    rooms = {path.stem for path in paths if path.stem[0].isalpha()} - {"py", "viewer"}
+    rooms = {path.stem for path in paths if path.stem[0].isalpha()} - {"py"}
     tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
     shown = re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)
     assert rooms == {*shown}
