@@ -97,7 +97,7 @@ def exists(name: str) -> bool:
 
 
 @pytest.mark.parametrize("section", ["Names", "Modules"])
-def test_new_names_of_0_2_exist_and_old_ones_do_not(section):
+def test_new_names_exist_and_old_names_are_gone(section):
     rows = [*table(page("docs/from_0.1_to_0.2.md").section(section))][1:]
     assert len(rows) > 10
     for old, new in rows:
