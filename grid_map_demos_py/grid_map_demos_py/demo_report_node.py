@@ -6,9 +6,11 @@ Waits for a number of messages on every topic, writes two pictures, prints a tab
 exit code is 0 only if every topic delivered in time.
 """
 
-import statistics
 import sys
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
+from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
@@ -33,7 +35,6 @@ from grid_map_ros_py.nodes import (
 )
 from grid_map_visualization_py.pictures import save_picture
 
-from .report import Report
 from .share import user_path
 
 INPUT = "/grid_map"
@@ -73,9 +74,10 @@ class DemoReportNode(Node):
             self, "messages", int, 3, description="number of messages to wait for on every topic"
         )
         check(self._needed >= 1, "messages", "at least 1", self._needed)
-        self._report = Report([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN])
-        self._filtered: GridMap | None = None
+        self._counts = dict.fromkeys([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN], 0)
+        self._times: dict[str, list[float]] = {}
         self._latencies: list[float] = []
+        self._filtered: GridMap | None = None
         self._count_messages(INPUT, GridMapMessage)
         for topic, message_type in SHOWN.items():
             self._count_messages(topic, message_type)
@@ -106,61 +108,101 @@ class DemoReportNode(Node):
         # All nodes of a robot publish on this topic.
         for status in message.status:
             if status.name == FILTER_CHAIN:
-                times = {v.key: v.value for v in status.values if v.key.startswith("ms ")}
+                times = [(v.key[3:], v.value) for v in status.values if v.key.startswith("ms ")]
                 with suppress(ValueError):  # Another program may report text.
-                    self._report.add_times(
-                        {key.removeprefix("ms "): float(ms) for key, ms in times.items()}
-                    )
+                    for name, milliseconds in [(name, float(ms)) for name, ms in times]:
+                        self._times.setdefault(name, []).append(milliseconds)
                     self._count(DIAGNOSTICS)
 
     def _count(self, topic: str) -> None:
-        self._report.counts[topic] += 1
-        self._finish_if_complete()
-
-    def _finish_if_complete(self) -> None:
-        if self._filtered is None or self._report.missing(self._needed):
+        self._counts[topic] += 1
+        if self._filtered is None or self._missing():
             return
         try:
             with storage_errors(self._directory, "filled with pictures"):
-                self._write_pictures(self._filtered)
+                files = write_pictures(self._filtered, self._directory)
         except GridMapError as error:
             raise NodeFailedError(str(error)) from error
-        self._report.latency = statistics.median(self._latencies)
-        print(self._report.to_text(self._filtered), flush=True)
+        latency = median(self._latencies)
+        print(report(self._filtered, self._times, latency, self._counts, files), flush=True)
         self.context.try_shutdown()
 
-    def _write_pictures(self, grid_map: GridMap) -> None:
-        elevation = self._directory / "elevation.png"
-        save_picture(
-            grid_map,
-            "elevation",
-            elevation,
-            shade_by="elevation_inpainted",
-            title="Published elevation; holes are white",
-            color_map="gist_earth",
-            label="elevation [m]",
-            exaggeration=1.5,
-        )
-        traversability = self._directory / "traversability.png"
-        save_picture(
-            grid_map,
-            "elevation_inpainted",
-            traversability,
-            style="relief",
-            color_layer="traversability",
-            color_map="BrBG",
-            lower=0.2,
-            upper=1.0,
-            exaggeration=1.3,
-        )
-        self._report.files = [elevation, traversability]
+    def _missing(self) -> list[str]:
+        return [topic for topic, count in self._counts.items() if count < self._needed]
 
     def _give_up(self) -> None:
-        missing = self._report.missing(self._needed)
         raise IncompleteDemoError(
-            f"after {self._timeout:g} s too few messages on {', '.join(missing)}; "
-            f"received: {self._report.counts}"
+            f"after {self._timeout:g} s too few messages on {', '.join(self._missing())}; "
+            f"received: {self._counts}"
         )
+
+
+def write_pictures(grid_map: GridMap, folder: Path) -> list[Path]:
+    """Write the pictures of a filtered map, and return their paths."""
+    elevation, traversability = (folder / f"{name}.png" for name in ("elevation", "traversability"))
+    save_picture(
+        grid_map,
+        "elevation",
+        elevation,
+        shade_by="elevation_inpainted",
+        title="Published elevation; holes are white",
+        color_map="gist_earth",
+        label="elevation [m]",
+        exaggeration=1.5,
+    )
+    save_picture(
+        grid_map,
+        "elevation_inpainted",
+        traversability,
+        style="relief",
+        color_layer="traversability",
+        color_map="BrBG",
+        lower=0.2,
+        upper=1.0,
+        exaggeration=1.3,
+    )
+    return [elevation, traversability]
+
+
+def report(
+    grid_map: GridMap,
+    times: Mapping[str, Sequence[float]],
+    latency: float,
+    counts: Mapping[str, int],
+    files: Sequence[Path],
+) -> str:
+    """Return the report as text.
+
+    Args:
+        grid_map: the last filtered map.
+        times: durations of each filter, one per map [ms].
+        latency: time from the publication of a map to its filtered map [ms].
+        counts: number of messages by topic.
+        files: the pictures.
+    """
+    rows, columns = grid_map.size
+    medians = {name: median(values) for name, values in times.items()}
+    tables: dict[str, dict[str, str]] = {
+        "Map": {
+            "cells": f"{rows} x {columns} = {rows * columns}",
+            "resolution": f"{grid_map.resolution} m",
+            "layers": f"{len(grid_map.layers)}",
+        },
+        "Layers": dict.fromkeys(grid_map, ""),
+        "Milliseconds per filter (median)": {
+            name: f"{value:.2f}"
+            for name, value in {**medians, "whole chain": sum(medians.values())}.items()
+        },
+        "End-to-end latency (median)": {"published to filtered": f"{latency:.0f} ms"},
+        "Messages per topic": {topic: str(count) for topic, count in counts.items()},
+        "Pictures": {str(path): "" for path in files},
+    }
+    sections = []
+    for title, table in tables.items():
+        width = max(map(len, table), default=0)
+        lines = [f"  {name:<{width}}  {value:>10}".rstrip() for name, value in table.items()]
+        sections.append("\n".join([title, *lines]))
+    return "\n\n".join(sections)
 
 
 def main() -> int:

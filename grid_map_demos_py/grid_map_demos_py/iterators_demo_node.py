@@ -134,7 +134,9 @@ class IteratorsDemoNode(Node):
         step = next(self._steps, None)
         if step is not None:
             self._publish(step)
-            self._wait(step.pause)
+            self._timer.timer_period_ns = round(1e9 * step.pause / self._speed)
+            # Otherwise the new period would start only after the current one.
+            self._timer.reset()
         elif self._repeat:
             self._steps = show_everything(self._map)
         else:
@@ -150,11 +152,6 @@ class IteratorsDemoNode(Node):
             frame_id = self._map.frame_id
             polygon = to_polygon(step.polygon, frame_id=frame_id, timestamp=now)
             self._polygon_publisher.publish(polygon)
-
-    def _wait(self, seconds: float) -> None:
-        self._timer.timer_period_ns = round(1e9 * seconds / self._speed)
-        # Otherwise the new period would start only after the current one.
-        self._timer.reset()
 
 
 def main() -> int:

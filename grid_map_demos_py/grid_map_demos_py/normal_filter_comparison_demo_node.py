@@ -190,25 +190,18 @@ class NormalFilterComparisonDemoNode(Node):
             description="share of outliers (infinite heights), 0 to 1",
         )
         check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
-        self._chain = self._read_chain()
+        about = "name of the parameter with the chain"
+        name = read_parameter(
+            self, "filter_chain_parameter_name", str, "filters", description=about
+        )
+        about = "filter chain; by default both algorithms"
+        given = read_parameter_tree(self, name, description=about)
+        self._chain = FilterChain.from_config(given or FILTERS)
         self._random = np.random.default_rng()
         self._errors = dict.fromkeys(ALGORITHMS.values(), 0.0)
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         print("\n".join(table(self._chain, self._noise, self._outliers)), flush=True)
         self.create_timer(0.1, self._publish)
-
-    def _read_chain(self) -> FilterChain:
-        name = read_parameter(
-            self,
-            "filter_chain_parameter_name",
-            str,
-            "filters",
-            description="name of the parameter with the chain",
-        )
-        given = read_parameter_tree(
-            self, name, description="filter chain; by default both algorithms"
-        )
-        return FilterChain.from_config(given or FILTERS)
 
     def _publish(self) -> None:
         now = self.get_clock().now().nanoseconds

@@ -127,16 +127,13 @@ class TutorialDemoNode(Node):
 
     def _publish(self) -> None:
         now = self.get_clock().now().nanoseconds
-        self._fill(self._map, 1e-9 * now)
+        add_wave(self._map, 1e-9 * now)
+        add_noise(self._map, self._noise, self._random)
+        add_outliers(self._map, self._outliers, self._random)
+        add_filtered(self._map, self._filtered_cells, self._radius)
         self._map.timestamp = now
         self._publisher.publish(to_serialized_message(self._map))
         self._report(self._map["error"])
-
-    def _fill(self, grid_map: GridMap, seconds: float) -> None:
-        add_wave(grid_map, seconds)
-        add_noise(grid_map, self._noise, self._random)
-        add_outliers(grid_map, self._outliers, self._random)
-        add_filtered(grid_map, self._filtered_cells, self._radius)
 
     def _report(self, error: Layer) -> None:
         is_filtered = cells_to_mask(self._map, self._filtered_cells)

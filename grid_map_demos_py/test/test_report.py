@@ -1,22 +1,17 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The table at the end of the demo."""
+"""The tables at the end of the filters demo."""
 
 from pathlib import Path
 
 from grid_map_core_py import GridMap
-from grid_map_demos_py.report import Report
+from grid_map_demos_py.demo_report_node import report
 
 
-def test_the_report_tells_cells_layers_times_latency_and_messages():
-    report = Report(["/in", "/out"])
-    report.add_times({"inpaint": 2.0, "slope": 0.5})
-    report.add_times({"inpaint": 4.0, "slope": 0.5})
-    report.add_times({"inpaint": 3.0, "slope": 0.7})
-    report.counts["/out"] = 7
-    report.latency = 12.4
-    report.files = [Path("demo_output/a.png")]
-    text = report.to_text(GridMap((4, 3), 1.0, layers=["elevation", "slope"]))
+def test_report_lists_cells_layers_times_latency_and_messages():
+    grid_map = GridMap((4, 3), 1.0, layers=["elevation", "slope"])
+    times = {"inpaint": [2.0, 4.0, 3.0], "slope": [0.5, 0.5, 0.7]}
+    text = report(grid_map, times, 12.4, {"/in": 0, "/out": 7}, [Path("demo_output/a.png")])
     lines = [" ".join(line.split()) for line in text.splitlines()]
     for expected in [
         "cells 4 x 3 = 12",
@@ -30,11 +25,3 @@ def test_the_report_tells_cells_layers_times_latency_and_messages():
         "demo_output/a.png",
     ]:
         assert expected in lines
-
-
-def test_topics_without_enough_messages_are_missing():
-    report = Report(["/in", "/out"])
-    report.counts["/out"] = 4
-    assert report.missing(5) == ["/in", "/out"]
-    report.counts.update({"/in": 5, "/out": 6})
-    assert report.missing(5) == []

@@ -51,28 +51,23 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
         ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
             package is not installed. The message names the visualization, its type and the cause.
     """
-    type_name, parameters = _checked(name, config)
-    try:
-        return build(VISUALIZATIONS[type_name], parameters)
-    except GridMapError as error:
-        raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error
-
-
-def _checked(name: str, config: Mapping[str, object]) -> tuple[str, Mapping[str, object]]:
     unknown = sorted(set(config) - {"type", "params"})
     if unknown:
         raise ConfigError(
             f"visualization {name!r}: unknown entry {unknown[0]!r}; known: type, params"
         )
-    type_name, parameters = config.get("type"), config.get("params")
+    type_name = config.get("type")
     if not isinstance(type_name, str):
         known = ", ".join(VISUALIZATIONS.types)
         found = "nothing" if type_name is None else repr(type_name)
         raise ConfigError(f"visualization {name!r}: type: expected one of {known}, found {found}")
     # ROS passes an empty mapping as a parameter without type.
-    parameters = {} if parameters is None else parameters
+    parameters = {} if config.get("params") is None else config["params"]
     if not isinstance(parameters, Mapping):
         raise ConfigError(
             f"visualization {name!r}: params: expected parameters by name, found {parameters!r}"
         )
-    return type_name, parameters
+    try:
+        return build(VISUALIZATIONS[type_name], parameters)
+    except GridMapError as error:
+        raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error

@@ -159,16 +159,14 @@ def _table(name: str) -> Colors:
     """Return the (256, 3) colors of a color map."""
     maps = _matplotlib().colormaps
     if name not in maps:
-        raise ConfigError(_unknown(name, list(maps)))
+        close = difflib.get_close_matches(name, list(maps))
+        hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
+        raise ConfigError(
+            f"parameter 'color_map': expected a color map of Matplotlib, found {name!r}; {hint}"
+        )
     colors = maps[name](np.linspace(0.0, 1.0, _STEPS))[:, :3]
     table: Colors = np.rint(255 * colors).astype(np.uint8)
     return table
-
-
-def _unknown(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known)
-    hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
-    return f"parameter 'color_map': expected a color map of Matplotlib, found {name!r}; {hint}"
 
 
 def _matplotlib() -> Any:

@@ -10,7 +10,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
@@ -40,8 +39,15 @@ class GridMapVisualizationNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
-        self._topic = _read_topic(self)
-        self._qos = _read_qos(self)
+        about = "topic of the maps"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
+        self._topic = check_topic(self, "grid_map_topic", topic)
+        about = (
+            "also get the last map that was published before the node subscribed; maps of a "
+            "volatile publisher arrive only if false"
+        )
+        latched = read_parameter(self, "transient_local", bool, False, description=about)
+        self._qos = map_qos(transient_local=latched)
         self._throttle = LogThrottle()
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
@@ -51,27 +57,21 @@ class GridMapVisualizationNode(Node):
             Output(self, name, visualization, self._follow_subscribers)
             for name, visualization in _read_visualizations(self).items()
         ]
-        # Events tell when subscribers come and go; the timer is for lost events.
-        self.create_timer(1 / rate, self._follow_subscribers, clock=_steady_clock())
+        # Events tell when subscribers come and go; the timer is for lost events. The node's own
+        # clock stands still while a simulation is paused.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1 / rate, self._follow_subscribers, clock=steady)
         names = ", ".join(output.name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {self._topic} as {names}, while there are subscribers")
 
     def _follow_subscribers(self) -> None:
-        if sum(output.count_subscribers() for output in self._outputs):
-            self._subscribe()
-        else:
-            self._unsubscribe()
-        self._publish_due()
-
-    def _subscribe(self) -> None:
-        if self._subscription is None:
+        is_needed = sum(output.count_subscribers() for output in self._outputs) > 0
+        if is_needed and self._subscription is None:
             self._subscription = MapSubscription(self, self._topic, self._receive, qos=self._qos)
-
-    def _unsubscribe(self) -> None:
-        if self._subscription is not None:
+        elif not is_needed and self._subscription is not None:
             self._subscription.destroy()
-            self._subscription = None
-            self._map = None
+            self._subscription = self._map = None
+        self._publish_due()
 
     def _receive(self, received: ReceivedMap) -> None:
         try:
@@ -134,7 +134,8 @@ class Output:
         try:
             message = self._visualization(grid_map)
         except Exception as error:  # Plugins may raise anything, and the other outputs go on.
-            text = f"visualization {self.name!r}: {_text(error)}"
+            cause = str(error) if isinstance(error, GridMapError) else repr(error)
+            text = f"visualization {self.name!r}: {cause}"
             if self._throttle.allow(text):
                 self._logger.warning(text)
         else:
@@ -145,21 +146,6 @@ class Output:
         # for a late subscriber, because RViz by default asks for a volatile topic.
         self.is_due |= status.total_count_change > 0
         self._on_match()
-
-
-def _read_topic(node: Node) -> str:
-    name = "grid_map_topic"
-    about = "topic of the maps"
-    return check_topic(node, name, read_parameter(node, name, str, "/grid_map", description=about))
-
-
-def _read_qos(node: Node) -> QoSProfile:
-    about = (
-        "also get the last map that was published before the node subscribed; maps of a volatile "
-        "publisher arrive only if false"
-    )
-    transient_local = read_parameter(node, "transient_local", bool, False, description=about)
-    return map_qos(transient_local=transient_local)
 
 
 def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
@@ -181,15 +167,6 @@ def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
                 raise
             node.get_logger().error(f"skipped: {error}")
     return visualizations
-
-
-def _steady_clock() -> Clock:
-    # The node's own clock stands still while a simulation is paused.
-    return Clock(clock_type=ClockType.STEADY_TIME)
-
-
-def _text(error: Exception) -> str:
-    return str(error) if isinstance(error, GridMapError) else repr(error)
 
 
 def main() -> int:

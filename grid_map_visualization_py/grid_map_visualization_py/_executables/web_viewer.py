@@ -33,7 +33,9 @@ class WebViewerNode(Node):
         about = "topic of the maps"
         topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
-        max_cells = _read_max_cells(self)
+        about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
+        max_cells = read_parameter(self, "max_cells", int, 150_000, description=about)
+        check_max_cells(max_cells)
         about = "largest rate at which the page is updated [Hz]"
         period = 1 / read_positive(self, "update_rate", 20.0, description=about)
         self._page = _serve_page(self)
@@ -53,13 +55,6 @@ class WebViewerNode(Node):
         problem = self._viewer.update()
         if problem and self._throttle.allow(problem):
             self.get_logger().error(problem)
-
-
-def _read_max_cells(node: Node) -> int:
-    about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
-    max_cells = read_parameter(node, "max_cells", int, 150_000, description=about)
-    check_max_cells(max_cells)
-    return max_cells
 
 
 def _serve_page(node: Node) -> Page:

@@ -72,6 +72,10 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
     spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))
     lift = np.array([0, 0, LIFT * spacing], np.float32)
     no_lines = np.empty((0, 2, 3), np.float32)
+    coloring, bounds = settings.coloring, None
+    if coloring.mode == "intensity":
+        values = surface.values(coloring.layer or settings.height_layer)
+        bounds = coloring.scale.bounds(values)
     return Scene(
         mesh,
         to_glb(mesh, shaded=settings.shaded, opacity=settings.opacity) if len(mesh.faces) else None,
@@ -79,7 +83,7 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
         mesh.vertices if settings.points else mesh.vertices[:0],
         mesh.colors if settings.points else mesh.colors[:0],
         _vectors(surface, mesh, settings) if settings.vectors else no_lines,
-        _bounds(surface, settings),
+        bounds,
         (rows, columns),
         spacing,
     )
@@ -148,11 +152,3 @@ def _vectors(surface: Surface, mesh: Mesh, settings: Settings) -> Points:
     starts = mesh.vertices[finite]
     ends = starts + np.float32(settings.vector_scale) * vectors[finite]
     return np.stack([starts, ends], axis=1)
-
-
-def _bounds(surface: Surface, settings: Settings) -> tuple[float, float] | None:
-    coloring = settings.coloring
-    if coloring.mode != "intensity":
-        return None
-    values = surface.values(coloring.layer or settings.height_layer)
-    return coloring.scale.bounds(values)

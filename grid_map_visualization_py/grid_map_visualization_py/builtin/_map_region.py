@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -38,19 +37,15 @@ class MapRegionVisualization:
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
+        # In single precision as in the C++ node, so that the points are equal bit by bit.
+        half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
+        points = np.zeros((len(_CORNERS), 3))
+        points[:, :2] = grid_map.position + _CORNERS * half_length
         return line_marker(
             grid_map,
-            _outline(grid_map),
+            points,
             kind=Marker.LINE_STRIP,
             namespace="map_region",
             color=self.color,
             line_width=self.line_width,
         )
-
-
-def _outline(grid_map: GridMap) -> npt.NDArray[np.float64]:
-    points = np.zeros((len(_CORNERS), 3))
-    # In single precision as in the C++ node, so that the points are equal bit by bit.
-    half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
-    points[:, :2] = grid_map.position + _CORNERS * half_length
-    return points
