@@ -292,8 +292,8 @@ def test_without_the_package_the_error_says_what_to_install(tmp_path, monkeypatc
     assert list(tmp_path.iterdir()) == []
 
 
-def test_importing_the_package_imports_neither_mcap_nor_rclpy():
-    code = "import sys, grid_map_ros_py; print({'mcap', 'rclpy', 'sqlite3'} & {*sys.modules})"
+def test_importing_bags_imports_neither_mcap_nor_rclpy():
+    code = "import sys, grid_map_ros_py.bags; print({'mcap', 'rclpy', 'sqlite3'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "{'sqlite3'}\n"
 

@@ -209,12 +209,12 @@ def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
     points = [{"x": 0.5, "y": 0.5, "z": 1.0, "rgb": 0x112233}]
     message = packed_cloud(points, [*xyz_fields(), ("rgb", 12, UINT32, 1)], frame_id="odom")
     plain = mapper(NoPoses("odom"), reports, follow=False)
-    coloured = mapper(NoPoses("odom"), reports, follow=False, fields=["rgb"])
+    colored = mapper(NoPoses("odom"), reports, follow=False, fields=["rgb"])
     plain.add(message)
-    coloured.add(message)
+    colored.add(message)
     assert plain.rolling_map.grid_map.layers == ("elevation",)
-    assert coloured.rolling_map.grid_map.layers == ("elevation", "color")
-    coloured.add(cloud(2, frame="odom"))
+    assert colored.rolling_map.grid_map.layers == ("elevation", "color")
+    colored.add(cloud(2, frame="odom"))
     assert reports == ["dropped a cloud: fields: expected one called 'rgb', found ['x', 'y', 'z']"]
 
 

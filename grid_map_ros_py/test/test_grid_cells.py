@@ -16,7 +16,7 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, from_grid_cells, to_grid_cells, to_serialized_grid_cells
 
 
-def centres(message: GridCells) -> list[list[float]]:
+def centers(message: GridCells) -> list[list[float]]:
     return [[cell.x, cell.y, cell.z] for cell in message.cells]
 
 
@@ -27,7 +27,7 @@ def test_cells_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str,
     assert_header(message.header, case["header"])
     assert np.float32(message.cell_width) == np.float32(case["cell_width"])
     assert np.float32(message.cell_height) == np.float32(case["cell_height"])
-    assert centres(message) == case["cells"]
+    assert centers(message) == case["cells"]
 
 
 @settings(max_examples=40)
@@ -39,7 +39,7 @@ def test_cells_are_those_with_finite_values_between_the_bounds(grid_map: GridMap
         for row in range(grid_map.size[0])
         if -200.0 <= grid_map["elevation"][row, column] <= 300.0
     ]
-    assert centres(to_grid_cells(grid_map, "elevation", -200.0, 300.0)) == expected
+    assert centers(to_grid_cells(grid_map, "elevation", -200.0, 300.0)) == expected
 
 
 @settings(max_examples=40)
@@ -57,7 +57,7 @@ def test_cells_of_a_large_map_are_those_between_the_bounds(shape: tuple[int, int
     data = to_serialized_grid_cells(grid_map, "e", 0.25, 0.5)
     chosen = (grid_map["e"] >= 0.25) & (grid_map["e"] <= 0.5)
     expected = grid_map.get_positions()[chosen.ravel("F")]
-    found = np.array(centres(deserialize_message(data, GridCells)))
+    found = np.array(centers(deserialize_message(data, GridCells)))
     np.testing.assert_array_equal(found[:, :2], expected)
 
 
@@ -65,7 +65,7 @@ def test_infinite_bounds_take_all_finite_cells() -> None:
     values = [[1.0, math.inf], [-math.inf, math.nan]]
     grid_map = GridMap((2, 2), 1.0, layers={"elevation": values})
     message = to_grid_cells(grid_map, "elevation", -math.inf, math.inf)
-    assert centres(message) == [[0.5, 0.5, 0.0]]
+    assert centers(message) == [[0.5, 0.5, 0.0]]
 
 
 def test_bounds_are_included_although_the_layer_is_rounded_to_float32() -> None:
@@ -121,7 +121,7 @@ def test_default_geometry_has_the_cells_of_the_sender(grid_map: GridMap) -> None
         return
     received = from_grid_cells(message, "covered", grid_map.resolution)
     again = to_grid_cells(received, "covered", 1.0, 1.0)
-    np.testing.assert_allclose(sorted(centres(again)), sorted(centres(message)), atol=1e-6)
+    np.testing.assert_allclose(sorted(centers(again)), sorted(centers(message)), atol=1e-6)
     covered = np.isfinite(received["covered"])
     assert covered.any(axis=1)[[0, -1]].all()
     assert covered.any(axis=0)[[0, -1]].all()

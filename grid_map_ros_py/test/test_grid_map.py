@@ -55,7 +55,7 @@ def test_the_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
         np.testing.assert_array_equal(received_bits, sent_bits)
 
 
-def test_bit_patterns_of_colours_and_of_nan_survive_the_wire() -> None:
+def test_bit_patterns_of_colors_and_of_nan_survive_the_wire() -> None:
     bits = np.array([[0x7FC01234, 0xFFABCDEF], [0x00FF8000, 0x80000000]], np.uint32)
     grid_map = GridMap((2, 2), 1.0, layers={"color": bits.view(np.float32)})
     received = from_message(over_the_wire(to_message(grid_map)))

@@ -49,7 +49,7 @@ def to_message(description: dict[str, Any]) -> Image:
 
 
 def pixels(description: dict[str, Any]) -> np.ndarray:
-    """Return the pixels (rows, cols, channels) as floats, colours in the order red, green, blue."""
+    """Return the pixels (rows, cols, channels) as floats, colors in the order red, green, blue."""
     encoding = description["encoding"]
     dtype = "<u2" if encoding.endswith("16") else "u1"
     values = np.frombuffer(bytes.fromhex(description["data_hex"]), dtype).astype(float)
@@ -111,25 +111,25 @@ def test_gray_of_bgr_images_equals_cpp() -> None:
     compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("bgr")]
     assert len(compared) == 8
     for case in compared:
-        grey = from_image(to_message(case["color_image"]), "grey", 1.0)["grey"]
+        gray = from_image(to_message(case["color_image"]), "gray", 1.0)["gray"]
         expected = np.array(case["gray_layer_from_color_image"]["layers"]["gray"])
-        np.testing.assert_allclose(grey, expected, rtol=1e-6)
+        np.testing.assert_allclose(gray, expected, rtol=1e-6)
 
 
-def test_the_grey_of_rgb_images_honours_their_order() -> None:
+def test_the_grey_of_rgb_images_follows_their_order() -> None:
     compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("rgb")]
     assert len(compared) == 8
     for case in compared:
         colors = pixels(case["color_image"])
         largest = 65535 if case["color_image"]["encoding"].endswith("16") else 255
-        grey = from_image(to_message(case["color_image"]), "grey", 1.0, 0, largest)["grey"]
+        gray = from_image(to_message(case["color_image"]), "gray", 1.0, 0, largest)["gray"]
         luma = colors[..., :3] @ [0.299, 0.587, 0.114]
         if colors.shape[2] == 4:
             luma[colors[..., 3] < largest // 2] = np.nan
-        np.testing.assert_allclose(grey, luma, atol=0.51)
+        np.testing.assert_allclose(gray, luma, atol=0.51)
 
 
-def test_colour_images_become_the_layers_that_their_order_tells() -> None:
+def test_color_images_become_the_layers_that_their_order_tells() -> None:
     assert len(COLOR_IMAGES) == 16
     for grid_map, case in COLOR_IMAGES:
         add_color_layer_from_image(grid_map, to_message(case["color_image"]))
@@ -173,7 +173,7 @@ COLORS = [e for e in ENCODINGS if ENCODINGS[e].channels > 1]
 
 
 @pytest.mark.parametrize("encoding", COLORS)
-def test_colours_survive_the_way_through_an_image(encoding: str) -> None:
+def test_colors_survive_the_way_through_an_image(encoding: str) -> None:
     rgb = np.random.default_rng(3).integers(0, 256, (4, 3, 3))
     grid_map = GridMap((4, 3), 1.0, layers={"color": color_vector_to_value(rgb)})
     grid_map["color"][1, 2] = np.nan
@@ -184,7 +184,7 @@ def test_colours_survive_the_way_through_an_image(encoding: str) -> None:
     expected = grid_map.unwrapped("color")
     if ENCODINGS[encoding].channels == 3 and ENCODINGS[encoding].dtype.kind == "u":
         expected[np.isnan(expected)] = 0.0
-    # As texts, because most colours are too small numbers to tell them apart otherwise.
+    # As texts, because most colors are too small numbers to tell them apart otherwise.
     assert received["color"].view(np.uint32).tolist() == expected.view(np.uint32).tolist()
 
 

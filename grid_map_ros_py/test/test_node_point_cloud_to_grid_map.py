@@ -104,9 +104,9 @@ class Robot:
         return message
 
     def seen(self, step: int) -> list[tuple[float, float]]:
-        centre = SIDE * (np.floor(np.array(self.pose(step)[:2]) / SIDE) + 0.5)
+        center = SIDE * (np.floor(np.array(self.pose(step)[:2]) / SIDE) + 0.5)
         offsets = np.arange(-SIGHT, SIGHT, SIDE) // SIDE * SIDE
-        return [(centre[0] + dx, centre[1] + dy) for dx in offsets for dy in offsets]
+        return [(center[0] + dx, center[1] + dy) for dx in offsets for dy in offsets]
 
 
 def assert_is_the_world(grid_map: GridMap) -> None:

@@ -35,8 +35,8 @@ def read(case: dict[str, Any], form: str) -> Octomap:
 
 def voxels_of(leaf: list[float], resolution: float) -> list[Voxel]:
     """Return the voxels of a leaf x, y, z, side, counted from the origin."""
-    *centre, side, _ = leaf
-    first = [round((c - side / 2) / resolution) for c in centre]
+    *center, side, _ = leaf
+    first = [round((c - side / 2) / resolution) for c in center]
     return list(itertools.product(*(range(f, f + round(side / resolution)) for f in first)))
 
 
@@ -98,8 +98,8 @@ def test_bounds_leave_out_voxels_whose_centre_is_beyond(case: dict[str, Any], fo
     octomap = read(case, form)
 
     def is_within(voxel: Voxel) -> bool:
-        centre = [(k + 0.5) * resolution for k in voxel]
-        return not any(c < lo or c > hi for c, lo, hi in zip(centre, low, high, strict=True))
+        center = [(k + 0.5) * resolution for k in voxel]
+        return not any(c < lo or c > hi for c, lo, hi in zip(center, low, high, strict=True))
 
     expected = set(filter(is_within, voxels(case["leaves"], resolution, occupied=True)))
     points = octomap_to_points(octomap, min_bound=low, max_bound=high)

@@ -93,7 +93,7 @@ def test_arrays_are_views_of_the_message() -> None:
         assert np.shares_memory(values, np.frombuffer(cloud.data, np.uint8))
 
 
-def test_an_organised_cloud_is_read_row_after_row() -> None:
+def test_an_organized_cloud_is_read_row_after_row() -> None:
     points = [{"x": k, "y": -k, "z": 0.5 * k} for k in range(6)]
     plain, padded = (
         packed_cloud(points, xyz_fields(), height=2, row_padding=padding) for padding in (0, 7)
@@ -242,7 +242,7 @@ def test_requested_field_must_exist_with_one_number() -> None:
 @pytest.mark.parametrize(
     ("name", "datatype"), [("rgb", FLOAT32), ("rgb", UINT32), ("rgba", UINT32)]
 )
-def test_colours_become_the_layer_color(name: str, datatype: int, alpha: int) -> None:
+def test_colors_become_the_layer_color(name: str, datatype: int, alpha: int) -> None:
     bits = np.array([0x102030, 0x304050], np.uint32) | np.uint32(alpha << 24)
     values = bits.view(np.float32) if datatype == FLOAT32 else bits
     points = [{"x": 0, "y": 0, "z": 0, name: value} for value in values.tolist()]
@@ -261,9 +261,9 @@ def test_a_field_called_color_keeps_its_name_to_itself() -> None:
     assert {n: result[n].view(np.uint32).item() for n in ("color", "rgb")} == {"color": 1, "rgb": 2}
 
 
-def test_colours_have_four_bytes() -> None:
+def test_colors_have_four_bytes() -> None:
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "rgb": 9}], [*xyz_fields(), ("rgb", 12, 2, 1)])
-    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colours, found 2"
+    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colors, found 2"
     with pytest.raises(MessageError, match=expected):
         from_point_cloud(cloud, resolution=1.0)
     assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)

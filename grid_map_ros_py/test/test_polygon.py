@@ -106,7 +106,7 @@ def test_a_vertex_that_is_not_finite_is_named(value: float) -> None:
 
 
 @pytest.mark.parametrize("color", [(1, 0, 0), (1, 0, 0, 2), (0, 0, math.nan, 1), 1.0])
-def test_a_colour_has_four_components_from_0_to_1(color: Any) -> None:
+def test_a_color_has_four_components_from_0_to_1(color: Any) -> None:
     with pytest.raises(GeometryError, match="color: expected red, green, blue, alpha from 0 to 1"):
         to_line_marker(POLYGON, 0.1, color)
 

@@ -172,14 +172,14 @@ def test_the_sensor_sits_somewhere_on_the_robot() -> None:
     placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place("lidar", SECOND)
     assert placement is not None
     np.testing.assert_allclose(placement.transform[:3, 3], (10, 21, 0.5))
-    np.testing.assert_array_equal(placement.centre, (10, 20))
+    np.testing.assert_array_equal(placement.center, (10, 20))
 
 
 def test_a_cloud_in_the_map_frame_stays_where_it_is() -> None:
     placement = history(pose(1, 10.0, 20.0)).place("odom", SECOND)
     assert placement is not None
     np.testing.assert_array_equal(placement.transform, np.eye(4))
-    np.testing.assert_array_equal(placement.centre, (10, 20))
+    np.testing.assert_array_equal(placement.center, (10, 20))
 
 
 @pytest.mark.parametrize("kind", [PoseStamped, Odometry, PoseWithCovarianceStamped])
@@ -204,7 +204,7 @@ def test_a_pose_that_makes_no_sense_changes_nothing(kind: type) -> None:
 def test_without_poses_clouds_must_be_in_the_map_frame() -> None:
     placement = NoPoses("map").place("map", 5)
     assert placement is not None
-    assert placement.centre is None
+    assert placement.center is None
     with pytest.raises(MessageError, match=r"header\.frame_id: expected 'map', .*found 'lidar'"):
         NoPoses("map").place("lidar", 5)
 
@@ -247,7 +247,7 @@ def test_tf_tells_where_cloud_and_robot_are(robot_frame: str, x: float) -> None:
     placement = poses.place("lidar", SECOND)
     assert isinstance(placement, Placement)
     np.testing.assert_array_equal(placement.transform[:3, 3], (3, 0, 0))
-    np.testing.assert_array_equal(placement.centre, (x, 0))
+    np.testing.assert_array_equal(placement.center, (x, 0))
 
 
 def test_tf_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

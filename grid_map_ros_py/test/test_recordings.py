@@ -140,7 +140,7 @@ def test_the_image_becomes_the_map_that_cpp_made_of_it() -> None:
     assert (made.size, made.frame_id) == (expected.size, expected.frame_id)
     np.testing.assert_allclose(made["elevation"], expected["elevation"], atol=1e-6)
     assert np.isnan(made["elevation"]).any()
-    # The image is grey, so that its order of colours does not matter; C++ ignores its alpha there.
+    # The image is gray, so that its order of colors does not matter; C++ ignores its alpha there.
     add_color_layer_from_image(made, published.message)
     known = np.isfinite(made["elevation"])
     np.testing.assert_array_equal(made["color"][known], expected["color"][known])

@@ -161,7 +161,7 @@ class CloudMapper:
         self.rolling_map.fuse(
             transformed(points, placement.transform),
             columns,
-            position=placement.centre if self.follow else None,
+            position=placement.center if self.follow else None,
             timestamp=cloud.stamp,
         )
 

@@ -30,11 +30,11 @@ class Placement:
 
     Attributes:
         transform: from the frame of the cloud to the frame of the map.
-        centre: (2,) x, y of the robot [m], map frame; None if unknown.
+        center: (2,) x, y of the robot [m], map frame; None if unknown.
     """
 
     transform: Matrix
-    centre: npt.NDArray[np.float64] | None
+    center: npt.NDArray[np.float64] | None
 
 
 class Poses(Protocol):

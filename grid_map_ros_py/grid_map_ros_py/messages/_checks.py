@@ -72,8 +72,8 @@ def check_grid(
     origin = check_position(f"{field}.origin.position", info.origin.position)
     check_unrotated(f"{field}.origin.orientation", info.origin.orientation)
     try:
-        centre = origin + 0.5 * resolution * np.array(size)
-        geometry = GridGeometry.from_size(size, resolution, centre)
+        center = origin + 0.5 * resolution * np.array(size)
+        geometry = GridGeometry.from_size(size, resolution, center)
     except GeometryError as error:
         raise MessageError(field, "a grid of finite size and place", str(error)) from error
     if values != math.prod(size):

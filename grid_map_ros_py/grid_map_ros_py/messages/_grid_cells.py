@@ -37,9 +37,9 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     Arguments and errors: see `centres_between`.
     """
     message = _without_cells(grid_map)
-    centres = centres_between(grid_map, layer, lower, upper).tolist()
+    centers = centres_between(grid_map, layer, lower, upper).tolist()
     point = messages_of("geometry_msgs").Point
-    message.cells = [point(x=x, y=y, z=z) for x, y, z in centres]
+    message.cells = [point(x=x, y=y, z=z) for x, y, z in centers]
     return message
 
 
@@ -74,12 +74,12 @@ def from_grid_cells(
     """
     timestamp = from_stamp(message.header.stamp)
     side = _side(message, resolution)
-    centres = _centres(message)
+    centers = _centres(message)
     if geometry is None:
-        geometry = _covering(centres, side)
+        geometry = _covering(centers, side)
     else:
         _side(message, geometry.resolution)
-    (rows, cols), inside = geometry.cells_at(centres)
+    (rows, cols), inside = geometry.cells_at(centers)
     values = np.full(geometry.size, np.nan, np.float32, order="F")
     values[rows[inside], cols[inside]] = COVERED
     return GridMap.from_geometry(
@@ -117,15 +117,15 @@ def centres_between(
     # Work on a few columns at a time, which fit the cache. They share one table of x.
     width = max(1, min(BLOCK // rows, columns))
     x = np.tile(x, width)
-    centres = np.zeros((np.count_nonzero(chosen), 3))
+    centers = np.zeros((np.count_nonzero(chosen), 3))
     first = 0
     for part in slices(columns, width):
         cells = np.flatnonzero(chosen[part.start * rows : part.stop * rows])
         last = first + len(cells)
-        centres[first:last, 0] = x[cells]
-        centres[first:last, 1] = np.repeat(y[part], rows)[cells]
+        centers[first:last, 0] = x[cells]
+        centers[first:last, 1] = np.repeat(y[part], rows)[cells]
         first = last
-    return centres
+    return centers
 
 
 def _without_cells(grid_map: GridMap) -> "GridCells":
@@ -149,18 +149,18 @@ def _side(message: "GridCells", resolution: float | None) -> float:
 def _centres(message: "GridCells") -> npt.NDArray[np.float64]:
     """Return (N, 2) x, y of the cells, all finite."""
     pairs = [(cell.x, cell.y) for cell in message.cells]
-    centres = np.array(pairs, np.float64).reshape(-1, 2)
-    finite = np.isfinite(centres).all(axis=1)
+    centers = np.array(pairs, np.float64).reshape(-1, 2)
+    finite = np.isfinite(centers).all(axis=1)
     if not finite.all():
         index = int(np.argmin(finite))
         raise MessageError(f"cells[{index}]", "finite coordinates", pairs[index])
-    return centres
+    return centers
 
 
-def _covering(centres: npt.NDArray[np.float64], side: float) -> GridGeometry:
-    if not len(centres):
+def _covering(centers: npt.NDArray[np.float64], side: float) -> GridGeometry:
+    if not len(centers):
         raise MessageError("cells", "a cell, or a geometry for the map", [])
-    lower, upper = centres.min(axis=0) - 0.5 * side, centres.max(axis=0) + 0.5 * side
+    lower, upper = centers.min(axis=0) - 0.5 * side, centers.max(axis=0) + 0.5 * side
     with np.errstate(over="ignore"):
         check_cells("cells", (upper - lower) / side)
     return fitting_geometry(lower, upper, side, hold_edges=False)

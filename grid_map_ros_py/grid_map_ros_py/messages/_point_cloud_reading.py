@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 AXES = ("x", "y", "z")
 COLOR_LAYER = "color"
 COLOR_SIZE = 4
-"""Bytes of a packed colour."""
+"""Bytes of a packed color."""
 
 TYPES: Mapping[int, "np.dtype[Any]"] = MappingProxyType(
     dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), start=1))
@@ -58,17 +58,17 @@ def from_point_cloud(
     finite, and those beside the map, are left out. The map has the frame and the time of the cloud.
 
     Args:
-        message: the cloud, organised or not.
+        message: the cloud, organized or not.
         layer: name of the layer that holds heights [m].
         resolution: side of a cell [m].
         reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
             `variance` or `count`; see `grid_map_core_py.from_points`.
         length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
-        position: (2,) centre of the map [m]; None takes the middle of the extent of the points.
+        position: (2,) center of the map [m]; None takes the middle of the extent of the points.
         onto: in place of these three a geometry, or a map whose other layers the result shares.
         more_layers: names of further layers made of the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None takes all that
-            have one number per point. `rgb` or `rgba`, packed colours, become the layer `color`
+            have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
             unless the cloud has a field of that name.
         field_reductions: names of fields whose reduction is not to be `mean`.
         min_height, max_height: points below or above are left out [m].
@@ -119,8 +119,8 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
     The arrays are views of the message's memory, unless rows are padded.
 
     Args:
-        message: the cloud, organised or not; `array.reshape(message.height, message.width)` has the
-            shape of an organised one.
+        message: the cloud, organized or not; `array.reshape(message.height, message.width)` has the
+            shape of an organized one.
 
     Returns:
         (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
@@ -217,7 +217,7 @@ def _chosen(message: "PointCloud2", names: Iterable[str] | None) -> "list[PointF
     for field in others:
         if field.name in COLOR_FIELDS and TYPES[field.datatype].itemsize != COLOR_SIZE:
             path = f"fields[{message.fields.index(field)}].datatype"
-            raise MessageError(path, "UINT32 or FLOAT32 for packed colours", field.datatype)
+            raise MessageError(path, "UINT32 or FLOAT32 for packed colors", field.datatype)
     return others
 
 
