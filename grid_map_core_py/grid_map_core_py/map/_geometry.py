@@ -174,17 +174,22 @@ class GridGeometry:
         Raises:
             OutOfMapError: a cell is outside the map.
         """
-        cells = self.check_cells(cells)
+        cells = as_cells(cells)
         positions = np.empty((*cells[0].shape, 2))
-        for axis, numbers in enumerate(cells):
-            if 2 * numbers.size <= sum(self.size):
+        if 2 * cells[0].size <= sum(self.size):
+            self.check_cells(cells)
+            for axis, numbers in enumerate(cells):
                 steps = (numbers - start_index[axis]) % self.size[axis]
                 positions[..., axis] = self._first[axis] - self.resolution * steps
-                continue
-            coordinates = np.roll(self.axes_in_map_order()[axis], start_index[axis])
-            for part in slices(len(numbers), CHUNK):
-                # The cells have been checked; another mode would check them again.
-                positions[part, axis] = coordinates.take(numbers[part], mode="clip")
+            return positions
+        axes = [np.roll(*pair) for pair in zip(self.axes_in_map_order(), start_index, strict=True)]
+        for part in slices(len(positions), CHUNK):
+            for axis, coordinates in enumerate(axes):
+                found = np.ascontiguousarray(cells[axis][part])
+                # A check of each chunk while it is in the cache is faster than one of all cells.
+                if found.view(np.uint64).max() >= coordinates.size:
+                    self.check_cells(cells)
+                positions[part, axis] = coordinates.take(found, mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
