@@ -332,7 +332,7 @@ def test_files_that_are_named_exist(any_page):
         assert written or any(file.endswith(f"/{name.lstrip('/')}") for file in files), name
 
 
-def test_the_names_beside_those_of_cpp_exist():
+def test_names_beside_cpp_names_exist():
     classes = grid_map_core_py.GridMap, grid_map_core_py.GridGeometry
     known = {name for one in (*classes, grid_map_core_py.SignedDistanceField) for name in dir(one)}
     for module in (grid_map_core_py, grid_map_filters_py, grid_map_ros_py):
@@ -549,7 +549,7 @@ def picture_of(type_name: str) -> str:
 # --- tables of parameters -------------------------------------------------------------------------
 
 
-def test_tables_of_parameters_are_those_of_the_code():
+def test_tables_of_parameters_equal_the_code():
     script = ROOT / "tools" / "parameter_tables.py"
     done = run(sys.executable, script, "--check", environ=environment())
     assert done.returncode == 0, done.stdout + done.stderr

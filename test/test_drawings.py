@@ -56,7 +56,7 @@ def test_cells_that_leave_are_lost_and_new_ones_empty():
     assert len(places("move", "NaN")) == 6
 
 
-def test_a_letter_stands_with_its_index_in_the_buffer():
+def test_letters_are_at_their_buffer_index():
     numbers = {str(number): places("buffer", str(number)) for number in range(4)}
     for letter in "ABDEGH":
         (right, down), (seen_right, seen_down) = places("buffer", letter)

@@ -243,7 +243,7 @@ def test_demo_republishes_the_octomap_of_a_service(with_messages, expected):
     assert listener_of_octomaps.text == f"world {OCTOMAP['binary']}\n"
 
 
-def test_without_the_messages_the_node_says_what_to_install(tmp_path):
+def test_missing_octomap_msgs_is_named(tmp_path):
     (tmp_path / "octomap_msgs.py").write_text("raise ImportError")
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     process = node({"PYTHONPATH": path})

@@ -41,7 +41,7 @@ def fake_python(path: Path, version: str) -> Path:
 
 
 @pytest.mark.parametrize("version", ["3.10", "3.13", "2.7"])
-def test_a_python_that_is_too_old_or_too_new(workspace, tmp_path, version):
+def test_old_or_new_python_is_refused(workspace, tmp_path, version):
     python = fake_python(tmp_path / "python3", version)
     sentence = refusal(workspace, PYTHON=str(python))
     assert "needs Python 3.11 or 3.12" in sentence

@@ -78,7 +78,7 @@ def test_a_new_folder_that_is_killed_is_not_there_or_complete(tmp_path):
     assert read_folder(path) == {"new"}
 
 
-def test_an_error_leaves_what_was_there(tmp_path):
+def test_error_keeps_the_old_file(tmp_path):
     save_folder(tmp_path / "folder", "old")
     save_file(tmp_path / "file", "old")
     with pytest.raises(TypeError):
@@ -92,7 +92,7 @@ def test_an_error_leaves_what_was_there(tmp_path):
 
 @pytest.mark.usefixtures("exchange")
 @pytest.mark.parametrize("call", ["rename", "replace", "fsync"])
-def test_a_disk_that_fails_leaves_what_was_there(tmp_path, monkeypatch, call):
+def test_failing_disk_keeps_the_old_file(tmp_path, monkeypatch, call):
     save_folder(tmp_path / "folder", "old")
     save_file(tmp_path / "file", "old")
 
@@ -110,7 +110,7 @@ def test_a_disk_that_fails_leaves_what_was_there(tmp_path, monkeypatch, call):
     assert names(tmp_path) == ["file", "folder"]
 
 
-def test_what_another_process_still_writes_is_left_alone(tmp_path):
+def test_files_in_progress_of_another_process_stay(tmp_path):
     with new_file(tmp_path / "file") as first:
         first.write_text("first")
         with new_folder(tmp_path / "folder", print) as slow:
@@ -145,7 +145,7 @@ def test_links_stay_and_their_targets_are_replaced(tmp_path):
     assert (tmp_path / "file").read_text() == "new"
 
 
-def test_others_may_read_what_was_written(tmp_path):
+def test_written_files_are_readable_by_others(tmp_path):
     save_file(tmp_path / "file", "")
     save_folder(tmp_path / "folder", "")
     (tmp_path / "plain").touch()
@@ -186,7 +186,7 @@ def test_processes_that_write_to_one_place_do_not_disturb_each_other(tmp_path):
     assert names(tmp_path) == ["file", "folder"]
 
 
-def test_a_folder_that_somebody_else_makes_at_the_last_moment_is_replaced(tmp_path):
+def test_folder_made_by_another_process_meanwhile_is_replaced(tmp_path):
     folder = tmp_path / "folder"
 
     def make_it(event: str, arguments: tuple[object, ...]) -> None:

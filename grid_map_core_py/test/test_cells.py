@@ -121,7 +121,7 @@ def test_circle_cells_equal_cpp(name, case):
 
 
 @given(grid_maps(), fractions, st.floats(0, 8))
-def test_circle_cells_are_those_within_the_radius(grid_map, fraction, cells):
+def test_circle_cells_are_within_the_radius(grid_map, fraction, cells):
     center, radius = point(grid_map, fraction), cells * grid_map.resolution
     assert pairs(circle_cells(grid_map, center, radius)) == disc_by_hand(grid_map, center, radius)
 
@@ -206,7 +206,7 @@ def test_large_spiral_begins_like_small_one():
     assert many == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
 
 
-def test_a_spiral_holds_its_center_cell_however_small_it_is():
+def test_smallest_spiral_contains_its_center_cell():
     grid_map = GridMap((4, 4), 1.0)
     assert pairs(spiral_cells(grid_map, (0.1, 0.1), 0.0)) == [[1, 1]]
     assert pairs(spiral_cells(grid_map, (2.1, 0.1), 0.0)) == []
@@ -230,7 +230,7 @@ def test_ellipse_cells_equal_cpp(name, case):
 
 
 @given(grid_maps(), fractions, st.tuples(st.floats(0.1, 16), st.floats(0.1, 16)), st.floats(-7, 7))
-def test_ellipse_cells_are_those_inside(grid_map, fraction, axes, rotation):
+def test_ellipse_cells_are_inside_the_ellipse(grid_map, fraction, axes, rotation):
     """Oracle: turn the plane back as complex numbers, and scale the ellipse to the unit disc."""
     center, half_axes = point(grid_map, fraction), 0.5 * np.multiply(axes, grid_map.resolution)
 
@@ -269,7 +269,7 @@ lattice_points = st.tuples(st.integers(-12, 12), st.integers(-12, 12))
 
 
 @given(grid_maps(), st.lists(fractions | lattice_points, max_size=9))
-def test_polygon_cells_are_those_whose_center_is_inside(grid_map, corners):
+def test_polygon_cells_have_their_center_inside(grid_map, corners):
     """Vertices and edges often are exactly on centers of cells."""
     x, y = (axis[len(axis) // 2] for axis in grid_map.axes())
     polygon = Polygon(

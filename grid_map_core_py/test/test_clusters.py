@@ -45,7 +45,7 @@ def as_sets(labels) -> list[frozenset[int]]:
     st.sampled_from([1.0, 1.5, 2.0, 3.0]),
     st.data(),
 )
-def test_clusters_equal_those_flooded_by_hand(points, tolerance, data):
+def test_clusters_equal_flooding_by_hand(points, tolerance, data):
     """Points on a lattice: many distances equal the tolerance, and points coincide."""
     groups = data.draw(arrays.arrays(np.int64, len(points), elements=st.integers(0, 2)))
     labels = euclidean_clusters(points, groups, tolerance)

@@ -285,7 +285,7 @@ def test_pipes_and_devices_are_never_replaced(command):
     assert Path("pipe").is_fifo()
 
 
-def test_an_error_keeps_what_is_there(command):
+def test_error_keeps_existing_data(command):
     save_npz(a_map(1), "out.npz")
     before = Path("out.npz").read_bytes()
     code, _, error = command("convert", "notes.txt", "out.npz", "--force", "--from", "npz")

@@ -136,7 +136,7 @@ def test_a_string_is_never_taken_for_something_else(text):
         ),
     ],
 )
-def test_what_does_not_fit_is_named_with_what_was_expected(parameters, message):
+def test_mismatch_names_expected_and_actual_value(parameters, message):
     with pytest.raises(ConfigError) as caught:
         build(Example, parameters)
     assert str(caught.value) == message

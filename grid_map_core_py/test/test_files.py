@@ -256,7 +256,7 @@ def test_a_missing_pcd_file_and_a_folder_are_named(tmp_path):
 
 @pytest.mark.parametrize("load", [load_points, load_mesh])
 @pytest.mark.parametrize("name", ["cloud.xyz", "cloud", "cloud.gltf"])
-def test_an_unknown_ending_names_those_that_are_known(write, load, name):
+def test_error_of_unknown_ending_lists_known_endings(write, load, name):
     with pytest.raises(GridMapError, match=rf"{name}: .* ends in \.ply, \.obj, \.stl"):
         load(write(name, "hello"))
 

@@ -35,7 +35,7 @@ def test_a_map_comes_back_by_its_name(in_folder, name):
         load(name, layers=["none"])
 
 
-def test_a_format_can_be_named_whatever_the_ending():
+def test_named_format_overrides_the_ending():
     save(sample(), "a.map", format="npz", compress=True)
     assert_maps_equal(load("a.map", format="npz"), sample())
     save(sample(), "images", format="images", bits=8)
@@ -58,7 +58,7 @@ def test_options_decide_between_formats_of_one_ending(name, options, expected):
     assert _formats.format_to_write(Path(name), options).name == expected
 
 
-def test_yaml_files_are_told_apart_by_their_content():
+def test_yaml_files_are_distinguished_by_content():
     save(sample(), "ours/map.yaml")
     Path("nav").mkdir()
     save(sample(), "nav/map.yaml", mode="scale", layer="slope")
@@ -99,7 +99,7 @@ def test_all_formats_describe_themselves():
         (lambda: save(sample(), "a", format="pcd"), GridMapError, "expected one that is written"),
     ],
 )
-def test_what_is_unknown_is_one_error(call, error, message):
+def test_unknown_name_is_one_error(call, error, message):
     Path("a.doc").write_text("text")
     save(sample(), "a.npz")
     with pytest.raises(error, match=message):

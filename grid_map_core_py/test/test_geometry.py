@@ -40,14 +40,14 @@ def test_positions_fall_into_the_cells_that_cpp_finds(name, case):
 
 
 @by_map
-def test_bounded_positions_equal_those_of_cpp(name, case):
+def test_bounded_positions_equal_cpp(name, case):
     queries = case["pos_to_index"]
     bounded = golden_map(name).geometry.bound_position_to_range(queries["position"])
     np.testing.assert_array_equal(bounded, queries["bounded"])
 
 
 @by_map
-def test_closest_positions_equal_those_of_cpp_but_are_always_inside(name, case):
+def test_closest_positions_equal_cpp_but_are_always_inside(name, case):
     grid_map = golden_map(name)
     queries = case["pos_to_index"]
     closest = grid_map.get_closest_position_in_map(queries["position"])
@@ -81,7 +81,7 @@ def has_edge_on_border(grid_map, request):
 
 
 @by_map
-def test_submaps_equal_those_of_cpp(name, case):
+def test_submaps_equal_cpp(name, case):
     grid_map = golden_map(name)
     compared = 0
     for request in case["submap"]:
@@ -163,7 +163,7 @@ def test_an_index_is_in_range_where_cpp_leaves_the_buffer():
 
 
 @given(geometries, st.data())
-def test_the_center_of_a_cell_lies_in_that_cell(geometry, data):
+def test_center_of_a_cell_is_in_the_cell(geometry, data):
     cell = [data.draw(st.integers(0, count - 1)) for count in geometry.size]
     found, inside = geometry.cells_at(geometry.centers(cell))
     assert inside

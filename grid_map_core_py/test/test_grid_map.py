@@ -57,7 +57,7 @@ def test_an_assigned_array_is_copied(terrain):
 
 
 @given(grid_maps())
-def test_layers_are_fortran_ordered_float32_whatever_is_assigned(grid_map):
+def test_assigned_layers_become_fortran_ordered_float32(grid_map):
     grid_map["c"] = np.ones(grid_map.size, dtype=np.float64)
     grid_map["scalar"] = 3
     grid_map["sum"] = grid_map["c"] + grid_map["scalar"]
@@ -132,7 +132,7 @@ def test_a_map_has_no_hash_and_no_layers_as_attributes(terrain):
         terrain.size = (1, 2)
 
 
-def test_a_missing_layer_is_named_with_those_that_exist(terrain):
+def test_error_of_missing_layer_lists_existing_layers(terrain):
     with pytest.raises(LayerNotFoundError) as caught:
         terrain["elevtion"]
     assert str(caught.value) == "no layer 'elevtion'; available: elevation, variance"
@@ -169,7 +169,7 @@ def test_a_layer_needs_a_name(terrain, name):
 
 @pytest.mark.parametrize("value", [None, "high", 1j, [[None] * 5] * 8, {}])
 @pytest.mark.parametrize("name", ["elevation", "new"])
-def test_what_is_no_number_is_no_layer(terrain, name, value):
+def test_values_that_are_not_numbers_are_no_layer(terrain, name, value):
     before = terrain.copy()
     with pytest.raises(GeometryError, match=f"layer '{name}': expected numbers, got"):
         terrain[name] = value
@@ -218,7 +218,7 @@ def test_a_layer_of_another_shape_is_refused_and_nothing_changes(terrain):
     assert_maps_equal(terrain, before)
 
 
-def test_deleting_a_basic_layer_makes_it_basic_no_more(terrain):
+def test_deleting_a_layer_removes_it_from_basic_layers(terrain):
     terrain.basic_layers = ["elevation", "variance", "elevation"]
     assert terrain.basic_layers == ("elevation", "variance")
     del terrain["elevation"]
@@ -226,7 +226,7 @@ def test_deleting_a_basic_layer_makes_it_basic_no_more(terrain):
     assert "elevation" not in terrain
 
 
-def test_with_layers_shares_what_it_does_not_replace(terrain):
+def test_with_layers_shares_unchanged_layers(terrain):
     terrain.basic_layers = ["elevation"]
     terrain.start_index = (2, 3)
     result = terrain.with_layers({"slope": terrain["elevation"] * 2})
@@ -524,7 +524,7 @@ def test_a_copy_is_equal_and_independent(terrain, duplicate):
     assert terrain["elevation"][0, 0] == 0.0
 
 
-def test_maps_that_differ_are_told_apart(terrain):
+def test_different_maps_are_unequal(terrain):
     other = moved_in_buffer(terrain, (3, 4))
     assert_maps_equal(other, terrain)
     other["variance"][0, 0] = np.nan
@@ -561,7 +561,7 @@ def test_names_are_strings(names):
         GridMap((1, 1), 0.5, basic_layers=names)
 
 
-def test_what_is_no_name_is_no_layer(terrain):
+def test_invalid_layer_name_is_refused(terrain):
     assert ["elevation"] not in terrain
     with pytest.raises(LayerNotFoundError):
         terrain[["elevation"]]
@@ -575,7 +575,7 @@ def test_what_is_no_name_is_no_layer(terrain):
         terrain.with_layers(["elevation"])
 
 
-def test_the_text_of_a_map_tells_what_it_is(terrain):
+def test_repr_of_a_map_describes_it(terrain):
     assert repr(terrain) == (
         "GridMap(8 x 5 cells of 1.0 m at (0.5, 0.0) in 'map', layers: elevation, variance)"
     )

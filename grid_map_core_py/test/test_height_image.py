@@ -68,7 +68,7 @@ def test_transparent_pixels_are_holes(tmp_path):
     np.testing.assert_array_equal(heights[::-1, 0], [1.0, 1.0, np.nan])
 
 
-def test_what_is_missing_or_makes_no_sense_is_named(tmp_path):
+def test_missing_and_invalid_parameters_are_named(tmp_path):
     grid_map, png, tif = hills(), tmp_path / "a.png", tmp_path / "a.tif"
     save_height_image(grid_map, png)
     save_height_image(grid_map, tif)

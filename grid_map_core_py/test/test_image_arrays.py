@@ -154,7 +154,7 @@ def test_the_gray_of_rgb_images_honors_their_order():
             np.testing.assert_array_equal(known, image[..., 3] >= largest // 2)
 
 
-def test_color_images_become_the_layers_that_their_order_tells():
+def test_color_layers_follow_the_channel_order_of_images():
     assert len(COLOR_IMAGES) == 16
     for description, case in COLOR_IMAGES:
         grid_map = golden.to_map(description)
@@ -326,7 +326,7 @@ def test_first_pixel_is_the_corner_with_largest_x_and_y():
     assert value_at(grid_map, "height", (1.9, 0.6)) == 2
 
 
-def test_color_images_are_bgr_unless_told_otherwise(tmp_path):
+def test_color_images_are_bgr_by_default(tmp_path):
     image = np.zeros((2, 3, 3), np.uint8)
     image[0, 0] = [255, 0, 0]  # blue
     image[1, 2] = [0, 0, 255]  # red
@@ -450,7 +450,7 @@ def test_memory_stays_below_three_times_the_result(dtype, channels, size):
         ({"upper": -np.inf}, "upper: expected a finite float32 number, got -inf"),
     ],
 )
-def test_what_makes_no_image_is_refused(terrain, arguments, message):
+def test_map_that_makes_no_image_is_refused(terrain, arguments, message):
     with pytest.raises(GeometryError, match=message):
         to_image(terrain, "elevation", **arguments)
 
@@ -489,7 +489,7 @@ def test_a_missing_layer_is_named(terrain):
         (np.zeros((9, 6, 4), np.float32), {"order": "gbr"}, "order: expected 'bgr' or 'rgb'"),
     ],
 )
-def test_what_is_no_image_changes_nothing(terrain, image, arguments, message):
+def test_invalid_image_changes_nothing(terrain, image, arguments, message):
     before = terrain.copy()
     with pytest.raises(GeometryError, match=message):
         from_image(image, "gray", 1.0, **arguments)

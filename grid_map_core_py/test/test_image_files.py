@@ -83,7 +83,7 @@ def test_only_the_wanted_layers_are_written(tmp_path):
 
 
 @pytest.mark.parametrize("start_index", [(0, 0), (2, 1)])
-def test_the_image_lies_where_map_server_puts_it(tmp_path, start_index):
+def test_image_position_equals_map_server(tmp_path, start_index):
     grid_map = GridMap((0.4, 0.3), 0.1, (1.0, 2.0), {"elevation": 0.0})
     grid_map["elevation"][grid_map.get_index((0.85, 2.1))] = 1.0
     grid_map = moved_in_buffer(grid_map, start_index)
@@ -139,7 +139,7 @@ def test_a_save_that_is_killed_leaves_the_old_images_or_the_new_ones(tmp_path):
     assert found == {(1.0, 1.0), (2.0, 2.0)}
 
 
-def test_whatever_is_no_folder_of_images_is_never_replaced(tmp_path):
+def test_folder_without_map_images_is_never_replaced(tmp_path):
     (tmp_path / "notes.txt").write_text("precious")
     grid_map = GridMap((1, 1), 0.5, layers=["a"])
     with pytest.raises(GridMapError, match=r"cannot be written: it holds notes\.txt"):
@@ -171,7 +171,7 @@ def test_any_name_comes_back(tmp_path, name):
     assert (loaded.layers, loaded.frame_id) == ((name,), name)
 
 
-def test_a_name_that_no_file_can_hold_is_refused(tmp_path):
+def test_name_without_file_representation_is_refused(tmp_path):
     with pytest.raises(GridMapError, match="cannot be written"):
         save_images(GridMap((1, 1), 0.5, layers=["\ud800"]), tmp_path / "images")
     assert not any(tmp_path.iterdir())
@@ -182,7 +182,7 @@ def test_a_folder_may_be_called_like_a_file(tmp_path):
     assert load_images(tmp_path / "map.yaml").layers == ("a",)
 
 
-def test_what_cannot_be_images_is_refused(tmp_path):
+def test_maps_that_cannot_become_images_are_refused(tmp_path):
     grid_map = GridMap((1, 1), 0.5, layers={"a": [[-3e38, 3e38], [0, 0]]})
     with pytest.raises(GeometryError, match="two different finite"):
         save_images(grid_map, tmp_path / "images")
@@ -252,7 +252,7 @@ def test_yaml_that_makes_no_sense_is_refused(saved, changes, reason):
     [("", "'grid_map' is missing"), ("[" * 9999, "nested"), ("{", "no valid YAML")],
     ids=range(3),
 )
-def test_what_is_no_yaml_of_a_map_is_refused(saved, text, reason):
+def test_yaml_of_no_map_is_refused(saved, text, reason):
     saved.write_text(text)
     with pytest.raises(GridMapError, match=rf"map\.yaml: .*{reason}"):
         load_images(saved)
@@ -278,7 +278,7 @@ def test_an_image_that_is_cut_off_or_damaged_is_refused(saved):
             load_images(saved)
 
 
-def test_an_image_that_claims_gigabytes_is_refused_before_it_is_decoded(saved):
+def test_image_claiming_gigabytes_is_refused_before_decoding(saved):
     head = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 16, 6, 0, 0, 0)
     data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head
     (saved.parent / "a.png").write_bytes(data + struct.pack(">I", zlib.crc32(head)))

@@ -261,7 +261,7 @@ finite_maps = grid_maps(allow_nan=False, allow_infinity=False)
 
 @by_method
 @given(places())
-def test_values_equal_those_of_the_definitions(method, drawn):
+def test_values_equal_the_definitions(method, drawn):
     grid_map, positions = drawn
     oracle = Oracle(grid_map, "elevation")
     found = grid_map.at_position("elevation", positions, method)
@@ -285,7 +285,7 @@ def test_a_moved_map_has_the_same_values(method, drawn, data):
 @by_method
 @settings(max_examples=25)
 @given(places())
-def test_one_position_has_the_value_that_it_has_among_many(method, drawn):
+def test_value_of_one_position_equals_that_among_many(method, drawn):
     grid_map, positions = drawn
     many = grid_map.at_position("elevation", positions, method)
     one_by_one = [grid_map.at_position("elevation", position, method) for position in positions]
@@ -294,7 +294,7 @@ def test_one_position_has_the_value_that_it_has_among_many(method, drawn):
 
 @by_method
 @given(grid_maps())
-def test_value_at_cell_center_is_that_of_the_cell(method, grid_map):
+def test_value_at_cell_center_equals_the_cell(method, grid_map):
     found = grid_map.at_position("elevation", grid_map.get_positions(), method)
     cells = grid_map["elevation"].ravel("F")
     np.testing.assert_allclose(found, cells, rtol=1e-9, atol=1e-9)
@@ -401,7 +401,7 @@ def along(axis: int, coordinate: float) -> tuple[float, float]:
         (CUBIC, -4.25, 32.0 + 8.0 * (9 / 64 - 3 / 64)),
     ],
 )
-def test_values_along_a_line_are_those_computed_by_hand(axis, method, coordinate, expected):
+def test_values_along_a_line_equal_computation_by_hand(axis, method, coordinate, expected):
     grid_map = line([1.0, 4.0, 8.0, 16.0, 32.0], axis)
     found = grid_map.at_position("a", along(axis, coordinate), method)
     assert found == pytest.approx(expected, rel=1e-12)

@@ -149,7 +149,7 @@ class TestExtendToInclude:
         assert grid_map["elevation"] is layer
         assert grid_map.start_index == before.start_index
 
-    def test_a_map_that_covers_the_other_stays_as_it_is(self, terrain):
+    def test_map_that_covers_the_other_is_unchanged(self, terrain):
         terrain.start_index = (3, 2)
         layer = terrain["elevation"]
         terrain.extend_to_include(GridMap((8 + 1e-9, 5), 1.0, (0.5, 1e-10)))
@@ -158,7 +158,7 @@ class TestExtendToInclude:
         assert terrain.start_index == (3, 2)
 
     @pytest.mark.parametrize("center", [(1, 2), (-1, 2), (1, -2), (-1, -2)])
-    def test_works_where_a_border_lies_at_zero(self, center):
+    def test_works_with_a_border_at_zero(self, center):
         grid_map = GridMap((2, 4), 0.5, center, {"a": 1.0})
         grid_map.extend_to_include(GridMap((2, 4), 0.5, np.negative(center)))
         assert grid_map.size == (8, 16)
@@ -322,7 +322,7 @@ class TestAddDataFrom:
             (None, (0, 1e308), "map", GeometryError, "length"),
         ],
     )
-    def test_what_is_refused_changes_nothing(
+    def test_refused_input_changes_nothing(
         self, terrain, layers, position, frame_id, error, message
     ):
         terrain.start_index = (3, 2)

@@ -235,7 +235,7 @@ def test_a_mesh_without_extent_or_faces():
         (SQUARE, [(-1, 1, 2)], "faces: expected vertices from 0 to 3, found -1 to 2"),
     ],
 )
-def test_what_is_no_mesh_is_refused(vertices, faces, message):
+def test_invalid_mesh_is_refused(vertices, faces, message):
     grid_map = GridMap((1, 1), 0.5)
     with pytest.raises(GeometryError, match=message):
         rasterize_triangles(vertices, faces, grid_map)
@@ -247,7 +247,7 @@ def test_ragged_faces_are_refused():
         rasterize_triangles(SQUARE, [(0, 1, 2), (0, 1, 2, 3)], GridMap((1, 1), 0.5))
 
 
-def test_memory_goes_with_the_cells_alone():
+def test_memory_grows_with_cells_only():
     large = (20 * SQUARE, np.array([(0, 1, 2), (0, 2, 3)]))
     small = (np.tile(SQUARE * 0.001, (50_000, 1)), np.arange(200_000 // 3 * 3).reshape(-1, 3))
     for vertices, faces in (large, small):

@@ -27,7 +27,7 @@ def table(grid_map: GridMap) -> list[list[str]]:
     return [["".join(cell.itertext()) for cell in row][:-1] for row in tree.iter("tr")]
 
 
-def test_table_tells_ranges_and_how_much_is_missing():
+def test_table_shows_ranges_and_missing_fraction():
     layers = {"elevation": [[1, np.nan], [np.inf, 4]], "empty": np.nan, "color": 0.0}
     grid_map = GridMap((2, 2), 1.0, layers=layers, basic_layers=["elevation"], frame_id="odom")
     assert table(grid_map) == [

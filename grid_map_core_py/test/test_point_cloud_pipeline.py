@@ -119,7 +119,7 @@ def flooded(points, tolerance) -> list[list[int]]:
         height_thresh=st.sampled_from([0.3, 1.0, 9.0]),
     ),
 )
-def test_heights_equal_those_found_cell_by_cell(points, extraction, grid):
+def test_heights_equal_search_cell_by_cell(points, extraction, grid):
     pipeline = PointCloudPipeline(
         num_processing_threads=1, cluster_extraction=extraction, grid_map=grid
     )
@@ -193,7 +193,7 @@ def outliers_by_hand(points, neighbors, threshold) -> np.ndarray:
     st.sampled_from([-0.5, 0.0, 0.7, 1.3, 3.0]),
     st.integers(0, 2**32),
 )
-def test_outliers_are_those_far_from_their_neighbors(count, neighbors, threshold, seed):
+def test_outliers_are_far_from_their_neighbors(count, neighbors, threshold, seed):
     points = np.random.default_rng(seed).standard_cauchy((count, 3))
     result = remove_outliers(points, neighbors, threshold)
     np.testing.assert_array_equal(result, outliers_by_hand(points, neighbors, threshold))
@@ -231,7 +231,7 @@ def test_rotation_is_about_x_then_new_y_then_new_z():
     np.testing.assert_allclose(pipeline.prepared(points), expected, atol=1e-12)
 
 
-def test_the_cloud_is_cleaned_before_it_is_transformed():
+def test_cloud_is_cleaned_before_the_transform():
     rng = np.random.default_rng(5)
     points = np.vstack([rng.uniform(0, 1, (300, 3)), [(50, 50, 50), (np.nan, 0, 0)]])
     pipeline = PointCloudPipeline(

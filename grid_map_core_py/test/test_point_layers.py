@@ -68,7 +68,7 @@ def reduce_by_hand(grid_map, points, values, low=-np.inf, high=np.inf) -> dict[s
 
 
 @given(grid_maps(), clouds())
-def test_heights_equal_those_sorted_by_hand(grid_map, cloud):
+def test_heights_equal_sorting_by_hand(grid_map, cloud):
     points = around(grid_map, cloud)
     result = rasterize(points, grid_map, ALL)
     for name, expected in reduce_by_hand(grid_map, points, points[:, 2]).items():
@@ -78,7 +78,7 @@ def test_heights_equal_those_sorted_by_hand(grid_map, cloud):
 
 
 @given(grid_maps(max_side=4), clouds(), st.data())
-def test_fields_equal_those_sorted_by_hand(grid_map, cloud, data):
+def test_fields_equal_sorting_by_hand(grid_map, cloud, data):
     points = around(grid_map, cloud)
     numbers = st.floats(-9, 9, width=32) | SPECIAL
     values = data.draw(arrays.arrays(np.float64, len(points), elements=numbers))
@@ -191,7 +191,7 @@ def test_no_points_make_an_empty_layer():
 # Colors
 
 
-def test_the_mean_of_colors_is_that_of_the_channels():
+def test_mean_of_colors_averages_channels():
     rgb = np.array([(10, 200, 0), (21, 100, 255), (0, 0, 8)], np.uint8)
     points = [(0.5, 0.5, 0), (0.5, 0.5, 0), (-0.5, -0.5, 0)]
     packed = color_vector_to_value(rgb)
@@ -324,7 +324,7 @@ def test_points_must_be_x_y_z(points):
 
 
 @pytest.mark.parametrize("reduction", ["mode", "", None, 3])
-def test_an_unknown_reduction_names_those_that_exist(reduction):
+def test_error_of_unknown_reduction_lists_reductions(reduction):
     with pytest.raises(ConfigError, match=r"reduction of z.*one of max, min, mean, median"):
         rasterize([[0, 0, 0]], GRID, {"z": reduction})
 
@@ -346,7 +346,7 @@ def test_an_unknown_reduction_names_those_that_exist(reduction):
         ({"fields": {"": [1]}}, GridMapError, "non-empty string"),
     ],
 )
-def test_what_makes_no_sense_is_refused(options, error, message):
+def test_invalid_arguments_are_refused(options, error, message):
     with pytest.raises(error, match=message):
         rasterize([[0, 0, 0]], GRID, **options)
     assert (GRID["elevation"] == 1).all()
@@ -357,7 +357,7 @@ def test_what_makes_no_sense_is_refused(options, error, message):
     ("reduction", "times"),
     [("max", 3), ("min", 3), ("mean", 4), ("first", 3), ("last", 3), ("count", 3), ("variance", 7)],
 )
-def test_memory_goes_with_the_cells_and_not_with_the_points(reduction, times):
+def test_memory_grows_with_cells_and_not_with_points(reduction, times):
     """Beside the layer: sums of 64 bits, of which the variance takes two."""
     points = np.random.default_rng(1).uniform(-1, 1, (400_000, 3)).astype(np.float32)
     grid_map = GridMap((2, 2), 0.002)

@@ -212,7 +212,7 @@ def test_point_is_inside_if_winding_number_is_odd(vertices, point):
 
 
 @given(st.lists(points, max_size=12), st.lists(points, max_size=12))
-def test_a_convex_hull_is_that_of_all_points(first, second):
+def test_convex_hull_covers_all_points(first, second):
     hull = Polygon.convex_hull(Polygon(first), Polygon(second)).vertices.tolist()
     distinct = sorted(set(map(tuple, first + second)))
     assert set(map(tuple, hull)) <= set(distinct)

@@ -45,7 +45,7 @@ def test_built_in_types_are_found_and_listed(registry):
     assert registry.types == ("built_in", "other")
 
 
-def test_an_unknown_type_is_named_with_what_was_meant_or_what_there_is(registry):
+def test_error_of_unknown_type_suggests_or_lists_types(registry):
     with pytest.raises(ConfigError, match=r"unknown type 'built-in'; did you mean built_in\?"):
         registry["built-in"]
     with pytest.raises(ConfigError, match="unknown type ''; known: built_in, other"):

@@ -65,7 +65,7 @@ def rounds_half_down(description, case) -> bool:
     return bool((np.isclose(sizes % 1, 0.5) & (np.floor(sizes) % 2 == 0)).any())
 
 
-def test_grids_are_those_of_cpp():
+def test_grids_equal_cpp():
     compared = [pair for pair in CASES if not rounds_half_down(*pair)]
     assert len(compared) == 15
     for description, case in compared:
@@ -197,7 +197,7 @@ def test_a_cell_is_missing_where_its_nearest_cell_is(flag, resolution):
 
 @pytest.mark.parametrize("flag", PICKING)
 @pytest.mark.parametrize("resolution", RESOLUTIONS)
-def test_picked_cells_are_those_that_opencv_picks(flag, resolution):
+def test_picked_cells_equal_opencv(flag, resolution):
     grid_map = terrain(24, 31, holes=0.3)
     grid_map["elevation"][5:9, 3] = np.inf
     factor = 0.05 / resolution

@@ -16,7 +16,7 @@ sizes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 
 
 @given(sizes, st.data())
-def test_a_block_is_what_rolling_and_slicing_gives(size, data):
+def test_block_equals_a_rolled_slice(size, data):
     start = tuple(data.draw(st.integers(0, n - 1)) for n in size)
     rows, columns = (
         slice(*sorted((data.draw(st.integers(0, n)), data.draw(st.integers(0, n))))) for n in size

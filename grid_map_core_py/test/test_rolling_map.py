@@ -98,9 +98,7 @@ def moved_through(rolling: RollingMap, journey: list[Step]) -> ByHand:
 @pytest.mark.parametrize(("fusion", "reduction"), EXPECTED)
 @settings(max_examples=30)
 @given(journey=steps())
-def test_heights_equal_those_collected_by_hand(
-    fusion: str, reduction: str, journey: list[Step]
-) -> None:
+def test_heights_equal_collecting_by_hand(fusion: str, reduction: str, journey: list[Step]) -> None:
     rolling = RollingMap(GEOMETRY, fusion=fusion, reduction=reduction)
     oracle = moved_through(rolling, journey)
     found = rolling.grid_map.unwrapped("elevation")
@@ -110,7 +108,7 @@ def test_heights_equal_those_collected_by_hand(
 
 @settings(max_examples=60)
 @given(journey=steps())
-def test_variances_and_counts_equal_those_collected_by_hand(journey: list[Step]) -> None:
+def test_variances_and_counts_equal_collecting_by_hand(journey: list[Step]) -> None:
     rolling = RollingMap(GEOMETRY, fusion="mean")
     oracle = moved_through(rolling, journey)
     assert rolling.grid_map.layers == ("elevation", "variance", "count")
@@ -142,7 +140,7 @@ def test_absurd_heights_spoil_their_own_cell_alone() -> None:
     assert rolling.grid_map.at_position("count", (0.7, 0.1)) == 3.0
 
 
-def test_a_limited_past_gives_way_to_what_is_new() -> None:
+def test_limited_mean_follows_new_points() -> None:
     rolling = RollingMap(GridGeometry(np.array([1.0, 1.0]), 1.0), fusion="mean", max_count=10)
     for height in [0.0] * 100 + [1.0] * 10:
         rolling.fuse([(0, 0, height)])
@@ -211,9 +209,7 @@ def test_a_map_knows_its_frame_basic_layer_and_time() -> None:
         ({"position": (1e300, 0.0)}, GeometryError),
     ],
 )
-def test_what_cannot_be_fused_leaves_the_map_as_it_was(
-    wrong: dict[str, Any], error: type[Exception]
-) -> None:
+def test_failed_fusion_keeps_the_map(wrong: dict[str, Any], error: type[Exception]) -> None:
     rolling = RollingMap(GEOMETRY, fusion="mean")
     rolling.fuse([(0, 0, 1)], position=(0.5, 0.5), timestamp=5)
     before = rolling.grid_map.copy()

@@ -296,7 +296,7 @@ def test_one_cell_is_a_field_over_z():
     np.testing.assert_allclose(field.gradient((5.0, -3.0, 1.0)), (0, 0, 1), **ROUND_OFF)
 
 
-def test_the_nearest_value_is_that_of_the_nearest_node():
+def test_nearest_value_is_of_the_nearest_node():
     field = hills_field()
     points = points_around(field, 0.4)
     distances = np.linalg.norm(points[:, None] - nodes_of(field).reshape(-1, 3), axis=-1)
@@ -340,7 +340,7 @@ def test_at_a_node_the_gradient_is_the_central_difference():
     np.testing.assert_allclose(field.gradient(off), expected, atol=1e-5)
 
 
-def test_gradient_beside_a_node_is_that_of_its_side():
+def test_gradient_beside_a_node_is_one_sided():
     field = hills_field()
     node, d = nodes_of(field)[4, 3, 5], field.distances
     for offset, above, below in ((1e-7, d[4, 3, 6], d[4, 3, 5]), (-1e-7, d[4, 3, 5], d[4, 3, 4])):

@@ -85,7 +85,7 @@ def test_windows_are_slices_of_the_world(edges, grid_map, size):
 
 @pytest.mark.parametrize("edges", ["inside", "empty", "mean"])
 @given(grid_map=grid_maps(max_side=8), size=odd_sizes)
-def test_all_windows_at_once_are_those_of_the_unmoved_map(edges, grid_map, size):
+def test_window_array_of_moved_map_equals_unmoved(edges, grid_map, size):
     windows = window_array(grid_map, "elevation", edges, size)
     assert windows.dtype == np.float32
     one_by_one = list(sliding_windows(moved_in_buffer(grid_map, (0, 0)), "elevation", edges, size))

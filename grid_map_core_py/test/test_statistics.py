@@ -48,7 +48,7 @@ def deviates(case) -> bool:
     return bool(np.isinf(values).any()) or not np.isfinite(values).any()
 
 
-def test_reductions_are_those_of_cpp():
+def test_reductions_equal_cpp():
     compared = [case for case in CASES if not deviates(case)]
     assert len(compared) == 5
     for case in compared:
@@ -70,7 +70,7 @@ def test_infinities_are_not_finite_and_nothing_has_no_sum(case):
     )
 
 
-def test_elementwise_functions_of_the_plugin_are_those_of_numpy():
+def test_elementwise_functions_equal_numpy():
     compared = [case for case in CASES if case.get("square") is not None]
     assert len(compared) == 7
     for case in compared:
@@ -81,7 +81,7 @@ def test_elementwise_functions_of_the_plugin_are_those_of_numpy():
 
 
 @given(arrays(st.sampled_from([np.float32, np.float64]), array_shapes(), elements=anything))
-def test_reductions_skip_whatever_is_not_finite(values):
+def test_reductions_skip_values_that_are_not_finite(values):
     expected = oracle(values)
     # The sum of large numbers of both signs is as exact as its largest addends.
     finite = values[np.isfinite(values)].astype(np.float64)
@@ -154,6 +154,6 @@ def test_no_whole_layer_is_copied():
 
 @pytest.mark.parametrize("function", FUNCTIONS.values())
 @pytest.mark.parametrize("values", ["high", None, [1j], [[1], [1, 2]]])
-def test_what_is_no_number_has_no_statistics(function, values):
+def test_values_that_are_not_numbers_have_no_statistics(function, values):
     with pytest.raises(GeometryError, match="values: expected numbers, got"):
         function(values)

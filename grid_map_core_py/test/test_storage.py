@@ -67,7 +67,7 @@ def test_any_name_comes_back(names, frame_id):
 
 
 @pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 70_000])
-def test_a_name_that_no_file_can_hold_is_refused(path, name):
+def test_name_without_file_representation_is_refused(path, name):
     with pytest.raises(GridMapError, match="a file cannot hold this name"):
         save_npz(GridMap((1, 1), 0.5, layers=[name]), path)
     assert not path.exists()
@@ -209,7 +209,7 @@ def test_sizes_that_the_file_cannot_have_are_refused_before_allocating(path):
         tracemalloc.stop()
 
 
-def test_no_damage_leads_to_anything_but_an_error_of_ours(path):
+def test_damage_raises_only_grid_map_errors(path):
     save_npz(sample_map(), path, compress=True)
     data = path.read_bytes()
     generator = random.Random(1)

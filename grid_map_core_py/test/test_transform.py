@@ -262,7 +262,7 @@ def test_an_empty_map_stays_empty():
 
 
 @pytest.mark.parametrize("center", [(1, 2), (-1, -2)])
-def test_works_where_a_border_lies_at_zero(center):
+def test_works_with_a_border_at_zero(center):
     grid_map = GridMap((2, 4), 0.5, center, {"elevation": 1.0})
     result = grid_map.get_transformed_map(YAW90, "elevation", "new", 0.5)
     assert result.size == (8, 4)

@@ -119,7 +119,7 @@ def test_senseless_bounds_are_found_before_the_first_map():
 
 @pytest.mark.parametrize("start", [(0, 0), (2, 1)])
 @pytest.mark.parametrize("bits", [8, 16])
-def test_an_image_shows_every_cell_where_it_is(bits, start):
+def test_image_shows_every_cell_at_its_position(bits, start):
     largest = 2**bits - 1
     grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation"])
     grid_map.start_index = start
@@ -209,7 +209,7 @@ def test_cells_grow_and_shrink_between_1_cm_and_9_cm():
 # --- data -----------------------------------------------------------------------------------------
 
 
-def test_the_data_are_what_their_script_makes(tmp_path):
+def test_data_files_equal_the_output_of_their_script(tmp_path):
     made = tmp_path / "data"
     done = Process([sys.executable, str(PACKAGE / "scripts" / "make_data.py"), str(made)])
     assert done.wait() == 0, done.text

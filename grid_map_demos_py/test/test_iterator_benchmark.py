@@ -78,7 +78,7 @@ def test_a_size_that_makes_no_sense_is_refused(word, capsys):
     assert "usage: iterator_benchmark" in capsys.readouterr().err
 
 
-def test_an_interrupt_ends_it_without_a_traceback():
+def test_interrupt_leaves_no_traceback():
     command = [sys.executable, "-m", BENCHMARK, "1500"]
     benchmark = Process(command)
     wait_until(lambda: "larger" in benchmark.text, "the beginning of the table")
@@ -87,7 +87,7 @@ def test_an_interrupt_ends_it_without_a_traceback():
     assert "Traceback" not in benchmark.text
 
 
-def test_it_ends_silently_when_nobody_reads_on():
+def test_closed_pipe_ends_the_command_silently():
     command = f"{sys.executable} -m {BENCHMARK} 3 | true"
     benchmark = Process(["bash", "-o", "pipefail", "-c", command])
     assert benchmark.wait() == 141, benchmark.text

@@ -45,7 +45,7 @@ def test_a_world_has_its_height(world, position, height):
     assert WORLDS[world](x, y) == pytest.approx(height, abs=1e-5)
 
 
-def test_samples_are_those_of_the_cell_centres():
+def test_samples_are_taken_at_cell_centers():
     grid_map = sampled(lambda x, y: 10 * x + y, GridGeometry(np.array([0.6, 0.4]), 0.1))
     x, y = grid_map.get_positions().T
     np.testing.assert_allclose(grid_map["demo"].ravel("F"), 10 * x + y, rtol=1e-6)

@@ -67,7 +67,7 @@ def test_region_grows_cell_by_cell_from_an_empty_map(title):
         assert np.isnan(layer[layer != 1.0]).all()
 
 
-def test_the_regions_are_those_of_cpp():
+def test_regions_equal_cpp():
     assert shown("the whole map").all()
     submap = np.zeros((20, 20), bool)
     submap[3:15, 5:12] = True

@@ -33,7 +33,7 @@ def normals(grid_map: GridMap, prefix: str) -> np.ndarray:
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("seconds", [0.0, 1.7e9])
-def test_the_true_normals_are_those_of_the_heights(shape, seconds):
+def test_true_normals_match_the_heights(shape, seconds):
     grid_map = surface_map(shape, seconds)
     assert grid_map.size == (125, 200)
     # Rows and columns run towards -x and -y.

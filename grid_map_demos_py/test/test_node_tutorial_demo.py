@@ -34,7 +34,7 @@ def recorded() -> GridMap:
     return load_from_bag(RECORDING, "/grid_map")
 
 
-def test_the_wave_is_that_of_cpp(recorded):
+def test_wave_equals_cpp(recorded):
     grid_map = make_map()
     assert grid_map.geometry == recorded.geometry
     add_wave(grid_map, 1e-9 * recorded.timestamp)
@@ -72,7 +72,7 @@ def test_filter_weighs_by_the_distance_to_the_rim(radius):
     np.testing.assert_allclose(means, expected, rtol=1e-6)
 
 
-def test_the_normals_are_those_of_the_wave():
+def test_normals_equal_those_of_the_wave():
     grid_map = make_map()
     add_wave(grid_map, 0.7)
     normals = np.stack([grid_map[f"normal_{axis}"] for axis in "xyz"])
@@ -106,7 +106,7 @@ def test_noise_is_even_and_outliers_are_infinite():
     ("values", "expected"),
     [([3.0, -4.0, np.inf, np.nan], 12.5**0.5), ([np.nan], np.nan), ([], np.nan)],
 )
-def test_the_root_mean_square_is_that_of_the_finite_values(values, expected):
+def test_root_mean_square_skips_values_that_are_not_finite(values, expected):
     assert root_mean_square(np.array(values)) == pytest.approx(expected, nan_ok=True)
 
 

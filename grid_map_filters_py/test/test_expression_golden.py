@@ -72,7 +72,7 @@ def test_an_operand_may_have_a_sign():
     np.testing.assert_array_equal(Expression("a ++ b")(variables), variables["a"] + variables["b"])
 
 
-def test_matrices_may_stand_inside_matrices():
+def test_matrices_may_contain_matrices():
     variables = eigenlab_variables()
     np.testing.assert_array_equal(
         Expression("[a,b]")(variables), np.hstack([variables["a"], variables["b"]])

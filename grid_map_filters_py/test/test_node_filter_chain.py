@@ -85,7 +85,7 @@ def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
 
 
 @pytest.mark.filterwarnings("ignore:.*no finite cell:grid_map_filters_py.FilterWarning")
-def test_results_equal_those_of_the_library(parameters, other_side):
+def test_results_equal_the_library(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     empty = GridMap((2.0, 3.0), 0.5, layers=["elevation"], frame_id="odom")
     worlds = [terrain(), terrain((5, 16), holes=[(0, 0)]), empty]

@@ -33,7 +33,7 @@ def heights(filtered) -> list[float]:
     return [float(result.grid_map["height"][0, 0]) for result in filtered]
 
 
-def test_every_map_goes_through_the_chain():
+def test_every_map_is_filtered():
     maps = [a_map(height) for height in (1.0, 2.0, 3.0)]
     results = list(filter_maps(CHAIN, maps))
     assert [result.index for result in results] == [0, 1, 2]

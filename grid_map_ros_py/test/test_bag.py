@@ -249,7 +249,7 @@ def test_unknown_formats_are_refused(tmp_path, options, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_bag_replaces_a_bag_unless_told_not_to(bag):
+def test_bag_replaces_a_bag_by_default(bag):
     save_to_bag(numbered_map(8), bag, TOPIC)
     assert [number_of(grid_map) for grid_map in bag_maps(bag)] == [8]
     with pytest.raises(BagError, match="there is a bag already"):
@@ -257,7 +257,7 @@ def test_a_bag_replaces_a_bag_unless_told_not_to(bag):
     assert number_of(load_from_bag(bag)) == 8
 
 
-def test_whatever_is_no_bag_is_never_replaced(tmp_path):
+def test_folder_that_is_no_bag_is_never_replaced(tmp_path):
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.txt"):
         save_to_bag(numbered_map(1), tmp_path, TOPIC)
@@ -285,7 +285,7 @@ def test_an_empty_folder_becomes_the_bag(tmp_path):
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
 
 
-def test_without_the_package_the_error_says_what_to_install(tmp_path, monkeypatch):
+def test_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(MissingPackageError, match="pip install mcap"):
         save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
@@ -392,7 +392,7 @@ def test_database_has_the_tables_and_rows_of_rosbag2(tmp_path):
         assert yaml.safe_load(metadata) == stored["rosbag2_bagfile_information"]
 
 
-def test_the_definition_is_that_of_the_recordings_but_for_comments():
+def test_definition_equals_the_recordings_except_comments():
     summary = mcap_reader.make_reader((DATA / "cpp_tutorial_outputs.mcap").open("rb")).get_summary()
     (recorded_one,) = (s for s in summary.schemas.values() if s.name == GRID_MAP_TYPE)
 
@@ -427,7 +427,7 @@ def test_type_hash_equals_the_one_rosbags_computes():
         ("cpp_move_sqlite/cpp_move_sqlite_0.db3", "cpp_move", "grid_map"),
     ],
 )
-def test_maps_that_cpp_recorded_are_those_that_rclpy_reads(path, recording, topic):
+def test_recorded_cpp_maps_equal_those_read_by_rclpy(path, recording, topic):
     expected = recorded(recording, topic, GridMapMessage)
     with BagReader(DATA / path, f"/{topic}") as reader:
         assert [record.data for record in reader] == [one.raw for one in expected]

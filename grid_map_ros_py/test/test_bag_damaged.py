@@ -102,7 +102,7 @@ def test_a_chunk_of_an_absurd_size_is_refused(path, size):
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
-def test_compressed_data_is_only_unpacked_as_far_as_it_goes(path, compression):
+def test_decompression_stops_at_the_claimed_size(path, compression):
     packages = {"lz4": "lz4.frame", "zstd": "zstandard"}
     package = pytest.importorskip(packages[compression])
     packed = package.compress(bytes(1000))

@@ -55,7 +55,7 @@ def height(made: CloudMapper, x: float, y: float) -> float:
     return float(grid_map["elevation"][grid_map.get_index((x, y))])
 
 
-def test_a_cloud_goes_where_the_robot_was(reports: list[str]) -> None:
+def test_cloud_is_placed_at_the_pose_of_the_robot(reports: list[str]) -> None:
     made = mapper(history(pose(1, 10.0, 20.0, math.pi / 2), pose(2, 90.0)), reports)
     assert made.add(cloud(1, (2.5, 0.5, 7.0)))
     assert height(made, 9.5, 22.5) == 7.0
@@ -218,7 +218,7 @@ def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
     assert reports == ["dropped a cloud: fields: expected one called 'rgb', found ['x', 'y', 'z']"]
 
 
-def test_statistics_tell_in_a_line_what_became_of_the_clouds(reports: list[str]) -> None:
+def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:
     made = mapper(NoPoses("odom"), reports, follow=False)
     made.add(cloud(1, (0, 0, 0), (1, 1, 1), frame="odom"))
     made.add(cloud(1, frame="lidar"))

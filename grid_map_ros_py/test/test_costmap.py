@@ -52,7 +52,7 @@ TO_COSTMAP = cases("to_costmap")
 FROM_COSTMAP = [case for _, case in cases("from_costmap")]
 
 
-def test_costmaps_equal_those_of_cpp() -> None:
+def test_costmaps_equal_cpp() -> None:
     compared = [(m, case) for m, case in TO_COSTMAP if case["data_min"] != case["data_max"]]
     assert len(compared) == 12
     for grid_map, case in compared:
@@ -76,7 +76,7 @@ def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
 
 
 @pytest.mark.parametrize("read", [lambda message: message, PyCostmap2D])
-def test_maps_equal_those_of_cpp(read: Any) -> None:
+def test_maps_equal_cpp(read: Any) -> None:
     assert len(FROM_COSTMAP) == 16
     for case in FROM_COSTMAP:
         grid_map, expected = from_costmap(read(to_message(case["costmap"])), "cost"), case["result"]
@@ -109,7 +109,7 @@ def test_costmap_begins_at_smallest_x_and_y(grid_map: GridMap) -> None:
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(grid_maps())
-def test_a_map_comes_back_where_it_was_with_its_costs(grid_map: GridMap) -> None:
+def test_costmap_round_trip_keeps_position_and_costs(grid_map: GridMap) -> None:
     message = to_costmap(grid_map, "elevation", -1000.0, 1000.0)
     received = from_costmap(message, "cost")
     assert (received.size, received.resolution) == (grid_map.size, grid_map.resolution)
@@ -207,7 +207,7 @@ def test_a_py_costmap_that_makes_no_sense_is_refused(name: str, value: object) -
         from_costmap(costmap, "cost")
 
 
-def test_without_nav2_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_nav2_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nav2_msgs.msg", None)
     with pytest.raises(
         MissingPackageError, match=r"to_costmap needs the package 'nav2_msgs'.*nav2-m"

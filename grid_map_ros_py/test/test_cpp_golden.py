@@ -53,7 +53,7 @@ def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
             to_occupancy_grid(grid_map, case["layer"], case["data_min"], case["data_max"])
 
 
-def test_basic_layers_are_only_those_sent_unlike_cpp() -> None:
+def test_basic_layers_include_sent_layers_only_unlike_cpp() -> None:
     compared = cases("to_message_layers_full")
     assert len(compared) == 4
     for grid_map, case in compared:

@@ -21,7 +21,7 @@ def centers(message: GridCells) -> list[list[float]]:
 
 
 @pytest.mark.parametrize(("grid_map", "case"), cases("to_grid_cells"))
-def test_cells_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+def test_grid_cells_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     sent = to_grid_cells(grid_map, case["layer"], case["lower"], case["upper"])
     message = deserialize_message(serialize_message(sent), GridCells)
     assert_header(message.header, case["header"])
@@ -32,7 +32,7 @@ def test_cells_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str,
 
 @settings(max_examples=40)
 @given(grid_maps())
-def test_cells_are_those_with_finite_values_between_the_bounds(grid_map: GridMap) -> None:
+def test_grid_cells_have_finite_values_between_bounds(grid_map: GridMap) -> None:
     expected = [
         [*grid_map.get_position((row, column)), 0.0]
         for column in range(grid_map.size[1])
@@ -51,7 +51,7 @@ def test_serialized_cells_are_the_same_message(grid_map: GridMap) -> None:
 
 
 @pytest.mark.parametrize("shape", [(130, 151), (9001, 2), (2, 9001)])
-def test_cells_of_a_large_map_are_those_between_the_bounds(shape: tuple[int, int]) -> None:
+def test_grid_cells_of_large_map_are_between_bounds(shape: tuple[int, int]) -> None:
     values = np.random.default_rng(1).random(shape, np.float32)
     grid_map = moved_in_buffer(GridMap(shape, 1.0, layers={"e": values}), (1, 1))
     data = to_serialized_grid_cells(grid_map, "e", 0.25, 0.5)

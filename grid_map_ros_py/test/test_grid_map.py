@@ -159,7 +159,7 @@ def test_lengths_are_rounded_to_whole_cells() -> None:
 @pytest.mark.parametrize(
     ("grid_map", "case"), cases("to_message") + cases("to_message_layers_full")
 )
-def test_messages_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+def test_messages_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     expected = case.get("message", case)
     grid_map.basic_layers = [n for n in expected["basic_layers"] if n in grid_map]
     message = over_the_wire(to_message(grid_map, expected["layers"]))
@@ -179,7 +179,7 @@ def test_messages_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[s
 
 
 @pytest.mark.parametrize(("grid_map", "case"), cases("from_message"))
-def test_maps_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+def test_maps_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     grid_map.basic_layers = case["result"]["basic_layers"]
     expected = to_map(case["result"])
     received = from_message(to_message(grid_map), unwrap=False)

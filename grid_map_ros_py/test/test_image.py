@@ -129,7 +129,7 @@ def test_the_grey_of_rgb_images_follows_their_order() -> None:
         np.testing.assert_allclose(gray, luma, atol=0.51)
 
 
-def test_color_images_become_the_layers_that_their_order_tells() -> None:
+def test_color_layers_follow_the_channel_order_of_images() -> None:
     assert len(COLOR_IMAGES) == 16
     for grid_map, case in COLOR_IMAGES:
         add_color_layer_from_image(grid_map, to_message(case["color_image"]))
@@ -196,7 +196,7 @@ def test_first_byte_of_pixel_follows_the_encoding() -> None:
     assert list(to_color_image(red, encoding="rgb16").data) == [255, 255, 0, 0, 0, 0]
 
 
-def test_frame_time_and_place_are_those_of_message_and_arguments() -> None:
+def test_frame_time_and_position_come_from_message_and_arguments() -> None:
     sent = GridMap((1, 2), 1.0, layers={"e": 1.0}, frame_id="odom", timestamp=5_000_000_007)
     received = from_image(to_image(sent, "e", "mono8"), "e", 0.25, position=(3.0, -1.0))
     assert (received.frame_id, received.timestamp) == ("odom", 5_000_000_007)
@@ -312,7 +312,7 @@ def test_bounds_that_make_no_sense_are_refused() -> None:
         to_image(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", "mono8", 1.0, math.nan)
 
 
-def test_all_usual_encodings_and_those_that_foxglove_shows_are_there() -> None:
+def test_encodings_include_all_that_foxglove_shows() -> None:
     foxglove = {
         "mono8",
         "8UC1",

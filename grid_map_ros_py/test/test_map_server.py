@@ -40,7 +40,7 @@ def test_a_length_of_zero_asks_for_the_whole_map(server: MapServer, frame_id: st
     assert_maps_equal(from_message(message), sample_map())
 
 
-def test_a_part_is_what_the_rectangle_overlaps(server: MapServer) -> None:
+def test_part_has_the_cells_that_overlap_the_rectangle(server: MapServer) -> None:
     part = from_message(server.part("odom", (1.0, -2.0), (0.9, 0.4)))
     assert_maps_equal(part, sample_map().get_submap((1.0, -2.0), (0.9, 0.4)))
     assert part.size == (3, 2)
@@ -74,7 +74,7 @@ def test_a_request_that_makes_no_sense_is_refused(
         server.part(frame_id, position, length, layers)
 
 
-def test_the_information_is_that_of_the_map(server: MapServer) -> None:
+def test_info_equals_the_map(server: MapServer) -> None:
     info = server.info()
     assert (info.resolution, info.length_x, info.length_y) == (0.5, 1.5, 2.0)
     assert (info.pose.position.x, info.pose.position.y) == (1.0, -2.0)

@@ -60,7 +60,7 @@ def test_loader_keeps_the_map_for_its_duration():
     ],
     ids=["damaged", "topic"],
 )
-def test_the_loader_ends_with_one_message_if_it_cannot_load(tmp_path, damage, parameters, message):
+def test_failing_loader_prints_one_message(tmp_path, damage, parameters, message):
     bag = tmp_path / "bag.mcap"
     bag.write_bytes(damage((DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap").read_bytes()))
     assert_fails(start_node(LOADER, *arguments(file_path=bag, **parameters)), message)
@@ -115,7 +115,7 @@ def test_failing_saver_ends_with_one_message(tmp_path, monkeypatch, parameters, 
     assert_fails(start_node(SAVER, *arguments(**parameters)), message)
 
 
-def test_a_map_goes_from_bag_to_bag_through_both_nodes(tmp_path):
+def test_map_passes_from_bag_to_bag_through_both_nodes(tmp_path):
     save_to_bag(numbered_map(4), tmp_path / "one", TOPIC)
     with running_node(LOADER, *arguments(file_path=tmp_path / "one")):
         saver = start_node(SAVER, *arguments(file_path=tmp_path / "two"))

@@ -52,7 +52,7 @@ def interrupt_until_it_ends(process: Process) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("habit", ["idle", "busy", "slow"])
-def test_a_signal_ends_the_node_in_peace_whatever_it_does(
+def test_signal_ends_the_node_with_exit_code_0(
     start: Start, habit: str, number: signal.Signals
 ) -> None:
     process = start("living.py", habit)
@@ -84,7 +84,7 @@ def test_interrupt_during_imports_leaves_no_traceback() -> None:
     assert process.lines == []
 
 
-def test_no_executor_is_left_that_complains_when_it_is_collected() -> None:
+def test_executor_is_shut_down_before_collection() -> None:
     process = Process([sys.executable, "-c", RUN_ONCE])
     try:
         assert process.wait() == 0

@@ -34,7 +34,7 @@ def to_grid(described: dict[str, Any]) -> OccupancyGrid:
 
 
 @pytest.mark.parametrize(("grid_map", "case"), cases("to_occupancy_grid"))
-def test_grids_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+def test_occupancy_grids_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     arguments = (grid_map, case["layer"], case["data_min"], case["data_max"])
     if case["data_min"] == case["data_max"]:
         with pytest.raises(MessageError, match="data_min, data_max: expected two different"):
@@ -51,7 +51,7 @@ def test_grids_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str,
 
 
 @pytest.mark.parametrize("case", [case for _, case in cases("from_occupancy_grid")])
-def test_maps_equal_those_of_the_cpp_library(case: dict[str, Any]) -> None:
+def test_maps_equal_cpp(case: dict[str, Any]) -> None:
     grid_map, expected = from_occupancy_grid(to_grid(case["grid"]), "occ"), to_map(case["result"])
     assert (grid_map.size, grid_map.start_index) == (expected.size, (0, 0))
     assert (grid_map.frame_id, grid_map.timestamp) == (expected.frame_id, expected.timestamp)
@@ -86,7 +86,7 @@ def test_grid_begins_at_smallest_x_and_y(grid_map: GridMap) -> None:
 
 @settings(max_examples=40)
 @given(grid_maps())
-def test_a_map_comes_back_where_it_was_with_its_occupancies(grid_map: GridMap) -> None:
+def test_occupancy_grid_round_trip_keeps_position_and_values(grid_map: GridMap) -> None:
     message = over_the_wire(to_occupancy_grid(grid_map, "elevation", -1000.0, 1000.0))
     received = from_occupancy_grid(message, "occupancy")
     assert received.size == grid_map.size

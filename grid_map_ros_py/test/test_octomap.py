@@ -68,7 +68,7 @@ def test_there_are_trees_of_leaves_of_several_sizes() -> None:
 
 
 @pytest.mark.parametrize(("case", "form"), FORMS)
-def test_occupied_voxels_are_those_that_octomap_finds(case: dict[str, Any], form: str) -> None:
+def test_occupied_voxels_equal_octomap(case: dict[str, Any], form: str) -> None:
     found = to_voxels(octomap_to_points(read(case, form)), case["resolution"])
     assert len(found) == len(set(found))
     assert set(found) == voxels(case["leaves"], case["resolution"], occupied=True)
@@ -197,7 +197,7 @@ def test_large_leaf_is_as_high_as_its_highest_voxel() -> None:
     np.testing.assert_array_equal(np.unique(cut["elevation"][:, 10:]), [1.25])
 
 
-def test_frame_and_time_are_those_of_the_message() -> None:
+def test_frame_and_time_come_from_the_message() -> None:
     octomap = read(CASES[0], "full")
     octomap.header.frame_id, octomap.header.stamp.sec = "map", 3
     grid_map = from_octomap(octomap)
@@ -269,7 +269,7 @@ def test_a_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> N
     assert peak < 1e6 + 300 * len(octomap.data)
 
 
-def test_voxels_that_nobody_could_hold_are_refused() -> None:
+def test_excessive_number_of_voxels_is_refused() -> None:
     with pytest.raises(
         MessageError, match=r"data: expected at most 8388608 occupied voxels, found"
     ):

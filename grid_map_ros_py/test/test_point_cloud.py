@@ -33,7 +33,7 @@ def points(cloud: PointCloud2) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("grid_map", "case"), cases("to_point_cloud"))
-def test_clouds_equal_those_of_the_cpp_library(grid_map: GridMap, case: dict[str, Any]) -> None:
+def test_point_clouds_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     grid_map.basic_layers = case["basic_layers"]
     cloud = to_point_cloud(grid_map, case["point_layer"], case["layers"])
     expected = case["cloud"]
@@ -121,7 +121,7 @@ def test_colors_keep_their_bits_under_the_name_that_viewers_know() -> None:
 
 
 @pytest.mark.parametrize("layers", [["rgb", "elevation"], ["color", "elevation", "rgb"]])
-def test_a_layer_called_rgb_is_carried_as_it_is(layers: list[str]) -> None:
+def test_layer_called_rgb_is_unchanged(layers: list[str]) -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"color": 1.0, "rgb": 2.0, "elevation": 0.0})
     cloud = to_point_cloud(grid_map, "elevation", layers)
     assert set(names(cloud)) == {*layers, "x", "y", "z"} - {"elevation"}

@@ -55,7 +55,7 @@ def test_the_message_equals_that_of_cpp() -> None:
     ],
     ids=["line", "triangles"],
 )
-def test_markers_equal_those_of_cpp(marker: Marker, expected: dict[str, Any]) -> None:
+def test_markers_equal_cpp(marker: Marker, expected: dict[str, Any]) -> None:
     assert_header(marker.header, expected["header"])
     assert (marker.type, marker.action) == (expected["type"], expected["action"])
     scale, lifetime = marker.scale, marker.lifetime
@@ -66,7 +66,7 @@ def test_markers_equal_those_of_cpp(marker: Marker, expected: dict[str, Any]) ->
     assert {(c.r, c.g, c.b, c.a) for c in marker.colors} == {RED}
 
 
-def test_everything_that_cpp_made_of_a_polygon_is_compared() -> None:
+def test_every_polygon_message_of_cpp_is_compared() -> None:
     assert set(GOLDEN) == {"vertices", "message", "line_marker", "triangle_list_marker"}
 
 
@@ -80,7 +80,7 @@ def test_a_polygon_of_float32_survives_the_way_through_a_message(polygon: Polygo
 
 
 @given(polygons)
-def test_the_triangles_are_those_of_the_polygon(polygon: Polygon) -> None:
+def test_triangles_equal_triangulate(polygon: Polygon) -> None:
     marker = to_triangle_list_marker(polygon)
     expected = [[*corner, 0.0] for part in polygon.triangulate() for corner in part.vertices]
     assert xyz(marker.points) == expected

@@ -68,7 +68,7 @@ def test_pose_maps_axes_of_robot_into_map() -> None:
     np.testing.assert_allclose(matrix @ (3, 0, 0.5, 1), (1, 5, 0.5, 1), atol=1e-12)
 
 
-def test_roll_pitch_and_yaw_are_those_of_urdf() -> None:
+def test_roll_pitch_and_yaw_follow_urdf() -> None:
     # First about the fixed x axis, then y, then z.
     turn = from_xyz_rpy((0, 0, 1), (math.pi / 2, 0, math.pi / 2))
     np.testing.assert_allclose(turn @ (0, 1, 0, 1), (0, 0, 2, 1), atol=1e-12)
@@ -153,7 +153,7 @@ def test_a_cloud_from_before_the_first_pose_is_refused() -> None:
         history(pose(1), pose(2), pose(3), limit=1).at(SECOND)
 
 
-def test_time_that_begins_anew_forgets_what_was() -> None:
+def test_time_reset_drops_earlier_poses() -> None:
     known = history(pose(100, 1.0), pose(101, 1.0), pose(5, 9.0))
     assert known.at(100 * SECOND) is None
     found = known.at(5 * SECOND)
@@ -175,7 +175,7 @@ def test_the_sensor_sits_somewhere_on_the_robot() -> None:
     np.testing.assert_array_equal(placement.center, (10, 20))
 
 
-def test_a_cloud_in_the_map_frame_stays_where_it_is() -> None:
+def test_cloud_in_the_map_frame_is_not_transformed() -> None:
     placement = history(pose(1, 10.0, 20.0)).place("odom", SECOND)
     assert placement is not None
     np.testing.assert_array_equal(placement.transform, np.eye(4))
@@ -239,7 +239,7 @@ def tf2(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("tf2")
 @pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
-def test_tf_tells_where_cloud_and_robot_are(robot_frame: str, x: float) -> None:
+def test_tf_gives_poses_of_cloud_and_robot(robot_frame: str, x: float) -> None:
     assert has_tf()
     poses = TfPoses(None, "map", robot_frame)
     assert poses.place("lidar", SECOND - 1) is None

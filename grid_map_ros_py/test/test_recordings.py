@@ -45,7 +45,7 @@ def assert_is_recorded(message: Any, published: Recorded) -> None:
 
 
 @pytest.mark.parametrize(("file", "topic"), MAPS)
-def test_every_map_is_sent_again_as_it_was_received(file: str, topic: str) -> None:
+def test_every_map_is_republished_unchanged(file: str, topic: str) -> None:
     for published in recorded(file, topic, GridMapMessage):
         sent = to_message(from_message(published.message, unwrap=False))
         assert_is_recorded(sent, published)
@@ -80,7 +80,7 @@ def test_a_map_is_the_same_world_unwrapped_or_not() -> None:
         ("filtered_points", "elevation_filtered"),
     ],
 )
-def test_point_clouds_are_those_that_cpp_published(topic: str, layer: str) -> None:
+def test_point_clouds_equal_the_cpp_recording(topic: str, layer: str) -> None:
     (published,) = recorded(TUTORIAL, topic, PointCloud2)
     cloud = to_point_cloud(only_map(TUTORIAL, "grid_map"), layer)
     assert_is_recorded(cloud, published)
@@ -95,7 +95,7 @@ def test_point_clouds_are_those_that_cpp_published(topic: str, layer: str) -> No
         (FILTERS, "filtered_map", "traversability_grid", "traversability", 0.0, 1.0),
     ],
 )
-def test_occupancy_grids_are_those_that_cpp_published(
+def test_occupancy_grids_equal_the_cpp_recording(
     file: str,
     map_topic: str,
     topic: str,
@@ -127,7 +127,7 @@ def test_occupancy_grids_of_moving_map_equal_cpp() -> None:
     assert compared > 20
 
 
-def test_grid_cells_are_those_that_cpp_published() -> None:
+def test_grid_cells_equal_the_cpp_recording() -> None:
     (published,) = recorded(TUTORIAL, "elevation_cells", GridCells)
     cells = to_grid_cells(only_map(TUTORIAL, "grid_map"), "elevation", -0.08, 0.0)
     assert_is_recorded(cells, published)

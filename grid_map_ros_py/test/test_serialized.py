@@ -40,7 +40,7 @@ def buffers_equal(actual: GridMap, expected: GridMap) -> bool:
 
 @settings(max_examples=60)
 @given(maps, st.none() | st.sets(st.sampled_from(["elevation", "color"])))
-def test_the_bytes_are_those_of_rclpy(grid_map: GridMap, layers: set[str] | None) -> None:
+def test_bytes_equal_rclpy(grid_map: GridMap, layers: set[str] | None) -> None:
     assert_encodes(to_serialized_message(grid_map, layers), to_message(grid_map, layers))
 
 
@@ -159,7 +159,7 @@ def test_layers_that_are_not_there_are_named() -> None:
         from_serialized_message(to_serialized_message(sample_map()), ["slope"])
 
 
-def test_a_received_map_tells_what_it_is_without_being_decoded() -> None:
+def test_received_map_has_its_facts_without_decoding() -> None:
     data = to_serialized_message(GridMap((30.0, 20.0), 0.1, layers=["a", "b"], frame_id="odom"))
 
     def look() -> ReceivedMap:
@@ -211,7 +211,7 @@ def test_bytes_that_end_too_early_are_refused_wherever_they_end() -> None:
             from_serialized_message(data[:length])
 
 
-def test_the_error_tells_what_is_cut_off() -> None:
+def test_error_names_the_truncated_part() -> None:
     data = to_serialized_message(sample_map())
     with pytest.raises(MessageError) as error:
         from_serialized_message(data[:-8])

@@ -73,7 +73,7 @@ def test_values_beyond_the_bounds_have_the_colors_of_the_ends():
         ({"lower": 0, "upper": 9}, (1, 3), (0, 9)),
     ],
 )
-def test_bounds_are_given_or_those_of_the_finite_values(given_bounds, numbers, expected):
+def test_default_bounds_are_the_range_of_finite_values(given_bounds, numbers, expected):
     assert ColorScale(**given_bounds).bounds(values(*numbers)) == expected
 
 
@@ -99,7 +99,7 @@ def test_flat_coloring_gives_one_color_to_every_cell():
     assert Coloring("flat", color=0x010203)(values(5, np.nan)).tolist() == [[1, 2, 3]] * 2
 
 
-def test_names_are_those_of_matplotlib_without_the_reversed_ones():
+def test_names_equal_matplotlib_without_reversed_ones():
     names = color_map_names()
     assert {"viridis", "turbo", "gist_earth", "gray"} <= {*names} <= {*matplotlib.colormaps}
     assert not [name for name in names if name.endswith("_r")]
@@ -124,7 +124,7 @@ def test_mistake_is_one_error_that_names_the_parameter(parameters, words):
         assert word in str(caught.value)
 
 
-def test_error_without_matplotlib_says_what_to_install(monkeypatch):
+def test_error_without_matplotlib_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     colormaps._table.cache_clear()
     with pytest.raises(MissingPackageError, match=r"color map needs .*'matplotlib'.*install pyth"):

@@ -126,12 +126,12 @@ def test_interval_that_is_far_too_small_is_an_error():
         drawn(slope(), interval=1e-5)
 
 
-def test_missing_layer_is_named_beside_those_that_exist():
+def test_error_of_missing_layer_lists_existing_layers():
     with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
         drawn(slope(), layer="a")
 
 
-def test_error_without_contourpy_says_what_to_install(monkeypatch):
+def test_error_without_contourpy_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "contourpy", None)
     with pytest.raises(
         ConfigError, match=r"visualization 'a' .*contours needs .*'contourpy'.*install"

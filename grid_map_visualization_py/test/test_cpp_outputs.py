@@ -63,7 +63,7 @@ def test_every_output_is_equal_byte_by_byte(recording, name):
 
 
 @pytest.mark.parametrize(("recording", "name"), OUTPUTS)
-def test_publishers_accept_what_visualizations_return(recording, name):
+def test_publishers_accept_messages_of_all_visualizations(recording, name):
     message_type, actual = visualized(recording, name)
     assert isinstance(actual, bytes) or len(serialize_message(actual)) > 0
     assert isinstance(actual, bytes | message_type)

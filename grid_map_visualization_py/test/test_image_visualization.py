@@ -65,6 +65,6 @@ def test_packed_colors_in_the_order_of_the_encoding(encoding, expected):
     assert message.encoding == encoding
 
 
-def test_missing_layer_is_named_beside_those_that_exist():
+def test_error_of_missing_layer_lists_existing_layers():
     with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: b"):
         drawn(GridMap((1, 1), 1.0, layers=["b"]), layer="a")

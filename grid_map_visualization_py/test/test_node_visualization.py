@@ -114,7 +114,7 @@ def test_parameter_file_of_the_cpp_node_gives_its_outputs(peer):
         assert peer.received[name][0] == recorded(f"cpp_tutorial/{name}", message_type), name
 
 
-def test_node_subscribes_while_somebody_listens(peer, parameters):
+def test_node_subscribes_while_outputs_have_subscribers(peer, parameters):
     with running_node(MODULE, *parameters(**two_outputs(grid_map_topic="/terrain"))):
         peer.wait_until(lambda: peer.node.count_publishers("region"), "the outputs")
         assert not is_watched(peer, "/terrain")
@@ -163,7 +163,7 @@ def test_late_listener_gets_the_map_published_before(peer, parameters, transient
         peer.expect("grid")
 
 
-def test_listeners_are_noticed_where_the_middleware_does_not_tell(peer, parameters):
+def test_subscribers_are_noticed_without_middleware_events(peer, parameters):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
     often = parameters(**two_outputs(transient_local=True, activity_check_rate=10))

@@ -235,7 +235,7 @@ def test_page_names_senseless_bounds_and_uses_valid_ones(page):
     page.wait_for_colors(*COOLWARM)
 
 
-def test_a_click_tells_the_values_of_the_cell(page, node):
+def test_click_shows_the_values_of_the_cell(page, node):
     # The view is at the middle of the map.
     page.click(0.5, 0.5)
     page.wait_for(lambda: "cell" in page.values(), "the readout")
@@ -268,7 +268,7 @@ def test_one_color_needs_no_layer(page):
     page.wait_for_colors(*COOLWARM)
 
 
-def test_the_view_goes_after_a_map_that_has_left_it(page, publish):
+def test_view_follows_a_map_that_left_it(page, publish):
     far, here = slope(), slope()
     far.position, far.frame_id = (100.0, -40.0), "far"
     for grid_map in (far, here):

@@ -63,7 +63,7 @@ def test_colors_lie_at_their_positions_in_the_map_frame(corner_map, start, shade
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
 
 
-def test_color_bar_tells_layer_and_bounds(corner_map):
+def test_color_bar_shows_layer_and_bounds(corner_map):
     axes = plot(corner_map, "a", flat_axes(), lower=-1, label="height [m]", title="A map")
     (bar,) = [other for other in axes.figure.axes if other is not axes]
     assert bar.get_ylabel() == "height [m]"
@@ -216,7 +216,7 @@ def test_surface_of_too_few_cells_is_an_error(corner_map):
         plot_3d(corner_map, "a", flat_axes(projection="3d"), max_cells=3)
 
 
-def test_current_axes_are_those_of_pyplot(corner_map):
+def test_plot_uses_the_current_axes_of_pyplot(corner_map):
     matplotlib.use("agg")
     from matplotlib import pyplot
 

@@ -19,7 +19,7 @@ def holey_map() -> GridMap:
     return GridMap((3, 1), 1.0, layers={"elevation": [[1.0], [np.nan], [3.0]]})
 
 
-def test_point_cloud_shows_elevation_unless_told_otherwise():
+def test_point_cloud_shows_elevation_by_default():
     assert points(PointCloudVisualization()(holey_map())).tolist() == [[1, 0, 1], [-1, 0, 3]]
 
 

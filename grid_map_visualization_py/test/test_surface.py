@@ -200,7 +200,7 @@ def test_packed_colors_are_shown_unchanged_and_gray_where_missing():
 
 
 @pytest.mark.parametrize("params", [{"height_layer": "a"}, {"color_layer": "a"}])
-def test_missing_layer_is_named_beside_those_that_exist(params):
+def test_error_of_missing_layer_lists_existing_layers(params):
     grid_map = GridMap((2, 2), 1.0, layers=["elevation"])
     with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
         drawn(grid_map, **params)

@@ -81,7 +81,7 @@ def test_marker_has_frame_time_width_and_opaque_colors():
 
 
 @pytest.mark.parametrize("missing", LAYERS)
-def test_missing_layer_is_named_beside_those_that_exist(missing):
+def test_error_of_missing_layer_lists_existing_layers(missing):
     grid_map = GridMap((1, 1), 1.0, layers=[name for name in LAYERS if name != missing])
     with pytest.raises(LayerNotFoundError, match=rf"no layer '{missing}'; available: \w+, \w+"):
         drawn(grid_map)

@@ -94,7 +94,7 @@ def test_only_the_layers_that_are_shown_are_needed():
 # --- surface --------------------------------------------------------------------------------------
 
 
-def test_the_surface_reaches_the_browser_as_it_is(hill):
+def test_surface_reaches_the_browser_unchanged(hill):
     settings = Settings(height_layer="elevation", opacity=0.5, shaded=False)
     scene = make_scene(hill, settings)
     document, (vertices, colors, faces) = read_glb(scene.glb)
@@ -239,7 +239,7 @@ def legend_colors(text: str) -> list[tuple[int, ...]]:
     return [tuple(map(int, rgb)) for rgb in re.findall(r"rgb\((\d+),(\d+),(\d+)\)", text)]
 
 
-def test_colors_on_the_screen_are_those_that_chromium_has_shown():
+def test_screen_colors_equal_those_recorded_in_chromium():
     viridis = np.array([[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]], np.uint8)
     seen = np.array([[48, 0, 72], [230, 220, 100]])
     np.testing.assert_allclose(on_screen(viridis).astype(int), seen, atol=2)
@@ -264,7 +264,7 @@ def test_view_aims_at_the_center_of_the_map(hill):
         ((0.0, 0.0, 0.0), 0.3, True),
     ],
 )
-def test_view_loses_maps_beside_it_or_of_another_scale(shift, scale, is_lost):
+def test_view_excludes_distant_maps_and_other_scales(shift, scale, is_lost):
     place, offset = np.array([5e5, -100.0, 2.0]), np.array([0.0, -0.6, 0.8])
     before = View(place + offset, place)
     after = View(place + shift + scale * offset, place + shift)
@@ -362,7 +362,7 @@ def test_only_addresses_of_this_machine_need_no_warning(host, expected):
     assert is_loopback(host) == expected
 
 
-def test_the_address_can_be_opened_as_it_is_printed():
+def test_printed_address_can_be_opened():
     assert url_of("127.0.0.1", 8080) == "http://127.0.0.1:8080"
     assert url_of("::1", 80) == "http://[::1]:80"
     assert url_of("0.0.0.0", 80) == url_of("::", 80) == f"http://{socket.gethostname()}:80"
@@ -371,7 +371,7 @@ def test_the_address_can_be_opened_as_it_is_printed():
 # --- time -----------------------------------------------------------------------------------------
 
 
-def test_the_rate_is_that_of_the_last_seconds():
+def test_rate_covers_the_last_seconds():
     rate = MapRate(window=3.0)
     assert (rate.rate(0.0), rate.age(0.0)) == (0.0, math.inf)
     for k in range(40):
@@ -398,7 +398,7 @@ def test_a_map_is_loaded_while_the_one_before_is_shown():
     assert slots.load(replaces=False) == first
 
 
-def test_older_maps_stay_as_long_as_the_history_goes_back():
+def test_older_maps_stay_within_the_history():
     slots = Slots()
     for _ in range(5):
         slots.load(replaces=False)
@@ -413,7 +413,7 @@ def test_older_maps_stay_as_long_as_the_history_goes_back():
     assert slots.shown == [redrawn]
 
 
-def test_what_was_never_shown_gives_way():
+def test_map_never_shown_is_dropped_first():
     slots = Slots()
     slots.load(replaces=False)
     slots.turn(2)

@@ -80,7 +80,7 @@ def test_parameters_become_fields_of_their_type(type_name, params, expected):
         assert getattr(made, name) == value
 
 
-def test_defaults_are_those_of_the_upstream_node():
+def test_defaults_equal_the_upstream_node():
     assert create("a", {"type": "vectors", "params": VECTORS}) == VectorsVisualization(
         **VECTORS, scale=1.0, line_width=0.003, color=65280
     )
