@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_filters`: runs a filter chain on every map of a topic.
 
-The parameters of the chain can be set while the node runs; those above cannot. A new chain is built
-first. If that fails, the reason is the answer, and everything stays as it was.
+The parameters of the chain can be set while the node runs. The node builds the new chain first; if
+that fails, it refuses the change with the reason and keeps the old chain.
 
-Besides the map it publishes `diagnostic_msgs/DiagnosticArray` on `/diagnostics` while somebody
-listens: maps in, out and dropped, why the last one was, and the milliseconds of the last map, of
-the mean and of the longest, by filter.
+While there are subscribers, the node also publishes `diagnostic_msgs/DiagnosticArray` on
+`/diagnostics`: numbers of maps in, out and dropped, the last error, and the last, mean and maximum
+duration of each filter [ms].
 """
 
 import array
@@ -45,7 +45,7 @@ NODE_NAME = "grid_map_filters"
 
 @dataclass
 class Statistics:
-    """Counters of a node."""
+    """Numbers of maps, the last error and the durations of the steps of a node."""
 
     maps_in: int = 0
     maps_out: int = 0
@@ -54,25 +54,19 @@ class Statistics:
     last_error: str = ""
     times: StepTimes = field(default_factory=StepTimes)
 
-    def count_dropped(self, error: Exception) -> None:
-        """Count a map that could not be filtered."""
-        self.maps_dropped += 1
-        self.last_was_dropped = True
-        self.last_error = str(error)
-
-    def count_out(self) -> None:
-        """Count a map that was filtered."""
-        self.maps_out += 1
-        self.last_was_dropped = False
-
     def to_status(self, name: str) -> DiagnosticStatus:
         """Return the statistics as a diagnostic message."""
+        milliseconds = {"ms": self.times.last, "mean ms": self.times.mean}
+        for time in self.times:
+            milliseconds[f"ms {time.config.name}"] = time.last
+            milliseconds[f"mean ms {time.config.name}"] = time.mean
+            milliseconds[f"max ms {time.config.name}"] = time.longest
         values = {
             "maps in": str(self.maps_in),
             "maps out": str(self.maps_out),
             "maps dropped": str(self.maps_dropped),
             "last error": self.last_error,
-            **self._milliseconds(),
+            **{key: f"{value:.3f}" for key, value in milliseconds.items()},
         }
         return DiagnosticStatus(
             level=DiagnosticStatus.WARN if self.last_was_dropped else DiagnosticStatus.OK,
@@ -81,17 +75,6 @@ class Statistics:
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
 
-    def _milliseconds(self) -> dict[str, str]:
-        values = {"ms": self.times.last, "mean ms": self.times.mean}
-        for time in self.times:
-            name = time.config.name
-            values |= {
-                f"ms {name}": time.last,
-                f"mean ms {name}": time.mean,
-                f"max ms {name}": time.longest,
-            }
-        return {key: f"{value:.3f}" for key, value in values.items()}
-
 
 class FilterChainNode(Node):
     """Subscribes to maps, filters them and publishes the results."""
@@ -99,8 +82,8 @@ class FilterChainNode(Node):
     def __init__(self) -> None:
         # A filter that is added while the node runs brings parameters that are not declared.
         super().__init__(NODE_NAME, allow_undeclared_parameters=True)
-        topic = _read_topic(self, "input_topic", "/grid_map", "topic of the incoming maps")
-        output = _read_topic(self, "output_topic", "/filtered_map", "filtered maps go there")
+        topic = self._read_topic("input_topic", "/grid_map", "topic of the incoming maps")
+        output = self._read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
         self._chain = FilterChain.from_config(self._read_chain())
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()
@@ -110,13 +93,20 @@ class FilterChainNode(Node):
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
         about = "time between two reports on `/diagnostics` [s]"
         period = read_positive(self, "diagnostics_period", 1.0, description=about)
-        self._report_diagnostics(period)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        # A steady clock reports also while a simulation is paused.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(period, self._publish_diagnostics, clock=steady)
         self.add_on_set_parameters_callback(self._prepare_chain)
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {topic}")
 
     # --- parameters -------------------------------------------------------------------------------
+
+    def _read_topic(self, name: str, default: str, about: str) -> str:
+        topic = read_parameter(self, name, str, default, description=about)
+        return check_topic(self, name, topic)
 
     def _read_chain(self) -> dict[str, Any]:
         name = "filter_chain_parameter_name"
@@ -132,7 +122,12 @@ class FilterChainNode(Node):
         """Build the chain that the changes ask for; refuse them if there is none."""
         self._next_chain = None
         try:
-            self._check_known(changes)
+            for change in changes:
+                if not (self._is_of_chain(change.name) or self.has_parameter(change.name)):
+                    raise ConfigError(
+                        f"unknown parameter {change.name!r}; those that can be set begin with "
+                        f"'{self._chain_name}.'"
+                    )
             of_chain = [change for change in changes if self._is_of_chain(change.name)]
             if of_chain:
                 self._next_chain = FilterChain.from_config(self._changed_config(of_chain))
@@ -147,59 +142,45 @@ class FilterChainNode(Node):
             self._statistics.times = StepTimes()
             self.get_logger().info(f"now {self._chain}")
 
-    def _check_known(self, changes: list[Parameter]) -> None:
-        for change in changes:
-            if not (self._is_of_chain(change.name) or self.has_parameter(change.name)):
-                raise ConfigError(
-                    f"unknown parameter {change.name!r}; those that can be set begin with "
-                    f"'{self._chain_name}.'"
-                )
-
     def _changed_config(self, changes: list[Parameter]) -> dict[str, Any]:
-        """Return the configuration of the chain with the changes; one without type deletes."""
+        """Return the configuration with the changes; those without a type delete parameters."""
         parameters: dict[str, Any] = dict(self.get_parameters_by_prefix(self._chain_name))
         for change in changes:
             name = change.name.removeprefix(f"{self._chain_name}.")
             parameters[name] = change
             if change.type_ == Parameter.Type.NOT_SET:
                 del parameters[name]
-        return nested({name: _plain(parameter.value) for name, parameter in parameters.items()})
+        values = {name: parameter.value for name, parameter in parameters.items()}
+        for name, value in values.items():
+            if isinstance(value, array.array):
+                values[name] = list(value)
+        return nested(values)
 
     # --- maps -------------------------------------------------------------------------------------
 
     def _on_map(self, received: ReceivedMap) -> None:
-        self._statistics.maps_in += 1
+        statistics, warnings = self._statistics, list[str]()
+        statistics.maps_in += 1
         try:
-            reply = self._filter(received)
+            grid_map = received.decode(unwrap=False, copy=False)
+            result, start = self._chain.without_copies(
+                grid_map, statistics.times, warnings=warnings
+            )
+            self._publisher.publish(to_serialized_message(result, start_index=start))
         except GridMapError as error:
-            self._statistics.count_dropped(error)
+            statistics.maps_dropped += 1
+            statistics.last_was_dropped, statistics.last_error = True, str(error)
             text = f"dropped a map: {error}"
             if self._throttle.allow(text):
                 self.get_logger().error(text)
         else:
-            self._publisher.publish(reply)
-            self._statistics.count_out()
-
-    def _filter(self, received: ReceivedMap) -> bytes:
-        grid_map = received.decode(unwrap=False, copy=False)
-        warnings: list[str] = []
-        try:
-            result, start_index = self._chain.without_copies(
-                grid_map, self._statistics.times, warnings=warnings
-            )
-        finally:
-            for text in warnings:
-                if self._throttle.allow(text):
-                    self.get_logger().warning(text)
-        return to_serialized_message(result, start_index=start_index)
+            statistics.maps_out += 1
+            statistics.last_was_dropped = False
+        for text in warnings:
+            if self._throttle.allow(text):
+                self.get_logger().warning(text)
 
     # --- diagnostics ------------------------------------------------------------------------------
-
-    def _report_diagnostics(self, period: float) -> None:
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # Reports go on while a simulation is paused.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(period, self._publish_diagnostics, clock=steady)
 
     def _publish_diagnostics(self) -> None:
         if self._diagnostics.get_subscription_count() == 0:
@@ -207,15 +188,6 @@ class FilterChainNode(Node):
         message = DiagnosticArray(status=[self._statistics.to_status(self.get_name())])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-
-
-def _read_topic(node: Node, name: str, default: str, description: str) -> str:
-    topic = read_parameter(node, name, str, default, description=description)
-    return check_topic(node, name, topic)
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, array.array) else value
 
 
 def main() -> int:
