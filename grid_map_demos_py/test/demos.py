@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Helpers for the tests of all demos."""
 
-import json
 import os
-import sys
 import time
 from pathlib import Path
 
@@ -34,32 +32,3 @@ def age(process: Process) -> float:
 def parameters(*pairs: str) -> list[str]:
     """Return the arguments of a node that is given parameters, each as `name:=value`."""
     return ["--ros-args", *(word for pair in pairs for word in ("-p", pair))]
-
-
-CALL_MAINS = """
-import json, sys
-from importlib import import_module
-for module, arguments in json.loads(sys.argv[1]):
-    sys.argv = [module, *arguments]
-    print("exit code", import_module(f"grid_map_demos_py.{module}").main(), flush=True)
-"""
-
-
-def assert_refused(*cases: tuple[str, str | tuple[str, ...], str]) -> None:
-    """Check that parameters end demos with exit code 1 and one line that holds a message.
-
-    All are tried in one process; with one each, most of the time would go into their start.
-
-    Args:
-        cases: module, `name:=value` or several of them, and message.
-    """
-    pairs = [(module, (given,) if isinstance(given, str) else given) for module, given, _ in cases]
-    calls = json.dumps([(module, parameters(*given)) for module, given in pairs])
-    mains = Process([sys.executable, "-c", CALL_MAINS, calls])
-    try:
-        assert mains.wait() == 0, mains.text
-    finally:
-        mains.kill()
-    assert [line.strip() for line in mains.lines[1::2]] == ["exit code 1"] * len(cases), mains.text
-    for (_, _, message), line in zip(cases, mains.lines[::2], strict=True):
-        assert message in line

@@ -12,7 +12,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives
+from demos import lives
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from grid_map_core_py import GridMap
@@ -79,38 +79,6 @@ def test_terrain_publisher_follows_its_parameters(terrain):
     grid_map = grid_map.with_layers({"elevation": grid_map["elevation"] * np.float32(0.03)})
     np.testing.assert_allclose(grid_map["elevation"], terrain["elevation"], rtol=1e-5)
     assert grid_map.timestamp > 0
-
-
-def test_senseless_parameter_ends_the_node_with_one_message():
-    assert_refused(
-        (
-            "terrain_publisher_node",
-            "publish_rate:=0.0",
-            "parameter 'publish_rate': expected a positive",
-        ),
-        (
-            "terrain_publisher_node",
-            "publish_rate:=1e-300",
-            "'publish_rate': expected a positive number",
-        ),
-        ("terrain_publisher_node", "resolution:=-1", "parameter 'resolution': expected a positive"),
-        ("terrain_publisher_node", "topic:=7", "parameter 'topic': expected a string"),
-        (
-            "terrain_publisher_node",
-            "topic:='no topic'",
-            "parameter 'topic': expected the name of a",
-        ),
-        (
-            "terrain_publisher_node",
-            "file:=/nope.npz",
-            "elevation model '/nope.npz': expected an .npz",
-        ),
-        ("demo_report_node", "timeout:=-1.0", "parameter 'timeout': expected a positive"),
-        ("demo_report_node", "timeout:=.nan", "parameter 'timeout': expected a positive"),
-        ("demo_report_node", "messages:=0", "parameter 'messages': expected at least 1"),
-        ("terrain_publisher_node", "file:=~nobody_known/a.npz", "/a.npz': expected an .npz"),
-        ("demo_report_node", "output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
-    )
 
 
 def test_filters_demo_delivers_topics_pictures_and_a_table(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 from pngs import write_png
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
@@ -310,36 +310,3 @@ def test_nearest_cells_know_only_star_and_nothing():
     is_star = np.isfinite(grid_map["elevation"])
     assert 0.05 < is_star.mean() < 0.4
     assert np.unique(grid_map["elevation"][is_star]).tolist() == [np.float32(0.3)]
-
-
-# --- parameters -----------------------------------------------------------------------------------
-
-
-def test_senseless_parameter_ends_the_demo_with_one_message():
-    assert_refused(
-        ("image_publisher_node", "image_path:=/nope.png", "image '/nope.png': No such file"),
-        (
-            "image_to_gridmap_demo_node",
-            "max_height:=0.0",
-            "parameter 'max_height': expected a finite",
-        ),
-        ("grid_map_to_image_demo_node", "bits:=12", "parameter 'bits': expected 8 or 16"),
-        ("grid_map_to_image_demo_node", "file:=/no/such/map.png", "a file in a folder that exists"),
-        (
-            "grid_map_to_image_demo_node",
-            "file:=/tmp/map.doc",
-            "parameter 'file': expected a format",
-        ),
-        ("opencv_demo_node", "publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
-        (
-            "resolution_change_demo_node",
-            "interpolation:=best",
-            "parameter 'interpolation': expected",
-        ),
-        ("image_publisher_node", "image_path:=~nobody_known/a.png", "a.png': No such file"),
-        (
-            "grid_map_to_image_demo_node",
-            "file:=~nobody_known/a.png",
-            "a file in a folder that exists",
-        ),
-    )

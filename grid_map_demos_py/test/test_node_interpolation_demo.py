@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.map import GridGeometry
@@ -119,23 +119,3 @@ def test_world_method_extent_and_resolutions_are_parameters():
     inner = found["error"][10:-10, 10:-10]
     assert 0.0 < inner.max() < 0.005
     assert "2 m x 3 m, interpolated from 0.2 m to 0.04 m" in text
-
-
-def test_a_parameter_that_makes_no_sense_is_refused():
-    assert_refused(
-        (
-            MODULE,
-            "world:=Cosine",
-            "parameter 'world': expected one of Sine, Poly, Gauss, Tanh, found 'Co",
-        ),
-        (
-            MODULE,
-            "interpolation_type:=linear",
-            "expected one of Nearest, Linear, Cubic_convolution, Cubic",
-        ),
-        (
-            MODULE,
-            "groundtruth_resolution:=0.001",
-            "expected at least 5 x 5 and at most 4000000 cells, fo",
-        ),
-    )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 
 from grid_map_core_py import GridMap
 from grid_map_demos_py.move_demo_node import make_map, place
@@ -78,12 +78,3 @@ def test_the_two_ways_take_turns():
         other.wait_until(lambda: demo.text.count("position of the map") >= 4, "two turns of each")
     ways = [line.split("`")[1] for line in demo.lines if "position of the map" in line]
     assert ways[:4] == ["move", "position", "move", "position"]
-
-
-def test_senseless_parameter_ends_the_move_demo():
-    assert_refused(
-        *(
-            (MODULE, f"{name}:=0.0", f"parameter '{name}': expected a positive number")
-            for name in ("duration", "publish_rate")
-        )
-    )

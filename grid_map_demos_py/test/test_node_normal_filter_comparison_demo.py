@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 
 from grid_map_core_py import GridMap
 from grid_map_demos_py.normal_filter_comparison_demo_node import (
@@ -166,29 +166,3 @@ def test_shape_noise_and_outliers_are_parameters():
     plane = (0.3 * x + 0.2 * y).reshape(grid_map.size, order="F")
     np.testing.assert_allclose(grid_map["elevation"], plane, atol=1e-6)
     assert "noise 0 m, outliers 2.0%" in text
-
-
-def test_a_parameter_that_makes_no_sense_is_refused():
-    assert_refused(
-        (
-            MODULE,
-            "shape:=torus",
-            "parameter 'shape': expected one of wave, plane, hill, cone, found 'tor",
-        ),
-        (
-            MODULE,
-            "noise_on_map:=-0.1",
-            "parameter 'noise_on_map': expected 0 or a positive number, at",
-        ),
-        (
-            MODULE,
-            "outliers_percentage:=5.0",
-            "parameter 'outliers_percentage': expected 0.0 to 1.0, fo",
-        ),
-        (MODULE, "filters.filter1.name:=some", "filter 1"),
-        (
-            MODULE,
-            "noise_on_map:=1e308",
-            "expected 0 or a positive number, at most 1000, found 1e+308",
-        ),
-    )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 
 from grid_map_core_py import GridMap, load
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -51,28 +51,6 @@ def test_the_ceiling_is_all_there_is_to_see_from_above():
     heights = load(ROOM)["elevation"]
     assert heights.shape == (80, 60)
     np.testing.assert_allclose(heights, 2.425, atol=1e-6)
-
-
-def test_senseless_parameter_ends_the_demo_with_one_message():
-    assert_refused(
-        (MODULE, "octomap_path:=/nope.bt", "octomap /nope.bt: cannot be read: No such file"),
-        (
-            MODULE,
-            "octomap_path:=~nobody_known/a.bt",
-            "octomap ~nobody_known/a.bt: cannot be read: No such file",
-        ),
-        (
-            MODULE,
-            "octomap_service_topic:='no topic'",
-            "parameter 'octomap_service_topic': expected",
-        ),
-        (
-            MODULE,
-            ("min_y:=1.0", "max_y:=0.0"),
-            "parameter 'max_y': expected no less than min_y, 1.",
-        ),
-        (MODULE, (f"octomap_path:={ROOM}", "min_x:=90.0"), f"octomap {ROOM}: "),
-    )
 
 
 def test_missing_service_messages_are_named_with_their_package(tmp_path):

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from demos import assert_refused, lives, parameters
+from demos import lives, parameters
 from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
@@ -95,14 +95,3 @@ def test_topics_and_layer_are_parameters():
             other.publish("/map", to_message(level_ground(elevation=0.25, height=1.0)))
             cloud = points(other.expect("/field/full_sdf"))
     np.testing.assert_allclose(cloud[:, 3], cloud[:, 2] - 1.0, atol=1e-6)
-
-
-def test_a_parameter_that_makes_no_sense_is_refused():
-    assert_refused(
-        (
-            MODULE,
-            "pointcloud_topic:='a b'",
-            "parameter 'pointcloud_topic': expected the name of a topic",
-        ),
-        (MODULE, "elevation_layer:=7", "parameter 'elevation_layer': expected a string (quote it)"),
-    )

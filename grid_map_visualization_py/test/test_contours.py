@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker
 
-from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
+from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py import create
@@ -124,11 +124,6 @@ def test_map_without_values_has_no_lines():
 def test_interval_that_is_far_too_small_is_an_error():
     with pytest.raises(GridMapError, match="'interval': 1e-05 gives more than 10000 lines"):
         drawn(slope(), interval=1e-5)
-
-
-def test_error_of_missing_layer_lists_existing_layers():
-    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
-        drawn(slope(), layer="a")
 
 
 def test_error_without_contourpy_names_the_package(monkeypatch):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image
 
-from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py import create
 from grid_map_visualization_py.colors import MISSING
@@ -63,8 +63,3 @@ def test_packed_colors_in_the_order_of_the_encoding(encoding, expected):
     message = drawn(grid_map, layer="color", color_mode="color", encoding=encoding)
     assert pixels(message).tolist() == [expected]
     assert message.encoding == encoding
-
-
-def test_error_of_missing_layer_lists_existing_layers():
-    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: b"):
-        drawn(GridMap((1, 1), 1.0, layers=["b"]), layer="a")

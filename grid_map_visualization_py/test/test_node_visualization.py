@@ -229,16 +229,6 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters)
     assert "info.resolution: expected a positive finite number, found -2.0" in problems[2]
 
 
-def test_example_file_makes_an_output_of_every_type(peer):
-    path = Path(__file__).parent.parent / "config" / "grid_map_visualization.yaml"
-    names = yaml.safe_load(path.read_text())["grid_map_visualization"]["ros__parameters"][
-        "grid_map_visualizations"
-    ]
-    with running_node(MODULE, *arguments(path)):
-        for name in names:
-            peer.wait_until(lambda name=name: peer.node.count_publishers(name), name)
-
-
 def test_empty_list_of_visualizations_is_no_error(peer, tmp_path):
     path = tmp_path / "parameters.yaml"
     path.write_text("grid_map_visualization: {ros__parameters: {grid_map_visualizations: []}}\n")

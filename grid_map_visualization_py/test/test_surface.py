@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker
 
-from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
+from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py import create
 from grid_map_visualization_py.colors import MISSING, Coloring
@@ -197,13 +197,6 @@ def test_packed_colors_are_shown_unchanged_and_gray_where_missing():
     assert color_at(marker, 0.5, -0.5).tolist() == [0, 1, 0, 1]
     np.testing.assert_allclose(color_at(marker, -0.5, 0.5)[:3] * 255, [1, 2, 3], rtol=1e-6)
     np.testing.assert_allclose(color_at(marker, -0.5, -0.5)[:3] * 255, MISSING, rtol=1e-6)
-
-
-@pytest.mark.parametrize("params", [{"height_layer": "a"}, {"color_layer": "a"}])
-def test_error_of_missing_layer_lists_existing_layers(params):
-    grid_map = GridMap((2, 2), 1.0, layers=["elevation"])
-    with pytest.raises(LayerNotFoundError, match="no layer 'a'; available: elevation"):
-        drawn(grid_map, **params)
 
 
 # --- large maps -----------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker
 
-from grid_map_core_py import GridMap, LayerNotFoundError, map_cells
+from grid_map_core_py import GridMap, map_cells
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_visualization_py.builtin._vectors import VectorsVisualization
 
@@ -78,10 +78,3 @@ def test_marker_has_frame_time_width_and_opaque_colors():
     assert [(c.r, c.g, c.b, c.a) for c in marker.colors] == [
         pytest.approx((1.0, 128 / 255, 0.0, 1.0))
     ] * 2
-
-
-@pytest.mark.parametrize("missing", LAYERS)
-def test_error_of_missing_layer_lists_existing_layers(missing):
-    grid_map = GridMap((1, 1), 1.0, layers=[name for name in LAYERS if name != missing])
-    with pytest.raises(LayerNotFoundError, match=rf"no layer '{missing}'; available: \w+, \w+"):
-        drawn(grid_map)

@@ -67,13 +67,12 @@ def read_glb(data: bytes) -> tuple[dict[str, object], list[np.ndarray]]:
 # --- settings -------------------------------------------------------------------------------------
 
 
-def test_the_chosen_layer_stays_while_it_exists():
-    assert follow("b", ["a", "b"], ["a"]) == "b"
-
-
-def test_missing_layer_gives_way_to_a_preferred_or_the_first():
-    assert follow("gone", ["a", "elevation"], ["elevation"]) == "elevation"
-    assert follow("gone", ["a", "b"], ["elevation"]) == "a"
+@pytest.mark.parametrize(
+    ("chosen", "layers", "expected"),
+    [("b", "a b z", "b"), ("gone", "a z", "z"), ("gone", "a b", "a")],
+)
+def test_chosen_layer_gives_way_to_a_preferred_or_the_first(chosen, layers, expected):
+    assert follow(chosen, layers.split(), ["z"]) == expected
 
 
 def test_layers_ending_in_x_y_and_z_are_vectors():

@@ -6,8 +6,10 @@ import math
 from pathlib import Path
 
 import pytest
+import yaml
 
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import ConfigError, LayerNotFoundError
 from grid_map_visualization_py import VISUALIZATIONS, create
 from grid_map_visualization_py import _registry as registry
 from grid_map_visualization_py.builtin._contours import ContoursVisualization
@@ -110,13 +112,10 @@ def test_parameters_may_be_left_out(config):
         ({"type": "vectors"}, ["vectors", "missing", "'layer_prefix'"]),
         ({"type": "map_region", "params": {"width": 1}}, ["'width'", "color, line_width"]),
         ({"type": "map_region", "params": {"color": "red"}}, ["'color'", "integer", "'red'"]),
-        ({"type": "map_region", "params": {"color": 0.5}}, ["'color'", "integer", "0.5"]),
-        ({"type": "map_region", "params": {"color": True}}, ["'color'", "integer", "True"]),
         ({"type": "map_region", "params": {"color": -1}}, ["'color'", "16777215", "-1"]),
         ({"type": "map_region", "params": {"color": 2**24}}, ["'color'", "16777216"]),
         ({"type": "vectors", "params": {**VECTORS, "color": -1}}, ["'color'", "-1"]),
         ({"type": "point_cloud", "params": {"layer": 1}}, ["'layer'", "string", "1"]),
-        ({"type": "point_cloud", "params": {"flat": 1}}, ["'flat'", "true or false", "1"]),
         ({"type": "flat_point_cloud", "params": {"height": math.nan}}, ["'height'", "nan"]),
         *(
             ({"type": "map_region", "params": {"line_width": width}}, ["'line_width'", str(width)])
@@ -167,6 +166,36 @@ def test_every_mistake_is_one_error_naming_visualization_and_cause(config, words
     for word in ["visualization 'my_output'", *words]:
         assert word in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("type_name", "params"),
+    [
+        *(("vectors", VECTORS | {"layer_prefix": prefix}) for prefix in ("m_", "k_")),
+        ("vectors", VECTORS | {"position_layer": "b"}),
+        ("surface", {"height_layer": "b"}),
+        ("surface", {"height_layer": "z", "color_layer": "b"}),
+        ("image", {"layer": "b"}),
+        ("contours", {"layer": "b"}),
+        ("point_cloud", {"layer": "b"}),
+        ("occupancy_grid", {"layer": "b"}),
+        ("grid_cells", {"layer": "b"}),
+    ],
+)
+def test_missing_layer_is_named_beside_existing_ones(type_name, params):
+    layers = ["z", "n_x", "n_y", "n_z", "m_x", "m_y", "k_x", "k_z"]
+    grid_map = GridMap((2, 2), 1.0, layers=dict.fromkeys(layers, 0.0))
+    missing = {"m_": "m_z", "k_": "k_y"}.get(str(params.get("layer_prefix")), "b")
+    with pytest.raises(LayerNotFoundError, match=f"no layer '{missing}'; available: .*z, n_x"):
+        create("a", {"type": type_name, "params": params})(grid_map)
+
+
+def test_example_file_has_every_built_in_type():
+    path = Path(__file__).parents[1] / "config" / "grid_map_visualization.yaml"
+    parameters = yaml.safe_load(path.read_text())["grid_map_visualization"]["ros__parameters"]
+    names = parameters["grid_map_visualizations"]
+    made = {type(create(name, parameters[name])) for name in names}
+    assert made == {*registry.BUILT_IN.values()}
 
 
 def test_file_for_every_built_in_type_is_named_after_it():

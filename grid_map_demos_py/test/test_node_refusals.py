@@ -1,0 +1,119 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Invalid parameters end every demo with one message."""
+
+import json
+import sys
+from pathlib import Path
+
+from demos import parameters
+
+from grid_map_ros_py.testing import Process
+
+ROOM = Path(__file__).parents[1] / "data" / "room.bt"
+
+CALL_MAINS = """
+import json, sys
+from importlib import import_module
+for module, arguments in json.loads(sys.argv[1]):
+    sys.argv = [module, *arguments]
+    print("exit code", import_module(f"grid_map_demos_py.{module}_node").main(), flush=True)
+"""
+
+REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
+    "terrain_publisher": [
+        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive"),
+        ("publish_rate:=1e-300", "'publish_rate': expected a positive number"),
+        ("resolution:=-1", "parameter 'resolution': expected a positive"),
+        ("topic:=7", "parameter 'topic': expected a string"),
+        ("topic:='no topic'", "parameter 'topic': expected the name of a"),
+        ("file:=/nope.npz", "elevation model '/nope.npz': expected an .npz"),
+        ("file:=~nobody_known/a.npz", "/a.npz': expected an .npz"),
+    ],
+    "demo_report": [
+        ("timeout:=-1.0", "parameter 'timeout': expected a positive"),
+        ("timeout:=.nan", "parameter 'timeout': expected a positive"),
+        ("messages:=0", "parameter 'messages': expected at least 1"),
+        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    ],
+    "image_publisher": [
+        ("image_path:=/nope.png", "image '/nope.png': No such file"),
+        ("image_path:=~nobody_known/a.png", "a.png': No such file"),
+    ],
+    "image_to_gridmap_demo": [
+        ("max_height:=0.0", "parameter 'max_height': expected a finite"),
+    ],
+    "grid_map_to_image_demo": [
+        ("bits:=12", "parameter 'bits': expected 8 or 16"),
+        ("file:=/no/such/map.png", "a file in a folder that exists"),
+        ("file:=/tmp/map.doc", "parameter 'file': expected a format"),
+        ("file:=~nobody_known/a.png", "a file in a folder that exists"),
+    ],
+    "opencv_demo": [
+        ("publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
+    ],
+    "resolution_change_demo": [
+        ("interpolation:=best", "parameter 'interpolation': expected"),
+    ],
+    "interpolation_demo": [
+        ("world:=Cosine", "parameter 'world': expected one of Sine, Poly, Gauss, Tanh, found 'Co"),
+        ("interpolation_type:=linear", "expected one of Nearest, Linear, Cubic_convolution, Cubic"),
+        ("groundtruth_resolution:=0.001", "expected at least 5 x 5 and at most 4000000 cells, fo"),
+    ],
+    "iterators_demo": [
+        ("speed:=0.0", "parameter 'speed': expected a positive number"),
+        ("repeat:=often", "parameter 'repeat': expected true or false"),
+    ],
+    "move_demo": [
+        ("duration:=0.0", "parameter 'duration': expected a positive number"),
+        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive number"),
+    ],
+    "normal_filter_comparison_demo": [
+        ("shape:=torus", "parameter 'shape': expected one of wave, plane, hill, cone, found 'tor"),
+        ("noise_on_map:=-0.1", "parameter 'noise_on_map': expected 0 or a positive number, at"),
+        ("outliers_percentage:=5.0", "parameter 'outliers_percentage': expected 0.0 to 1.0, fo"),
+        ("filters.filter1.name:=some", "filter 1"),
+        ("noise_on_map:=1e308", "expected 0 or a positive number, at most 1000, found 1e+308"),
+    ],
+    "octomap_to_gridmap_demo": [
+        ("octomap_path:=/nope.bt", "octomap /nope.bt: cannot be read: No such file"),
+        (
+            "octomap_path:=~nobody_known/a.bt",
+            "octomap ~nobody_known/a.bt: cannot be read: No such file",
+        ),
+        ("octomap_service_topic:='no topic'", "parameter 'octomap_service_topic': expected"),
+        (("min_y:=1.0", "max_y:=0.0"), "parameter 'max_y': expected no less than min_y, 1."),
+        ((f"octomap_path:={ROOM}", "min_x:=90.0"), f"octomap {ROOM}: "),
+    ],
+    "sdf_demo": [
+        ("pointcloud_topic:='a b'", "parameter 'pointcloud_topic': expected the name of a topic"),
+        ("elevation_layer:=7", "parameter 'elevation_layer': expected a string (quote it)"),
+    ],
+    "tutorial_demo": [
+        ("noise:=-0.1", "parameter 'noise': expected 0 or a positive number"),
+        ("outliers:=-1", "parameter 'outliers': expected 0 or more"),
+        ("radius:=2.0", "parameter 'radius': expected at most 1.0"),
+        ("publish_rate:=0.0", "parameter 'publish_rate': expected a positive number"),
+        ("noise:=1e308", "parameter 'noise': expected 0 or a positive number, at most 1000"),
+        ("outliers:=100001", "parameter 'outliers': expected 0 or more, at most 100000"),
+    ],
+}
+"""Parameters, as `name:=value`, and a part of the message, by demo."""
+
+
+def test_invalid_parameters_end_demos_with_one_message():
+    cases = [
+        (demo, (given,) if isinstance(given, str) else given, message)
+        for demo, refused in REFUSED.items()
+        for given, message in refused
+    ]
+    # All in one process, because a start takes longer than the rest.
+    calls = json.dumps([(demo, parameters(*given)) for demo, given, _ in cases])
+    mains = Process([sys.executable, "-c", CALL_MAINS, calls])
+    try:
+        assert mains.wait(60) == 0, mains.text
+    finally:
+        mains.kill()
+    assert [line.strip() for line in mains.lines[1::2]] == ["exit code 1"] * len(cases), mains.text
+    for (demo, given, message), line in zip(cases, mains.lines[::2], strict=True):
+        assert message in line, (demo, given)
