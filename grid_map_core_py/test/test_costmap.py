@@ -217,7 +217,9 @@ def test_values_of_a_codec_are_numbers():
 
 
 def test_unknown_is_no_known_cost():
-    with pytest.raises(GeometryError, match="unknown: 0 is the value of a known cost"):
+    with pytest.raises(
+        GeometryError, match="unknown: expected a value that no known cost has, got 0"
+    ):
         CostTable(0, 99, 100, 0)
 
 

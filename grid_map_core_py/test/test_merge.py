@@ -317,8 +317,8 @@ class TestAddDataFrom:
             (["a", "b"], (0, 9), "map", LayerNotFoundError, "no layer 'b'; available: a"),
             (["a", 5], (0, 9), "map", LayerNotFoundError, "no layer 5"),
             (5, (0, 9), "map", GridMapError, "expected names of layers, got 5"),
-            (None, (0, 9), "odom", GridMapError, "in frame 'odom', this one in 'map'"),
-            (None, (0, 1e12), "map", GeometryError, "too many cells"),
+            (None, (0, 9), "odom", GridMapError, "expected a map in frame 'map', got 'odom'"),
+            (None, (0, 1e12), "map", GeometryError, r"expected at most 2\*\*31 cells"),
             (None, (0, 1e308), "map", GeometryError, "length"),
         ],
     )

@@ -231,8 +231,8 @@ def test_a_mesh_without_extent_or_faces():
         (SQUARE, [(0, 1)], r"faces: expected integers of shape \(F, 3\)"),
         (SQUARE, [0, 1, 2], r"faces: expected integers of shape \(F, 3\)"),
         (SQUARE, [(0.0, 1.0, 2.0)], "faces: expected integers"),
-        (SQUARE, [(0, 1, 4)], "faces: expected vertices from 0 to 3, found 0 to 4"),
-        (SQUARE, [(-1, 1, 2)], "faces: expected vertices from 0 to 3, found -1 to 2"),
+        (SQUARE, [(0, 1, 4)], "faces: expected vertices from 0 to 3, got 0 to 4"),
+        (SQUARE, [(-1, 1, 2)], "faces: expected vertices from 0 to 3, got -1 to 2"),
     ],
 )
 def test_invalid_mesh_is_refused(vertices, faces, message):

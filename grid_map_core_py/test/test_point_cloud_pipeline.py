@@ -299,7 +299,7 @@ def test_a_parameter_file_of_upstream_loads():
         ({"downsampling": {"voxel_size": [1, 1, 0]}}, "'voxel_size': expected positive"),
         ({"cloud_transform": {"rotation": {"x": 1, "y": 1, "z": 1}}}, "expected numbers r, p, y"),
         ({"num_processing_threads": 0}, "'num_processing_threads': expected an integer >= 1"),
-        (None, "expected a mapping of parameters, found None"),
+        (None, "expected a mapping of parameters, got None"),
         ({"pcl_grid_map_extraction": []}, "expected a mapping of parameters"),
     ],
 )
@@ -313,7 +313,7 @@ def test_clouds_that_make_no_map_are_refused():
     with pytest.raises(GeometryError, match="points: expected x, y, z"):
         pipeline([(1, 2)])
     for points in (np.empty((0, 3)), [(np.nan, 0, 0)]):
-        with pytest.raises(GridMapError, match="points: none is finite"):
+        with pytest.raises(GridMapError, match="points: expected a finite one"):
             pipeline(points)
 
 

@@ -227,7 +227,7 @@ def test_failed_fusion_keeps_the_map(wrong: dict[str, Any], error: type[Exceptio
         ({"reduction": "count"}, "'reduction': expected one of max, min, mean, median, first"),
         ({"max_count": -1}, "'max_count': expected a number of points"),
         ({"fusion": "mean", "layer": "count"}, "'layer': expected another name"),
-        ({"min_height": 2.0, "max_height": 1.0}, "min_height <= max_height"),
+        ({"min_height": 2.0, "max_height": 1.0}, "min_height, max_height: expected ascending"),
     ],
 )
 def test_wrong_settings_are_refused(wrong: dict[str, Any], message: str) -> None:

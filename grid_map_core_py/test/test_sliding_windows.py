@@ -152,7 +152,7 @@ def test_wrong_arguments_are_refused_before_the_first_window(windows):
         with pytest.raises(GeometryError, match="window_length: expected a length > 0"):
             windows(grid_map, "elevation", "empty", window_length=length)
     for both_or_none in ({}, {"window_size": 3, "window_length": 0.3}):
-        with pytest.raises(GeometryError, match="either window_size or window_length"):
+        with pytest.raises(GeometryError, match="window_size, window_length: expected one of them"):
             windows(grid_map, "elevation", "empty", **both_or_none)
     with pytest.raises(GridMapError, match=r"edge_handling: expected one of inside, .*'wrap'"):
         windows(grid_map, "elevation", "wrap", 3)

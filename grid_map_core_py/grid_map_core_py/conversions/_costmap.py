@@ -73,7 +73,9 @@ class CostTable:
         if not (np.isfinite(known).all() and (np.diff(values[:UNKNOWN]) > 0).all()):
             raise GeometryError(f"expected free < inscribed < lethal, all finite, got {self}")
         if self.unknown in known:
-            raise GeometryError(f"unknown: {self.unknown:g} is the value of a known cost too")
+            raise GeometryError(
+                f"unknown: expected a value that no known cost has, got {self.unknown:g}"
+            )
         values.flags.writeable = False
         object.__setattr__(self, "_values", values)
 

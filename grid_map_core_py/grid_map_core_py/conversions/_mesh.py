@@ -106,15 +106,16 @@ def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
     try:
         given = np.asarray(faces)
     except ValueError as error:
-        raise GeometryError("faces: expected as many vertices in each") from error
+        raise GeometryError(
+            f"faces: expected the same number of vertices in each, got {faces!r}"
+        ) from error
     if given.ndim != 2 or given.shape[1] < 3 or given.dtype.kind not in "iu":
         raise GeometryError(
             f"faces: expected integers of shape (F, 3), got {given.dtype} of shape {given.shape}"
         )
     if given.size and not 0 <= given.min() <= given.max() < vertices:
         raise GeometryError(
-            f"faces: expected vertices from 0 to {vertices - 1}, found {given.min()} to "
-            f"{given.max()}"
+            f"faces: expected vertices from 0 to {vertices - 1}, got {given.min()} to {given.max()}"
         )
     if given.shape[1] == 3:
         return given

@@ -126,12 +126,12 @@ class Grid:
 class PointCloudPipeline:
     """Makes a map of a raw point cloud; its fields are the sections of upstream's parameter file.
 
-    Outliers are removed and the cloud is downsampled, if so asked, then it is transformed into the
-    map. The points of each cell are clustered, and the height of a cell is the mean height of one
-    of its clusters. Cells without a cluster are NaN.
+    If enabled, outliers are removed and the cloud is downsampled; then it is transformed into the
+    map frame. The points of each cell are clustered, and the height of a cell is the mean height of
+    one of its clusters. Cells without a cluster are NaN.
 
     Attributes:
-        num_processing_threads: that search for neighbors.
+        num_processing_threads: number of threads that search for neighbors.
 
     Example:
         >>> pipeline = PointCloudPipeline.from_config({"grid_map": {"resolution": 0.5}})
@@ -158,7 +158,7 @@ class PointCloudPipeline:
 
         Args:
             config: content of the YAML file, with or without `pcl_grid_map_extraction` around it.
-                What is not in it has the default that upstream has in its code.
+                Missing parameters have upstream's defaults.
 
         Raises:
             ConfigError: a parameter is unknown, of the wrong type or is invalid.
@@ -193,7 +193,7 @@ class PointCloudPipeline:
         """
         cloud = self.prepared(points)
         if not len(cloud):
-            raise GridMapError("points: none is finite, and no outlier, to make a map of")
+            raise GridMapError("points: expected a finite one that is no outlier, got none")
         lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
         geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
         (rows, columns), _ = geometry.cells_at(cloud[:, :2])
@@ -340,7 +340,7 @@ _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:
     if not isinstance(parameters, Mapping):
-        raise ConfigError(f"expected a mapping of parameters, found {parameters!r}")
+        raise ConfigError(f"expected a mapping of parameters, got {parameters!r}")
     return parameters
 
 

@@ -62,13 +62,13 @@ def rasterize(
 
     Args:
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
-        layers: names of layers, each with the reduction of heights [m] that it is to hold.
+        layers: names of layers, each with the reduction of heights [m] that it holds.
         fields: (N,) values of the points by name; each becomes a layer of that name. Values that
             are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colors,
             of which alpha is dropped.
-        field_reductions: reductions of fields that are not to be reduced by `mean`. The mean of
-            colors is that of each channel; their other reductions are `first`, `last`, `count`.
-        min_height, max_height: points below or above are left out [m]; the limits are within.
+        field_reductions: reductions of fields; the default is `mean`, for colors the mean of each
+            channel. Colors have the reductions `mean`, `first`, `last` and `count` only.
+        min_height, max_height: points below or above are left out [m]; both limits are inclusive.
 
     Returns:
         A map with these layers, which replace those of the same names. It shares the others with
@@ -77,7 +77,7 @@ def rasterize(
     Raises:
         GeometryError: an array has the wrong shape or holds no numbers.
         ConfigError: a reduction is unknown or does not suit colors, or a limit is invalid.
-        GridMapError: a layer is to be made both from heights and from a field.
+        GridMapError: a layer and a field have the same name.
     """
     cloud = _Cloud.of(points, min_height, max_height)
     columns = _columns(cloud, layers, fields or {}, field_reductions or {})
@@ -200,7 +200,9 @@ class _Cloud:
     def of(cls, points: ArrayLike, min_height: float, max_height: float) -> _Cloud:
         lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
         if not lowest <= highest:
-            raise ConfigError(f"expected min_height <= max_height, found {lowest} and {highest}")
+            raise ConfigError(
+                f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
+            )
         return cls(as_points(points), lowest, highest)
 
     def chunks(self) -> Iterator[tuple[slice, Mask]]:
@@ -224,7 +226,7 @@ class _Cloud:
                 lower[axis] = values.min(initial=lower[axis])
                 upper[axis] = values.max(initial=upper[axis])
         if not np.isfinite(lower).all():
-            raise GridMapError("points: none is finite and within the height limits")
+            raise GridMapError("points: expected a finite one within the height limits, got none")
         return lower, upper
 
 
@@ -249,9 +251,9 @@ def _columns(
     for name, mapping in given.items():
         check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
     for name in layers.keys() & fields.keys():
-        raise GridMapError(f"layer {name!r} is to be made both from the heights and from a field")
+        raise GridMapError(f"fields: expected other names than those of the layers, got {name!r}")
     for name in field_reductions.keys() - fields.keys():
-        raise ConfigError(f"a reduction of {name!r}, which is not among the fields: {list(fields)}")
+        raise ConfigError(f"field_reductions: expected fields, of {list(fields)}, got {name!r}")
     heights = cloud.points[:, 2]
     columns = {
         name: _Column(heights, _chosen(REDUCERS, name, reduction), all_count=True)

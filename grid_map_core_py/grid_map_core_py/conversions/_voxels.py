@@ -37,7 +37,9 @@ def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:
     with np.errstate(over="ignore"):
         voxel_count = counts.prod()
     if not voxel_count < 2.0**62:
-        raise GeometryError(f"voxel_size: {tuple(sides.tolist())} m is too small for the points")
+        raise GeometryError(
+            f"voxel_size: expected fewer than 2**62 voxels, got sides {tuple(sides.tolist())} m"
+        )
     voxels = np.zeros(len(xyz), np.int64)
     for axis in range(3):
         voxels *= int(counts[axis])

@@ -33,17 +33,17 @@ class RollingMap:
     """Fuses the heights of successive point clouds, in a window that can move over the ground.
 
     Args:
-        geometry: the window, where it is at first.
+        geometry: size, resolution and initial place of the window.
         frame_id: frame of the points and of the map.
         layer: name of the layer that holds heights [m]; the only basic layer.
         fusion: `max` and `min` keep the highest or lowest height of all clouds, `last` that of the
-            last cloud with points in the cell. `mean` weighs all points of all clouds alike, and
-            makes the layers `variance` (population variance [m^2]) and `count` (points, 0 without)
-            too.
+            last cloud with points in the cell. `mean` gives all points of all clouds the same
+            weight, and adds the layers `variance` (population variance [m^2]) and `count` (number
+            of points).
         reduction: height of a cell from one cloud: `max`, `min`, `mean`, `median`, `first`
-            or `last`. Plays no part in the fusion `mean`.
-        max_count: for the fusion `mean`, the number of points that the past counts for at most, so
-            that the map follows the ground when it changes; 0 is no limit.
+            or `last`. The fusion `mean` ignores it.
+        max_count: for the fusion `mean`, maximum weight of earlier clouds in points, so that the
+            map follows changes of the ground; 0 is no limit.
         min_height, max_height: points below or above are left out [m], map frame.
 
     Raises:

@@ -74,9 +74,13 @@ class GridGeometry:
         # The quotient is positive: adding a half and truncating rounds half away from zero.
         rows, columns = x / resolution + 0.5, y / resolution + 0.5
         if not min(rows, columns) >= 1:
-            raise GeometryError(f"length {sides} m is less than half a cell of {resolution} m")
+            raise GeometryError(
+                f"length: expected at least half a cell of {resolution} m, got {sides}"
+            )
         if not max(rows, columns) < _LARGEST_SIDE + 1:
-            raise GeometryError(f"length {sides} m has too many cells of {resolution} m")
+            raise GeometryError(
+                f"length: expected at most 2**31 cells of {resolution} m, got {sides}"
+            )
         size = int(rows), int(columns)
         self._set("resolution", resolution)
         self._set("size", size)

@@ -735,7 +735,7 @@ class GridMap(MutableMapping[str, Layer]):
 
 def _check_name(layer: object) -> None:
     if not isinstance(layer, str) or not layer:
-        raise GridMapError(f"a layer name must be a non-empty string, got {layer!r}")
+        raise GridMapError(f"layer: expected a name, a non-empty string, got {layer!r}")
 
 
 def _finite_or_nan(vector: Positions) -> Positions:

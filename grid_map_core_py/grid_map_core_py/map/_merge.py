@@ -79,8 +79,8 @@ def _check_frames(grid_map: GridMap, other: GridMap) -> None:
         raise GridMapError(f"other: expected a map, got {other!r}")
     if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
         raise GridMapError(
-            f"the other map is in frame {other.frame_id!r}, this one in {grid_map.frame_id!r}: "
-            f"bring it there with get_transformed_map"
+            f"other: expected a map in frame {grid_map.frame_id!r}, got {other.frame_id!r}. "
+            f"Transform it with get_transformed_map first"
         )
 
 

@@ -407,8 +407,9 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
     rows, columns = geometry.size
     if not rows * columns * (steps + 1) <= _MOST_NODES:
         raise GeometryError(
-            f"a field of {rows} x {columns} x {steps + 1:.0f} nodes is too large: z from {lowest} "
-            f"to {highest} m in steps of {geometry.resolution} m"
+            f"min_height, max_height: expected a field of at most 2**31 nodes, got {rows} x "
+            f"{columns} x {steps + 1:.0f}: z from {lowest} to {highest} m in steps of "
+            f"{geometry.resolution} m"
         )
     count = max(2, math.ceil(steps) + 1)
     levels: Positions = lowest + geometry.resolution * np.arange(count, dtype=np.float64)

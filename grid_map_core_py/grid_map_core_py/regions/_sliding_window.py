@@ -96,7 +96,9 @@ def _check_edge_handling(edge_handling: object, known: tuple[str, ...]) -> None:
 
 def _window_cells(resolution: float, size: int | None, length: float | None) -> int:
     if (size is None) == (length is None):
-        raise GeometryError("expected either window_size or window_length")
+        raise GeometryError(
+            f"window_size, window_length: expected one of them, got {size!r} and {length!r}"
+        )
     if length is not None:
         meters = as_number(length, "window_length")
         if not (math.isfinite(meters) and meters > 0):
