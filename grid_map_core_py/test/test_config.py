@@ -42,7 +42,7 @@ def test_numbers_of_numpy_are_numbers():
         cast("x", np.True_, float)
 
 
-def test_a_word_that_yaml_takes_for_a_truth_value_is_to_be_quoted():
+def test_truth_value_for_text_is_to_be_quoted():
     with pytest.raises(ConfigError, match=r"expected one of 'x', 'y' \(quote it\), found True"):
         cast("axis", True, Literal["x", "y"])
 
@@ -55,13 +55,13 @@ def test_an_empty_list_may_come_without_a_type(empty):
 
 
 @pytest.mark.parametrize("given", [[1, 2.5], (1, 2.5)])
-def test_lists_and_tuples_are_cast_to_the_one_that_is_declared_item_by_item(given):
+def test_lists_and_tuples_are_cast_item_by_item(given):
     assert cast("weights", given, list[float]) == [1.0, 2.5]
     assert cast("weights", given, tuple[float, ...]) == (1.0, 2.5)
     assert all(isinstance(item, float) for item in cast("weights", given, list[float]))
 
 
-def test_a_list_that_was_given_is_not_the_one_that_is_kept():
+def test_given_list_is_copied():
     given = [1.0]
     assert cast("weights", given, list[float]) is not given
 

@@ -107,7 +107,7 @@ def test_a_pcd_file_of_one_point_and_of_doubles(write):
     assert fields == {}
 
 
-def test_padding_is_left_out_and_fields_of_several_numbers_are_split(write):
+def test_padding_is_left_out_and_wide_fields_are_split(write):
     header = (
         "VERSION 0.7\nFIELDS x y z _ normal\nSIZE 4 4 4 1 4\nTYPE F F F U F\nCOUNT 1 1 1 4 2\n"
         "WIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA binary\n"
@@ -195,7 +195,7 @@ def test_polygons_of_a_ply_file_become_triangles(write):
 # OBJ
 
 
-def test_an_obj_file_with_quads_comments_and_objects_is_one_mesh(write):
+def test_obj_file_with_quads_and_objects_is_one_mesh(write):
     vertices = "".join("v " + " ".join(map(str, xyz)) + "\n" for xyz in XYZ.tolist())
     path = write(
         "m.obj",
@@ -333,7 +333,7 @@ def test_points_without_faces_are_no_mesh(write):
             load_mesh(path)
 
 
-def test_mixed_faces_of_a_binary_ply_file_are_refused_with_the_reason(write):
+def test_mixed_faces_of_a_binary_ply_file_are_refused(write):
     faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3)
     path = write("mixed.ply", ply_header(ORDERS["<"], 2), PLY_BINARY["<"], faces)
     with pytest.raises(GridMapError, match="must all have the same number of vertices"):

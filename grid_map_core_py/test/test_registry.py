@@ -76,7 +76,7 @@ def test_two_packages_cannot_register_one_type(registry, install):
 
 
 @pytest.mark.parametrize("code", ["import no_such_module", "1 / 0", "class Other: pass"])
-def test_a_plugin_that_cannot_be_loaded_spoils_only_its_own_type(registry, install, code):
+def test_broken_plugin_spoils_only_its_own_type(registry, install, code):
     where = install("broken", code)
     assert registry["built_in"] is BuiltIn
     with pytest.raises(ConfigError, match=f"cannot load '{where}': "):

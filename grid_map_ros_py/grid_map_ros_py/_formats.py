@@ -48,9 +48,10 @@ def _save_bag(
     *,
     topic: str = "/grid_map",
     compress: bool = False,
+    storage: str = "mcap",
 ) -> None:
     """Write a bag with one map."""
-    _save_maps(path, [(None, grid_map)], topic=topic, compress=compress)
+    _save_maps(path, [(None, grid_map)], topic=topic, compress=compress, storage=storage)
 
 
 def _save_maps(
@@ -59,9 +60,11 @@ def _save_maps(
     *,
     topic: str,
     compress: bool = False,
+    storage: str = "mcap",
 ) -> int:
     count = 0
-    with BagWriter(path, compression="zstd" if compress else "none") as bag:
+    compression = "zstd" if compress else "none"
+    with BagWriter(path, storage=storage, compression=compression) as bag:
         for time, grid_map in maps:
             bag.write(topic, grid_map, time=time)
             count += 1

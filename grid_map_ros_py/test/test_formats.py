@@ -62,6 +62,9 @@ def test_bags_are_loaded_and_saved_by_name():
     save(a_map(1), "new", topic="/site", compress=True)
     with BagReader("new") as bag:
         assert (bag.topic, len(bag)) == ("/site", 1)
+    save(a_map(1), "lite", storage="sqlite3")
+    assert Path("lite/lite_0.db3").exists()
+    assert load("lite/lite_0.db3").timestamp == SECOND
 
 
 def test_info_tells_topics_and_one_map_of_each(command):

@@ -78,6 +78,7 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--mode", choices=("trinary", "scale", "raw"), help="map_server (trinary)")
     group.add_argument("--crs", help="GeoTIFF: such as EPSG:25832 (that of a GeoTIFF source)")
+    group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: format (mcap)")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
 

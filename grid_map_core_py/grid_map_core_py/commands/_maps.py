@@ -36,7 +36,7 @@ _READING = {
     "white": "upper",
 }
 _WRITING = {
-    **{name: name for name in ("compress", "bits", "mode", "crs")},
+    **{name: name for name in ("compress", "bits", "mode", "crs", "storage")},
     "output_topic": "topic",
     "black": "lower",
     "white": "upper",

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
-from ._atomic import find_folder, new_file, new_folder
+from ._atomic import new_file, new_folder
 from ._clouds import Fields, load_mesh, load_points
 from ._facts import map_facts
 from ._formats import (
@@ -27,7 +27,6 @@ __all__ = [
     "Fields",
     "Format",
     "MapRecord",
-    "find_folder",
     "format_to_read",
     "format_to_write",
     "formats",

@@ -34,7 +34,7 @@ from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
-from ._atomic import find_folder, new_folder
+from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
 from ._npz import storage_errors
 from ._yaml_files import load_yaml
@@ -116,7 +116,7 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
     given = Path(path)
     with storage_errors(given, "read"):
         is_file = given.suffix == ".yaml" and not given.is_dir()
-        file = given if is_file else find_folder(given) / YAML_NAME
+        file = given if is_file else given / YAML_NAME
     document = load_yaml(file)
     with storage_errors(file, "read"):
         found = part_of_maps(document)

@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import NamedTuple
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.files import find_folder, new_folder
+from grid_map_core_py.files import new_folder
 
 from ..errors import BagError, MessageError
 from ..messages._serialized import from_serialized_message, to_serialized_message
@@ -289,7 +289,7 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
         MissingPackageError: the package `mcap` is needed and not installed.
     """
     with bag_errors(Path(path)):
-        files = _files(find_folder(path))
+        files = _files(Path(path))
     topics: dict[str, BagTopic] = {}
     for file in files:
         with bag_errors(file), closing(_open(file)) as storage:
@@ -357,7 +357,7 @@ class BagReader:
     def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
         self._open: tuple[int, Storage] | None = None
         with bag_errors(Path(path)):
-            self._path = find_folder(path)
+            self._path = Path(path)
             self._files = _files(self._path)
         try:
             self.topics = self._read_topics()
