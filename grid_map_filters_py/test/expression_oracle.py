@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Oracle of window expressions: one window after the other."""
+"""Oracle of window expressions: a loop over the windows."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from grid_map_filters_py.expression import Expression
 def window_by_window(
     expression: Expression, name: str, layer: np.ndarray, window_size: int, edge_handling: str
 ) -> np.ndarray | None:
-    """Evaluate for every window on its own; None if one of them does not give a number."""
+    """Evaluate window by window; return None if one result is not a number."""
     result = np.full(layer.shape, np.nan)
     for cell in np.ndindex(layer.shape):
         window = window_around(layer, cell, window_size, edge_handling)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps for filters, ways to run them, and every filter with parameters that suit these maps."""
+"""Maps for tests of filters, functions that run filters, and valid parameters of all filters."""
 
 import filter_oracles as oracles
 import numpy as np
@@ -13,10 +13,10 @@ CELLS = st.sampled_from([0.0, 0.9, 1.0, 1.5, 2.0, 2.3, 5.0, 8.0])
 """Radii in cells: below one, on the rim of a disc, beyond the map."""
 
 CELLS_OF_PLANES = st.sampled_from([0.9, 1.0, 1.5, 2.0, 3.0])
-"""Radii in cells: with one point, and with enough for a plane."""
+"""Radii in cells: of discs with one point, and with enough points for a plane."""
 
 STEPS = np.arange(70.0).reshape(10, 7)
-"""Heights that are all different: the lowest is 0, the highest 69 and their mean 34.5."""
+"""Different heights from 0 to 69, with mean 34.5."""
 
 TO_OUT = {"input_layer": "elevation", "output_layer": "out"}
 
@@ -40,12 +40,12 @@ def run(type_name, grid_map, **params) -> GridMap:
 
 
 def filtered(type_name, grid_map, **params) -> np.ndarray:
-    """Return the layer that a filter makes of the elevation."""
+    """Return the output layer of a filter with the input layer `elevation`."""
     return run(type_name, grid_map, **TO_OUT | params)["out"]
 
 
 def points_in_disc(grid_map, index, radius) -> np.ndarray:
-    """Return the finite points (N, 3) of a disc, looked up cell by cell."""
+    """Return the finite points (N, 3) of a disc, by a loop over its cells."""
     cells = circle_cells(grid_map, grid_map.get_position(index), radius)
     points = [grid_map.get_position3("elevation", cell) for cell in zip(*cells, strict=True)]
     return np.array([point for point in points if np.isfinite(point).all()]).reshape(-1, 3)
@@ -58,7 +58,7 @@ def assert_cells_are(result, expected, **tolerances):
 
 
 def assert_bytes_near(color, expected):
-    """Compare a colour with channels in 255ths.
+    """Compare a color with channels from 0 to 255.
 
     Fractions are cut off, and rounding may decide which.
     """
@@ -81,7 +81,7 @@ OF_ANY_MAP = [
         {"red": 0.1, "green": 0.5, "blue": 0.9, "output_layer": "color"},
     ),
 ]
-"""Filters that do without the layers that they might find."""
+"""Filters that work on maps without layers."""
 
 OF_THEIR_LAYERS = [
     (
@@ -198,7 +198,7 @@ OF_THEIR_LAYERS = [
         {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
     ),
 ]
-"""Filters that cannot work without the layers that they name."""
+"""Filters that fail without their input layers."""
 
 HEIGHTS_TO_HEIGHTS = [
     ("gridMapFilters/BilateralFilter", {"sigma_space": 0.1, "sigma_range": 0.5}),
@@ -211,7 +211,7 @@ HEIGHTS_TO_HEIGHTS = [
         {"radius": 0.3, "enclosed_holes_only": True, "max_hole_area": 0.3},
     ),
 ]
-"""Filters from `input_layer` to `output_layer`, and their parameters beside these two."""
+"""Filters from `input_layer` to `output_layer`, with their other parameters."""
 
 HEIGHTS_TO_MEASURES = [
     ("gridMapFilters/RoughnessFilter", {"radius": 0.3}),
@@ -223,7 +223,7 @@ HEIGHTS_TO_MEASURES = [
         {"radius": 0.3, "second_window_radius": 0.3, "critical_value": 0.2},
     ),
 ]
-"""Likewise, but what they make is small however high the ground is."""
+"""Filters from `input_layer` to `output_layer` whose results do not depend on a height offset."""
 
 HEIGHTS_TO_LAYER = HEIGHTS_TO_HEIGHTS + HEIGHTS_TO_MEASURES
 

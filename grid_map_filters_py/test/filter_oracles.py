@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Slow and simple versions of filters: loops over cells, in double precision, on layers."""
+"""Oracles of filters: loops over cells, in double precision."""
 
 import math
 
@@ -35,7 +35,7 @@ def in_square(layer, half_width, row, column) -> list[float]:
 
 
 def extreme_in_disc(choose, layer, resolution, radius, *, fill) -> np.ndarray:
-    """Choose among the finite values of discs; without `fill` for finite cells alone."""
+    """Return an extreme of the finite values in discs; without `fill`, only for finite cells."""
 
     def extreme(*cell):
         values = in_disc(layer, resolution, radius, *cell)
@@ -65,7 +65,7 @@ def upper_median(values) -> float:
 
 
 def median_fill(layer, mask, hole_cells, existing_cells=None) -> np.ndarray:
-    """Fill where `mask`; `existing_cells` is None where existing values stay."""
+    """Fill cells of the mask; None for `existing_cells` keeps existing values."""
 
     def filled(*cell):
         half_width = existing_cells if finite(layer, cell) else hole_cells
@@ -100,8 +100,8 @@ def curvature(layer, resolution) -> np.ndarray:
         return float(layer[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)])
 
     def at(row, column):
-        centre = height(row, column)
-        if not math.isfinite(centre):
+        center = height(row, column)
+        if not math.isfinite(center):
             return np.nan
         total = 0.0
         for ahead, behind in [((1, 0), (-1, 0)), ((0, 1), (0, -1))]:
@@ -109,7 +109,7 @@ def curvature(layer, resolution) -> np.ndarray:
                 height(row + ahead[0], column + ahead[1]),
                 height(row + behind[0], column + behind[1]),
             )
-            difference = (sum(ends) / 2 - centre) / resolution**2
+            difference = (sum(ends) / 2 - center) / resolution**2
             total += difference if math.isfinite(difference) else 0.0
         return -2 * total
 
@@ -117,13 +117,13 @@ def curvature(layer, resolution) -> np.ndarray:
 
 
 def to_bytes(color) -> tuple[int, int, int]:
-    """Return red, green, blue of a colour value."""
+    """Return red, green, blue of a color value."""
     bits = int(np.float32(color).view(np.uint32))
     return bits >> 16 & 255, bits >> 8 & 255, bits & 255
 
 
 def blend(background, foreground, mode, opacity) -> list[float]:
-    """Return the channels, in 255ths and not clamped, of two colours blended."""
+    """Return the channels of two blended colors, from 0 to 255 and not clamped."""
     below, above = ([byte / 255 for byte in to_bytes(color)] for color in (background, foreground))
     dark = sum(above) / 3 < 0.5
     mixed = []

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Smoothing that keeps edges, against a loop over cells."""
+"""The filter `Bilateral`, against a loop over cells."""
 
 from functools import partial
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Functions of cells give the same bits, whether numba or NumPy computes them."""
+"""Cell functions give the same bits with numba and with NumPy."""
 
 import importlib
 import os
@@ -63,7 +63,7 @@ def test_compiled_functions_give_the_bits_of_numpy(name, data):
     numbers = [data.draw(st.floats(-2, 2, width=32)) for _ in range(function.numbers)]
     compiled = function(layers, numbers)
     expected = function.plain(layers, tuple(map(np.float32, numbers)))
-    # Of several NaN that meet, either one may come out.
+    # An operation with two different NaN may return either.
     np.testing.assert_array_equal(compiled, expected.view(np.float32))
     finite = ~np.isnan(compiled)
     np.testing.assert_array_equal(

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Chains from configurations, and what they do with filters that fail."""
+"""Filter chains: configuration, order, memory, errors and warnings."""
 
 import threading
 import warnings
@@ -274,7 +274,7 @@ def test_warnings_go_to_the_list_of_the_caller(grid_map):
 
 
 def test_one_chain_runs_in_many_threads(grid_map):
-    """Four calls are in the middle of the chain at the same time, each with a map of its own."""
+    """Four threads are in the last step at the same time, each with another map."""
     all_run = threading.Barrier(4, timeout=30)
 
     def warns(grid_map):

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Two layers of colours in one, against a loop over cells."""
+"""The filter `ColorBlending`, against a loop over cells."""
 
 import filter_oracles as oracles
 import numpy as np

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""One color for all cells, or for the cells of a mask."""
+"""The filter `ColorFill`."""
 
 import filter_oracles as oracles
 import numpy as np

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A ramp of colours over the values of a layer."""
+"""The filter `ColorMap`: a linear ramp of colors."""
 
 import filter_oracles as oracles
 import numpy as np

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Second differences, against a loop over cells."""
+"""The filter `Curvature`, against a loop over cells."""
 
 from functools import partial
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Layers that are no longer there."""
+"""The filter `Deletion`."""
 
 import pytest
 from filter_cases import run, terrain

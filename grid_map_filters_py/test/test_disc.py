@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sums over discs against sums over neighbours that are looked up one by one."""
+"""Discs, and sums over discs, against loops over neighbors."""
 
 import numpy as np
 import pytest

@@ -73,7 +73,7 @@ UNARY = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 
 
 def as_python(node: ast.expr) -> float:
-    """Evaluate by Python's own grammar, which has the same precedence for these operators."""
+    """Evaluate with Python's grammar, where these operators have the same precedence."""
     if isinstance(node, ast.BinOp):
         return BINARY[type(node.op)](as_python(node.left), as_python(node.right))
     if isinstance(node, ast.UnaryOp):

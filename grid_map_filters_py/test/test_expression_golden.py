@@ -25,7 +25,7 @@ DEVIATIONS = {
     "a = b": "assignment is an error",
     "min(a)": "min propagates NaN",
 }
-"""Expressions that mean something else here than in C++, with the reason in the contract."""
+"""Expressions with another result than in C++, and the reason in the contract."""
 
 
 @cache
@@ -97,7 +97,7 @@ def test_the_minimum_of_a_matrix_with_nan_is_nan():
 
 
 def layers_of(case) -> dict[str, np.ndarray]:
-    """Give the unwrapped layers of the map of a case."""
+    """Return the unwrapped layers of the map of a case."""
     layers = golden("filters")["maps"][case["map"]]["layers"]
     return {name: unwrap(values, case) for name, values in layers.items()}
 
@@ -113,7 +113,7 @@ def expected_of(case) -> np.ndarray:
 
 
 def assert_close(result, expected):
-    """Compare with a tolerance of 1e-5 of the values' range."""
+    """Compare with a tolerance of 1e-5 of the range of the values."""
     finite = expected[np.isfinite(expected)]
     tolerance = 1e-5 * (np.ptp(finite) if finite.size else 1.0)
     np.testing.assert_allclose(result, expected, rtol=1e-5, atol=tolerance)
@@ -185,7 +185,7 @@ WINDOW_DEVIATIONS = {
 
 
 def window_cases(deviation: str | None) -> list[Any]:
-    """Give the golden cases that deviate for this reason (and no other), or for none."""
+    """Return the golden cases with this reason for a deviation, or without any."""
     cases = filter_cases("SlidingWindowMathExpressionFilter")
     return [
         case

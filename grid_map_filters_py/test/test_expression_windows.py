@@ -37,7 +37,7 @@ EXPRESSIONS = [
     "where(numberOfFinites(e) > 4, meanOfFinites(e), 0)",
     "sumOfFinites(e .* e - e / 2)",
     "sum(e .* (e - meanOfFinites(e)))",
-    # what makes something of NaN, so that cropping is not padding
+    # functions that replace NaN, so that cropping differs from padding
     "sumOfFinites(2^e)",
     "meanOfFinites(e^0)",
     "meanOfFinites(1^e)",
@@ -162,7 +162,7 @@ def test_functions_treat_nan_as_the_table_says(name):
 
 
 def terrain(rows=40, columns=50, height=0.0) -> np.ndarray:
-    """Give hills of one metre with noise and holes."""
+    """Return hills of one meter with noise and holes."""
     random = np.random.default_rng(7)
     hills = np.add.outer(np.sin(np.arange(rows) / 9), np.cos(np.arange(columns) / 7))
     layer = height + 0.5 * hills + 0.05 * random.normal(size=hills.shape)

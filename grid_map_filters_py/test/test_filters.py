@@ -28,7 +28,7 @@ from grid_map_filters_py._registry import BUILT_IN
 
 
 def each(filters, width):
-    """Parametrise on filters; their names and parameters are cut off to make short ids."""
+    """Parametrize on filters, with short ids."""
     return pytest.mark.parametrize(
         ("type_name", "params"), filters, ids=lambda value: str(value)[:width]
     )
@@ -39,10 +39,7 @@ ignore_warnings = pytest.mark.filterwarnings("ignore::grid_map_filters_py.Filter
 
 
 def run_here_and_elsewhere(type_name, grid_map, **params):
-    """Return the result, having asserted that it depends on the world alone, and changes nothing.
-
-    Elsewhere is in the buffer, at another start index.
-    """
+    """Return the result; assert that it does not depend on the start index and changes no input."""
     before, elsewhere = grid_map.copy(), tuple(np.subtract(grid_map.size, 1) // 2)
     result = run(type_name, grid_map, **params)
     again = run(type_name, moved_in_buffer(grid_map, elsewhere), **params)
@@ -259,7 +256,7 @@ def test_maps_without_finite_cells_stay_without(type_name, params, shape, value)
 
 @each_from_heights
 def test_missing_values_do_not_spread(type_name, params):
-    """Infinite, NaN, beyond the border: all the same, and none a height of 0."""
+    """Infinities, NaN and cells beyond the border are treated alike, and not as a height of 0."""
     heights = 1000.0 + np.random.default_rng(5).normal(size=(9, 8))
     heights[4, 4] = np.nan
     result = filtered(type_name, ground(heights), **params)
@@ -269,7 +266,7 @@ def test_missing_values_do_not_spread(type_name, params):
     )
     finite = np.isfinite(heights)
     if type_name.endswith("SlopeFilter") and not params:
-        # The slope to four neighbours needs all but one.
+        # Slopes to the four neighbors do not exist at the border.
         finite[[0, -1]] = finite[:, [0, -1]] = False
     assert np.isfinite(result[finite]).all()
     if (type_name, params) in HEIGHTS_TO_HEIGHTS:

@@ -18,7 +18,7 @@ from grid_map_filters_py import FILTERS, FilterChain, FilterConfigError, FilterE
 
 NAMESPACES = {"InpaintFilter": "gridMapCv"}
 ELSEWHERE = "gridMapFilters/SlidingWindowMathExpressionFilter"
-"""Windows are compared in the tests of the expression language, which has a table of its own."""
+"""Filter types of this test; the tests of expressions compare windows."""
 
 
 @cache
@@ -60,13 +60,13 @@ def unwrapped(values, description) -> np.ndarray:
 
 
 def is_whole_number_of_cells(case) -> bool:
-    """Contract 3: discs are closed, as those of the oracles; C++ rounds at the rim."""
+    """Contract 3: discs are closed, as in the oracles; C++ rounds at the rim."""
     cells = case["params"].get("radius", 0.0) / golden()["maps"][case["map"]]["resolution"]
     return cells > 0 and abs(cells - round(cells)) < 1e-6
 
 
 def deviates(case) -> str | None:
-    """Return why our result is deliberately another one, or None."""
+    """Return the reason for a deliberate deviation, or None."""
     name, params = case["filter"], case["params"]
     moved = golden()["maps"][case["map"]]["start_index"] != [0, 0]
     uses_disc = name in ("MeanInRadiusFilter", "MinInRadiusFilter") or (
@@ -145,7 +145,7 @@ def test_result_equals_cpp(case):
         finite = expected[np.isfinite(expected)]
         tolerance = 1e-5 * (np.ptp(finite) if finite.size else 1.0)
         if name in ("color", "blend"):
-            # NaN stays NaN (contract 5); C++ makes -0.0 of it.
+            # NaN stays NaN (contract 5); in C++ it becomes -0.0.
             expected[expected.view(np.uint32) == 1 << 31] = np.nan
             np.testing.assert_array_equal(ours.view(np.uint32), expected.view(np.uint32))
         else:
@@ -163,7 +163,7 @@ def test_parameters_that_cpp_refuses_are_refused(case):
 
 @pytest.mark.parametrize("case", cases("cast"))
 def test_integers_are_accepted_for_floats(case):
-    """C++ refuses `radius: 1`; ours casts (contract 8: both must load)."""
+    """C++ refuses `radius: 1`; we cast it (contract 8: both must load)."""
     result = chain_of(case)(to_map(golden()["maps"][case["map"]]))
     floats = {**case["params"], "radius": float(case["params"]["radius"])}
     expected = chain_of({**case, "params": floats})(to_map(golden()["maps"][case["map"]]))

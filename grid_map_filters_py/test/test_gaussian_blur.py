@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Smoothing by weights that depend on the distance alone, against a loop over cells."""
+"""The filter `GaussianBlur`, against a loop over cells."""
 
 from functools import partial
 

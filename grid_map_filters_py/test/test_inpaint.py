@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Holes that are filled from their rims, all of them or within limits."""
+"""The filter `Inpaint`, without and with limits for holes."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def test_extreme_ranges_stay_finite():
 
 
 def holed() -> np.ndarray:
-    """Holes of 1, 4 and 9 cells, one at the border, and one that joins it across a corner."""
+    """Return heights with holes of 1, 4 and 9 cells, and two holes at the border."""
     heights = np.random.default_rng(4).normal(size=(20, 24))
     heights[3, 3] = heights[6:8, 6:8] = np.nan
     heights[12:15, 12:15] = np.inf
@@ -90,7 +90,7 @@ def test_only_holes_within_the_limits_are_filled(limits, left):
 
 
 def cells_of_hole(missing, start):
-    """The cells connected with one, found by walking."""
+    """Return the cells of the hole around a cell, by a flood fill."""
     found, new = set(), [start]
     while new:
         row, column = new.pop()

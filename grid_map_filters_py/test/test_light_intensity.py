@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Grey by the angle between light and surface."""
+"""The filter `LightIntensity`."""
 
 import filter_oracles as oracles
 import numpy as np

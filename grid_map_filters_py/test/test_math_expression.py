@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A layer by an expression over layers."""
+"""The filter `MathExpression`."""
 
 import numpy as np
 import pytest

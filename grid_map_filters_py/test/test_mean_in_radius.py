@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Means of discs, against points looked up cell by cell."""
+"""The filter `MeanInRadius`, against a loop over discs."""
 
 from functools import partial
 

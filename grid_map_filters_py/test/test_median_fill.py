@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Holes that are filled with medians where a mask says so, against a loop over cells."""
+"""The filter `MedianFill`, against a loop over cells."""
 
 import filter_oracles as oracles
 import numpy as np

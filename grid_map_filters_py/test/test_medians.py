@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Medians of windows, against a loop over cells.
 
-Scattered cells and large windows are computed in another way than most cells with small windows.
+Scattered cells and large windows are sorted; small windows of most cells go through a network.
 """
 
 import filter_oracles as oracles
@@ -24,7 +24,7 @@ def medians_of(layer, cells, half_width):
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (14, 11), (13, 6)], ids=str)
 def test_medians_equal_a_loop_over_cells(size, missing, half_width, share):
     random = np.random.default_rng(sum(size) + half_width)
-    # Few different values, so that many are equal.
+    # Only 18 different values, so that many are equal.
     layer = np.asfortranarray(random.integers(-9, 9, size).astype(np.float32))
     holes = random.random(size) < missing
     layer[holes] = random.choice([np.nan, np.inf, -np.inf], size)[holes]

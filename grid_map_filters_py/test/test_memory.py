@@ -79,10 +79,10 @@ def grid_map() -> GridMap:
 
 
 def peak_above_result(operation, layer_bytes):
-    """The largest memory in use beside the result, in layers."""
-    operation()  # what is made once and kept is not counted
+    """Return the peak memory beside the result, and that of the result, in layers."""
+    operation()  # memory that is allocated once is not counted
     gc.collect()
-    gc.disable()  # memory must be free at once, not when somebody collects it
+    gc.disable()  # memory must be freed at once, not by garbage collection
     tracemalloc.start()
     try:
         result = operation()
@@ -98,7 +98,7 @@ def test_chain_needs_memory_for_less_than_six_layers(grid_map):
     chain = FilterChain.from_config(TRAVERSABILITY)
     above, result = peak_above_result(lambda: chain(grid_map), grid_map["elevation"].nbytes)
     assert above < 6
-    # The result holds a copy of its input and what the steps have added, and nothing else.
+    # The result holds a copy of its input and the layers that the steps have added.
     assert result == pytest.approx(len(chain(grid_map).layers), abs=0.2)
 
 

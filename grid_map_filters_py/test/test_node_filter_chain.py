@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `filter_chain` in a process of its own, over DDS."""
+"""The node `filter_chain` as a process, over DDS."""
 
 import copy
 
@@ -22,7 +22,7 @@ from grid_map_ros_py.testing import Peer, peer, running_node, start_node, wait_u
 
 MODULE = "grid_map_filters_py._executables.filter_chain"
 FILTERS = {
-    "filter1": {"name": "normalise", "type": "gridMapFilters/BufferNormalizerFilter"},
+    "filter1": {"name": "normalize", "type": "gridMapFilters/BufferNormalizerFilter"},
     "filter2": {
         "name": "inpaint",
         "type": "gridMapCv/InpaintFilter",
@@ -63,7 +63,7 @@ def other_side():
 def terrain(
     size=(12, 7), start=(0, 0), holes=((3, 4), (11, 6)), timestamp=1_500_000_001
 ) -> GridMap:
-    """A slope with holes; the same world for every start index."""
+    """Return a slope with holes, stored from any start index."""
     values = np.fromfunction(lambda i, j: 0.3 * i + np.sin(j), size).astype(np.float32)
     for hole in holes:
         values[hole] = np.nan
@@ -79,7 +79,7 @@ def terrain(
 
 
 def filtered(other: Peer, message: GridMapMessage, count: int) -> GridMap:
-    """Send a map and return what comes back as the message number `count`."""
+    """Send a map and return message number `count` of the result."""
     other.publish("/grid_map", message)
     return from_message(other.expect("/filtered_map", count))
 
@@ -260,7 +260,7 @@ def test_diagnostics_count_maps_and_time_every_step(parameters, other_side):
     other_side.listen("/filtered_map", GridMapMessage)
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     with running_node(MODULE, *parameters(diagnostics_period=0.1)):
-        # They come though no map has.
+        # Reports are published without maps, too.
         status = expect_status(other_side, maps_in="0", maps_out="0", maps_dropped="0")
         assert status.level == DiagnosticStatus.OK
         other_side.publish("/grid_map", to_message(without_elevation()))
@@ -297,7 +297,7 @@ def test_diagnostics_reach_late_subscribers(parameters, other_side):
 
 
 def request(other: Peer, service: type, changes: dict[str, object]):
-    """Set parameters of the node by one of its services; None deletes one."""
+    """Set parameters of the node by a service; None deletes a parameter."""
     name = {SetParameters: "set_parameters", SetParametersAtomically: "set_parameters_atomically"}
     client = other.node.create_client(service, f"/grid_map_filters/{name[service]}")
     other.wait_until(client.service_is_ready, name[service])
@@ -328,7 +328,7 @@ OK = (True, "")
 
 
 def with_changes(**steps: dict[str, object]) -> FilterChain:
-    """The chain of the node with other parameters of some filters."""
+    """Return the chain of the node with changed parameters."""
     config = copy.deepcopy(FILTERS)
     for step, params in steps.items():
         config[step]["params"] |= params
@@ -340,12 +340,12 @@ def test_new_parameter_value_applies_to_the_next_map(parameters, other_side):
     message = to_message(terrain())
     with running_node(MODULE, *parameters()):
         before = filtered(other_side, message, 1)
-        # It was an integer in the file, and is a float from now on.
+        # The value in the file was an integer.
         assert set_one(other_side, "filters.filter3.params.radius", 2.25) == OK
         after = filtered(other_side, message, 2)
         assert_maps_equal(after, with_changes(filter3={"radius": 2.25})(terrain()))
         assert not np.array_equal(before["smooth"], after["smooth"])
-        # What was not given in the file, too.
+        # A parameter that is not in the file.
         assert set_one(other_side, "filters.filter3.params.radius", 1) == OK
         assert_maps_equal(filtered(other_side, message, 3), before)
 

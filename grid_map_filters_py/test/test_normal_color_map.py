@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Colours of directions."""
+"""The filter `NormalColorMap`."""
 
 import numpy as np
 from filter_cases import run, terrain

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface normals of maps, against points looked up cell by cell and surfaces of known slope."""
+"""The filter `NormalVectors`, against loops over cells and known surfaces."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_area_normals_equal_least_squares_planes(grid_map, cells):
             assert normal.tolist() == [0, 0, 1]
             continue
         assert normal[2] >= 0
-        # The direction is defined as far as the smallest eigenvalue stands apart from the next.
+        # The gap between the two smallest eigenvalues limits the precision of the direction.
         variance = normal @ np.cov(points.T, bias=True) @ normal
         assert variance <= values[0] + 1e-5 * values[2]
         if values[1] - values[0] > 1e-2 * values[2]:
@@ -63,7 +63,7 @@ def test_normals_of_a_plane_are_its_normal(params, slope, height):
 
 
 def test_normals_keep_small_differences_on_high_ground():
-    """A gentle slope, where the variance of the heights is 1e-11 of their square."""
+    """The variance of the heights is 1e-11 of their square."""
     grid_map = terrain((30, 20))
     x, _ = grid_map.axes()
     slope = np.round(x / 8, 3)[:, None] * np.ones(20)
@@ -94,7 +94,7 @@ def test_points_on_a_line_define_no_plane(spread):
 
 
 def test_mirrored_points_have_exactly_horizontal_normal():
-    """They lie closest to the plane of the mirror; all that the formula leaves is rounding."""
+    """Their plane is that of the mirror; the formula alone would give rounding errors."""
     heights = [[np.nan, 1.0], [0.5, -3.0], [-3.0, 1.0], [1.0, 0.5]]
     grid_map = ground(heights, 1.0)
     expected = np.linalg.eigh(np.cov(points_in_disc(grid_map, (2, 0), 2.0).T))[1][:, 0]

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface normals of maps that are computed in tiles, against points looked up cell by cell."""
+"""Normals in tiles, against loops over cells."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def hills(rows: int, columns: int, holes: float = 0.1) -> np.ndarray:
 
 
 def points_around(layer, row, column, radius):
-    """The finite points (N, 3) of the closed disc around a cell; x, y against rows, columns."""
+    """Return the finite points (N, 3) of the closed disc around a cell."""
     points = [
         (-RESOLUTION * (i - row), -RESOLUTION * (j - column), layer[i, j])
         for i, j in np.ndindex(layer.shape)
@@ -32,7 +32,7 @@ def points_around(layer, row, column, radius):
 
 
 def best_normal(points):
-    """The upward normal of the best plane, and its variances from the smallest to the largest."""
+    """Return the upward normal of the least-squares plane, and the variances in ascending order."""
     if len(points) < 3:
         return np.array([0, 0, 1]), np.zeros(3)
     values, vectors = np.linalg.eigh(np.cov(points.T, bias=True))
@@ -91,7 +91,7 @@ def test_normals_have_the_direction_of_least_variance(heights, magnitude, holes)
         assert normal.tolist() == [0, 0, 1]
     elif variances[1] > 1.1e-8:
         spread = normal @ np.cov(points.T, bias=True) @ normal
-        # The rounding of float32 components weighs more, the higher the points lie apart.
+        # The error of float32 components grows with the spread of the heights.
         assert spread <= variances[0] + 1e-6 * variances[1] + 1e-13 * variances[2]
         if variances[1] - variances[0] > 1e-3 * variances[2]:
             assert abs(normal @ expected) == pytest.approx(1.0, abs=1e-6)
@@ -116,11 +116,11 @@ def test_points_within_0_1_mm_define_no_plane(resolution, tilted):
     np.testing.assert_allclose(z, np.sqrt(0.5) if tilted else 1.0, atol=1e-5)
 
 
-def slope_along(ahead, centre, behind):
-    """The rise per metre: central, else one-sided, else NaN."""
+def slope_along(ahead, center, behind):
+    """Return the slope: central, else one-sided, else NaN."""
     if np.isfinite([ahead, behind]).all():
         return (ahead - behind) / (2 * RESOLUTION)
-    one_sided = (ahead - centre) if np.isfinite(ahead) else (centre - behind)
+    one_sided = (ahead - center) if np.isfinite(ahead) else (center - behind)
     return one_sided / RESOLUTION if np.isfinite(one_sided) else np.nan
 
 

@@ -67,7 +67,7 @@ def test_maps_are_freed_before_the_next_one():
     def source():
         for number in range(6):
             assert [reference for reference in maps if reference() is not None] == []
-            # Every second one fails.
+            # Every second map fails.
             yield remember(a_map(number, "height" if number % 2 else "hight"))
 
     gc.disable()

@@ -48,7 +48,7 @@ def ours(source) -> GridMap:
 
 
 def difference(ours, theirs, layer) -> np.ndarray:
-    """Absolute differences in steps of 8 bits over the layer's range."""
+    """Return absolute differences in 8-bit steps of the range of the layer."""
     expected = theirs[layer]
     return np.abs(ours[layer] - expected) / (np.ptp(expected[np.isfinite(expected)]) / 255)
 
@@ -75,9 +75,9 @@ def test_later_steps_equal_cpp_on_its_own_layers(theirs):
 
 
 def closest_mean(inpainted: GridMap, expected: np.ndarray) -> np.ndarray:
-    """Return the distance to the mean with whichever rim cells come closest to what is expected.
+    """Return the smallest distance to a mean over a disc with any of the four rim cells.
 
-    The radius of 0.06 m is three cells of 0.02 m: four centres are exactly on the rim.
+    The radius of 0.06 m is three cells of 0.02 m: four centers are exactly on the rim.
     """
     heights = inpainted["elevation_inpainted"]
     offset, known = np.nanmean(heights, dtype=float), np.isfinite(heights)
@@ -107,7 +107,7 @@ def test_smooth_layer_is_within_an_8_bit_step_outside_holes(source, ours, theirs
 
 
 def test_inpainted_layer_is_within_an_8_bit_step(source, ours, theirs):
-    """In holes the quantised cells that C++ fills from, and fills again, add up to some steps.
+    """In holes, C++ fills from quantized cells, so that errors of some steps add up.
 
     One or two cells from the border of the map OpenCV 5 fills otherwise than OpenCV 4.
     """

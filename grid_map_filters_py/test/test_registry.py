@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Filters of third parties, through real entry points of an installed distribution."""
+"""Filters of other packages, through real entry points of an installed distribution."""
 
 import os
 import subprocess

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Distances from the best planes of discs, against points looked up cell by cell."""
+"""The filter `Roughness`, against loops over cells."""
 
 from functools import partial
 
@@ -26,7 +26,7 @@ def test_roughness_is_the_deviation_from_the_plane(grid_map, cells):
             continue
         values = np.linalg.eigvalsh(np.cov(points.T))
         biased = values * (len(points) - 1) / len(points)
-        # The plane is defined where the points are not on a line; it is horizontal otherwise.
+        # The plane of points on a line is horizontal.
         flat = len(points) < 3 or biased[1] <= 1e-8
         expected = points[:, 2].std(ddof=1) if flat else np.sqrt(max(values[0], 0.0))
         spread = np.sqrt(values[2])
@@ -40,6 +40,6 @@ def test_slopes_are_smooth_and_noise_is_rough():
     grid_map["elevation"] = 1000 + plane
     assert np.nanmax(roughness(grid_map, radius=0.3)) < 1e-4
     grid_map["elevation"] = plane + noise
-    # The distance to an inclined plane is shorter than the difference in height.
+    # The distance to an inclined plane is smaller than the difference in height.
     expected = 0.02 * np.cos(np.arctan(0.5))
     assert np.median(roughness(grid_map, radius=0.5)) == pytest.approx(expected, rel=0.05)

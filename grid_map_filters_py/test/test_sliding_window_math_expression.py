@@ -1,9 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Windows of an expression: how large they are, and which cells get one.
-
-What expressions over windows compute is tested with the expression language.
-"""
+"""The filter `SlidingWindowMathExpression`; `test_expression_windows.py` tests its results."""
 
 import numpy as np
 import pytest

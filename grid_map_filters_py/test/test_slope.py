@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Angles of surfaces, against planes and normals of known slope."""
+"""The filter `Slope`, against planes and normals of known slope."""
 
 from functools import partial
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Differences of height in discs, against points looked up cell by cell."""
+"""The filter `StepHeight`, against loops over cells."""
 
 from functools import partial
 
@@ -49,11 +49,11 @@ def test_second_window_weighs_steps_by_number_of_cells(grid_map, first, second, 
 
 
 def test_spikes_are_no_steps_but_curbs_are():
-    spike, kerb = np.zeros((11, 11)), np.zeros((11, 11))
-    spike[5, 5] = kerb[5:] = 0.2
+    spike, curb = np.zeros((11, 11)), np.zeros((11, 11))
+    spike[5, 5] = curb[5:] = 0.2
     params = {"radius": 0.1, "second_window_radius": 0.1, "critical_value": 0.15}
-    # The spike stands out in five discs, the kerb in two cells of every column.
-    for heights, number, expected in [(spike, 10, 0.1), (spike, 5, 0.2), (kerb, 4, 0.2)]:
+    # Five discs contain the spike, two cells of every column see the curb.
+    for heights, number, expected in [(spike, 10, 0.1), (spike, 5, 0.2), (curb, 4, 0.2)]:
         result = step_height(ground(heights), critical_cell_number=number, **params)
         assert result.max() == pytest.approx(expected)
         assert result[0, 0] == 0

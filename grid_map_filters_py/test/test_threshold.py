@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values beyond a limit are set."""
+"""The filter `Threshold`."""
 
 from functools import partial
 

@@ -50,7 +50,7 @@ def test_traversability_is_between_0_and_1(terms):
 def test_chain_separates_flat_ground_curb_and_steep_slope():
     grid_map = terrain((60, 20))
     x, y = (axis.reshape(60, 20, order="F") for axis in grid_map.get_positions().T)
-    # From +x to -x: flat, a ramp of 45 degrees, flat, and a kerb of 0.3 m.
+    # From +x to -x: flat, a ramp of 45 degrees, flat, and a curb of 0.3 m.
     grid_map["elevation"] = np.clip(1.0 - x, 0.0, 1.0) - 0.3 * (x < -1.5) + 0.0 * y
     terms = {"slope": 0.6, "step_height": 0.2, "roughness": 0.1}
     measures = [("Slope", "slope"), ("StepHeight", "step_height"), ("Roughness", "roughness")]
@@ -65,12 +65,12 @@ def test_chain_separates_flat_ground_curb_and_steep_slope():
     params = {"input_layers": [*terms], "critical_values": [*terms.values()], "output_layer": "out"}
     steps.append({"name": "all", "type": TRAVERSABILITY, "params": params})
     result = FilterChain.from_config(steps)(grid_map)["out"]
-    on_flat, on_ramp, at_kerb = (
+    on_flat, on_ramp, at_curb = (
         result[grid_map.get_index((place, 0.0))] for place in (2.0, 0.5, -1.5)
     )
     assert on_flat == pytest.approx(1.0)
     assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, steps in every disc, but even.
-    assert at_kerb < 0.5
+    assert at_curb < 0.5
 
 
 def test_tiny_critical_value_is_a_step():
