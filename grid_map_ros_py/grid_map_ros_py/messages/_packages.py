@@ -6,6 +6,7 @@ Reading maps, bags and messages takes no message package, so that it works witho
 """
 
 import importlib
+import sys
 from typing import Any
 
 from grid_map_core_py.errors import MissingPackageError
@@ -22,8 +23,9 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
     Raises:
         MissingPackageError: the package is not installed, or its environment is not sourced.
     """
+    name = f"{package}.{kind}"
     try:
-        return importlib.import_module(f"{package}.{kind}")
+        return sys.modules.get(name) or importlib.import_module(name)
     except ImportError as error:
         remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
         raise MissingPackageError(package, needed_by, remedy) from error
