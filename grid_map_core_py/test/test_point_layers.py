@@ -332,7 +332,11 @@ def test_error_of_unknown_reduction_lists_reductions(reduction):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"min_height": 1, "max_height": 0}, ConfigError, "expected ascending limits, got"),
+        (
+            {"min_height": 1, "max_height": 0},
+            ConfigError,
+            "min_height, max_height: expected ascending limits",
+        ),
         ({"min_height": np.nan}, ConfigError, "min_height, max_height: expected ascending limits"),
         ({"max_height": "x"}, GeometryError, "max_height: expected a number"),
         ({"fields": {"i": [1, 2]}}, GeometryError, r"field 'i': expected shape \(1,\), got \(2,\)"),
