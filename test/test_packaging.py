@@ -32,7 +32,9 @@ step = {
     "params": {"expression": "2 * elevation", "output_layer": "doubled"},
 }
 chain = FilterChain.from_config([step])
-print(chain(gm.GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))["doubled"].max())
+result = chain(gm.GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))
+gm.save(result, "map.npz")
+print(result["doubled"].max())
 """
 
 WITHOUT_ROS = {
@@ -137,6 +139,8 @@ def libraries(requirements: list[str]) -> set[str]:
 def test_core_and_filters_work_after_pip_install(venv):
     done = run(venv / "bin/python", "-c", USE, environ=fresh_environment(), cwd=venv)
     assert (done.stdout, done.stderr) == ("4.0\n", "")
+    done = run(venv / "bin/grid-map", "info", "map.npz", environ=fresh_environment(), cwd=venv)
+    assert (done.returncode, "doubled" in done.stdout) == (0, True), done.stderr
 
 
 def test_table_of_installation_lists_all_packages():

@@ -22,7 +22,7 @@ VOXEL = 0.05
 """Side [m]."""
 
 DEPTH = 16
-"""Of a voxel in the tree, whose root is around the origin."""
+"""Depth of a voxel in the tree, whose root is around the origin."""
 
 
 def main(folder: Path) -> None:

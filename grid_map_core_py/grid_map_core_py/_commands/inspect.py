@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 BLOCKS, ASCII_BLOCKS = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
 WIDTH = 40
-"""Of the longest bar, in characters."""
+"""Length of the longest bar [characters]."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -253,7 +253,7 @@ class Destination:
 
     @property
     def takes_many(self) -> bool:
-        """Whether it is a bag, which holds any number of maps."""
+        """True for a bag, which holds any number of maps."""
         return self.format.save_maps is not None
 
     def write(self, maps: Iterable[TimedMap]) -> int:
