@@ -70,7 +70,7 @@ def test_indices_have_the_positions_that_cpp_gives_them(name, case):
 
 
 def has_edge_on_border(grid_map, request):
-    """Whether an edge of a request is within 1e-9 m of a border between cells.
+    """Return True if an edge of a request is within 1e-9 m of a border between cells.
 
     C++ may take one more cell there (contract 1: "takes no further cell").
     """
