@@ -95,13 +95,8 @@ class GridMapToImageDemoNode(Node):
             self, "grid_map_topic", str, "/grid_map", description="topic of the map"
         )
         check_topic(self, "grid_map_topic", topic)
-        file = read_parameter(
-            self,
-            "file",
-            str,
-            "~/.ros/grid_map.png",
-            description="image file in an existing folder; its ending sets the format",
-        )
+        about = "image file in an existing folder; its ending sets the format"
+        file = read_parameter(self, "file", str, "~/.ros/grid_map.png", description=about)
         self._file = user_path(file)
         self._picture = self._read_picture()
         self._check_file()

@@ -84,13 +84,8 @@ class ImagePublisherNode(Node):
     def __init__(self) -> None:
         super().__init__("image_publisher")
         self._throttle = LogThrottle()
-        path = read_parameter(
-            self,
-            "image_path",
-            str,
-            "",
-            description="image file; empty for the terrain in this package",
-        )
+        about = "image file; empty for the terrain in this package"
+        path = read_parameter(self, "image_path", str, "", description=about)
         topic = read_parameter(self, "topic", str, "image", description="topic of the image")
         self._frame_id = read_parameter(
             self, "frame_id", str, "map", description="coordinate frame of the image"

@@ -49,13 +49,8 @@ class ImageToGridmapDemoNode(Node):
             self, "resolution", 0.03, description="side of a pixel on the ground [m]"
         )
         self._heights = self._read_heights()
-        self._frame_id = read_parameter(
-            self,
-            "map_frame_id",
-            str,
-            "map",
-            description="coordinate frame of the map; empty for the frame of the image",
-        )
+        about = "coordinate frame of the map; empty for the frame of the image"
+        self._frame_id = read_parameter(self, "map_frame_id", str, "map", description=about)
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         check_topic(self, "image_topic", topic)
         # Cameras usually publish with best effort.

@@ -182,13 +182,8 @@ class NormalFilterComparisonDemoNode(Node):
         )
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
-        self._outliers = read_parameter(
-            self,
-            "outliers_percentage",
-            float,
-            0.0,
-            description="share of outliers (infinite heights), 0 to 1",
-        )
+        about = "share of outliers (infinite heights), 0 to 1"
+        self._outliers = read_parameter(self, "outliers_percentage", float, 0.0, description=about)
         check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
         about = "name of the parameter with the chain"
         name = read_parameter(

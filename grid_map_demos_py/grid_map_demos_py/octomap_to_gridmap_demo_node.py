@@ -39,20 +39,12 @@ class OctomapToGridmapDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("octomap_to_gridmap_demo")
+        about = "service that returns an octomap"
         service = read_parameter(
-            self,
-            "octomap_service_topic",
-            str,
-            "/octomap_binary",
-            description="service that returns an octomap",
+            self, "octomap_service_topic", str, "/octomap_binary", description=about
         )
-        path = read_parameter(
-            self,
-            "octomap_path",
-            str,
-            "",
-            description="file of OctoMap (.bt, .ot), read in place of a request",
-        )
+        about = "file of OctoMap (.bt, .ot), read in place of a request"
+        path = read_parameter(self, "octomap_path", str, "", description=about)
         self._bounds = [self._read_bounds(axis) for axis in "xyz"]
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         if path:

@@ -47,14 +47,8 @@ class OpencvDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("opencv_demo")
-        transparent = read_parameter(
-            self,
-            "use_transparency",
-            bool,
-            False,
-            description="the star has no ground around it: cells without a value are transparent "
-            "pixels",
-        )
+        about = "the star has no ground around it: cells without a value are transparent pixels"
+        transparent = read_parameter(self, "use_transparency", bool, False, description=about)
         rate = read_positive(self, "publish_rate", 25.0, description="maps per second [Hz]")
         self._map = star_map("original", 0.01, has_ground=not transparent)
         # 16 bits distinguish 65536 heights; the fourth channel is alpha.

@@ -39,19 +39,10 @@ class ResolutionChangeDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("resolution_change_demo")
         transparent = read_parameter(
-            self,
-            "use_transparency",
-            bool,
-            False,
-            description="cells around the star have no value",
+            self, "use_transparency", bool, False, description="cells around the star have no value"
         )
-        name = read_parameter(
-            self,
-            "interpolation",
-            str,
-            "cubic",
-            description="interpolation method: " + ", ".join(INTERPOLATIONS),
-        )
+        about = "interpolation method: " + ", ".join(INTERPOLATIONS)
+        name = read_parameter(self, "interpolation", str, "cubic", description=about)
         check(name in INTERPOLATIONS, "interpolation", f"one of {[*INTERPOLATIONS]}", name)
         rate = read_positive(self, "publish_rate", 10.0, description="maps per second [Hz]")
         self._interpolation = INTERPOLATIONS[name]

@@ -90,12 +90,13 @@ class SdfDemoNode(Node):
         self._layer = read_parameter(
             self, "elevation_layer", str, "elevation", description="layer of the heights"
         )
+        about = "prefix of the topics full_sdf, free_space and occupied_space"
         clouds = read_parameter(
             self,
             "pointcloud_topic",
             str,
             "/grid_map_sdf_demo/signed_distance_field",
-            description="prefix of the topics full_sdf, free_space and occupied_space",
+            description=about,
         )
         maps = read_parameter(
             self, "grid_map_topic", str, "/grid_map", description="topic of the maps"

@@ -20,13 +20,8 @@ class TerrainPublisherNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")
         topic = read_parameter(self, "topic", str, "/grid_map", description="topic of the map")
-        file = read_parameter(
-            self,
-            "file",
-            str,
-            "",
-            description="elevation model, an .npz file; empty for the one in this package",
-        )
+        about = "elevation model, an .npz file; empty for the one in this package"
+        file = read_parameter(self, "file", str, "", description=about)
         self._map = load_terrain(
             user_path(file) if file else share("data", "jacksboro_fault_dem.npz"),
             read_positive(self, "resolution", 0.03, description="side of a cell [m]"),

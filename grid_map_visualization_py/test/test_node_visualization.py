@@ -133,7 +133,7 @@ def test_node_subscribes_while_outputs_have_subscribers(peer, parameters):
 
         peer.node.destroy_subscription(second)
         peer.wait_until(lambda: not is_watched(peer, "/terrain"), "the node to unsubscribe")
-        # What was published while nobody listened is not shown later.
+        # A map that was published without subscribers is not shown later.
         publisher.publish(elevation_map(0.25))
         forget(peer)
         peer.listen("grid", OccupancyGrid)

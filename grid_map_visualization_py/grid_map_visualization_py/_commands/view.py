@@ -105,5 +105,5 @@ def _page(options: argparse.Namespace, layers: tuple[str, ...]) -> Any:
     )
     page = Page(options.host, options.port, settings)
     if not is_loopback(options.host):
-        message(f"warning: everybody who reaches {page.url} sees the map")
+        message(f"warning: anyone who can reach {page.url} sees the map")
     return page

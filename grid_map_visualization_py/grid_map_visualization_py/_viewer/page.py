@@ -440,10 +440,7 @@ def _take_screenshot(event: Any) -> None:
         return
     camera = client.camera
     picture = client.get_render(
-        camera.image_height,
-        camera.image_width,
-        transport_format="png",
-        timeout=SCREENSHOT_SECONDS,
+        camera.image_height, camera.image_width, transport_format="png", timeout=SCREENSHOT_SECONDS
     )
     client.send_file_download("grid_map.png", _png(picture), save_immediately=True)
 
