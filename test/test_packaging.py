@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The packages install with pip and without ROS, and from wheels and source archives."""
 
+import subprocess
 import tarfile
 import zipfile
 from email import message_from_string
@@ -141,6 +142,56 @@ def test_core_and_filters_work_after_pip_install(venv):
     assert (done.stdout, done.stderr) == ("4.0\n", "")
     done = run(venv / "bin/grid-map", "info", "map.npz", environ=fresh_environment(), cwd=venv)
     assert (done.returncode, "doubled" in done.stdout) == (0, True), done.stderr
+
+
+COMMANDS = """
+    info site.npz
+    inspect site.npz
+    convert site.npz images/map.yaml
+    convert images site.png --layer elevation
+    convert site.npz nav2.yaml --layer elevation --mode raw
+    filter chain.yaml site.npz filtered.npz
+    doctor
+"""
+
+CHAIN = """
+filters:
+  - name: twice
+    type: gridMapFilters/MathExpressionFilter
+    params: {expression: 2 * elevation, output_layer: double}
+"""
+
+SAVE_SITE = """
+from grid_map_core_py import GridMap, save
+save(GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0}), "site.npz")
+"""
+
+
+def grid_map(environment: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = (environment / "bin/grid-map", *words)
+    return run(*command, environ=fresh_environment(), cwd=folder)
+
+
+def test_grid_map_has_the_commands_of_installed_packages(venv, tmp_path):
+    run(venv / "bin/python", "-c", SAVE_SITE, environ=fresh_environment(), cwd=tmp_path)
+    (tmp_path / "chain.yaml").write_text(CHAIN)
+    for line in COMMANDS.strip().splitlines():
+        done = grid_map(venv, tmp_path, *line.split())
+        assert done.returncode == 0, done.stderr
+    listed = grid_map(venv, tmp_path, "--help").stdout
+    assert "    filter " in listed
+    assert "    plot " not in listed
+    done = grid_map(venv, tmp_path, "info", "survey.mcap")
+    assert done.returncode == 1
+    assert "a bag needs the package 'grid_map_ros_py', which is not installed" in done.stderr
+
+
+def test_grid_map_takes_bags_and_draws_without_ros(everything, tmp_path):
+    run(everything / "bin/python", "-c", SAVE_SITE, environ=fresh_environment(), cwd=tmp_path)
+    for line in ("convert site.npz survey", "info survey", "plot survey map.png"):
+        done = grid_map(everything, tmp_path, *line.split())
+        assert done.returncode == 0, done.stderr
+    assert {"survey", "map.png"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def test_table_of_installation_lists_all_packages():
