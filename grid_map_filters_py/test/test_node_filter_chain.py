@@ -3,6 +3,7 @@
 """The node `filter_chain` as a process, over DDS."""
 
 import copy
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -16,7 +17,13 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_filters_py import FilterChain
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message, to_message
+from grid_map_ros_py import (
+    ReceivedMap,
+    from_message,
+    from_serialized_message,
+    to_message,
+    to_serialized_message,
+)
 from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, peer, running_node, start_node, wait_until
 
@@ -101,6 +108,30 @@ def test_results_equal_the_library(parameters, other_side):
                 # The first filter normalizes.
                 assert other_side.received["/filtered_map"][-1].outer_start_index == 0
                 assert result.layers == ("elevation", "filled", "smooth", "roughness")
+
+
+@pytest.mark.parametrize(("start", "copies"), [((0, 0), 1), ((90, 50), 2)])
+def test_each_layer_is_unwrapped_and_copied_once(start, copies):
+    """A message goes through the same functions as in the node, without DDS."""
+    layers = dict.fromkeys("abcdefgh", 1.0)
+    grid_map = moved_in_buffer(GridMap((50.0, 30.0), 0.1, layers=layers), start)
+    data = to_serialized_message(grid_map)
+    step = {"name": "n", "type": "SetBasicLayers", "params": {"layers": ["a"]}}
+    chain = FilterChain.from_config([step])
+
+    def answer():
+        received = ReceivedMap(data).decode(unwrap=False, copy=False)
+        result, start_index = chain.without_copies(received)
+        return to_serialized_message(result, start_index=start_index)
+
+    assert_maps_equal(from_serialized_message(answer()), chain(grid_map))
+    tracemalloc.start()
+    try:
+        answer()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < (copies + 0.1) * len(data)
 
 
 def test_a_late_subscriber_gets_the_last_map(parameters, other_side):

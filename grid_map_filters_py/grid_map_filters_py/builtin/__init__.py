@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The filters of this package, one per module, to be used from Python.
 
-A filter is made with the parameters that it has in YAML, by keyword, and called with a map whose
-start index is (0, 0):
+A filter takes its parameters of YAML as keyword arguments, and is called with a map:
 
     >>> from grid_map_core_py import GridMap
     >>> from grid_map_filters_py.builtin import Slope
