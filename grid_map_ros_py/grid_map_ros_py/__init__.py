@@ -11,11 +11,9 @@ parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from grid_map_core_py.errors import MissingPackageError
-
-from .errors import BagError, MessageError
-
 if TYPE_CHECKING:
+    from grid_map_core_py.errors import MissingPackageError
+
     from .bags import (
         BagReader,
         BagRecord,
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
         load_from_bag,
         save_to_bag,
     )
+    from .errors import BagError, MessageError
     from .messages import (
         ReceivedMap,
         add_color_layer_from_image,
@@ -105,7 +104,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    room = "bags" if "bag" in name.lower() else "messages"
+    is_bag = "bag" in name.lower()
+    room = "errors" if name.endswith("Error") else "bags" if is_bag else "messages"
     value = getattr(importlib.import_module(f".{room}", __name__), name)
     globals()[name] = value
     return value

@@ -5,13 +5,14 @@
 GridMapError (grid_map_core_py)
 ├── BagError
 ├── MessageError (ValueError)
+├── MissingPackageError (grid_map_core_py)
 ├── NodeFailedError
 └── RequestError
 """
 
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 
-__all__ = ["BagError", "MessageError", "NodeFailedError", "RequestError"]
+__all__ = ["BagError", "MessageError", "MissingPackageError", "NodeFailedError", "RequestError"]
 
 
 class MessageError(GridMapError, ValueError):
