@@ -283,16 +283,6 @@ def test_a_moved_map_has_the_same_values(method, drawn, data):
 
 
 @by_method
-@settings(max_examples=25)
-@given(places())
-def test_value_of_one_position_equals_that_among_many(method, drawn):
-    grid_map, positions = drawn
-    many = grid_map.at_position("elevation", positions, method)
-    one_by_one = [grid_map.at_position("elevation", position, method) for position in positions]
-    np.testing.assert_allclose(many, one_by_one, rtol=1e-12, atol=1e-9)
-
-
-@by_method
 @given(grid_maps())
 def test_value_at_cell_center_equals_the_cell(method, grid_map):
     found = grid_map.at_position("elevation", grid_map.get_positions(), method)
@@ -431,15 +421,6 @@ def test_simpler_method_takes_over_at_cells_not_finite(missing, method, coordina
 def test_cell_not_finite_is_returned_if_nothing_else_remains(method, value):
     grid_map = line([1.0, 2.0, value, 3.0, 4.0])
     np.testing.assert_array_equal(grid_map.at_position("a", [(-2.25, 0.1)], method), [value])
-
-
-@by_method
-@pytest.mark.parametrize("size", [(1, 1), (1, 5), (5, 1), (2, 2)])
-def test_a_constant_map_has_its_value_everywhere(method, size):
-    grid_map = GridMap(size, 1.0, layers={"a": 2.5})
-    positions = np.random.default_rng(1).uniform(-0.5, 0.5, (50, 2)) * size
-    found = grid_map.at_position("a", positions, method)
-    np.testing.assert_allclose(found, 2.5, rtol=1e-12)
 
 
 def bumpy(cells: int = 30) -> GridMap:
