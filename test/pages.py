@@ -111,7 +111,15 @@ def table(section: str) -> Iterator[list[str]]:
         if line.startswith("|---"):
             continue
         if line.startswith("|") and not line.startswith(
-            ("| parameter ", "| type ", "| functions ", "| filter ", "| node ", "| demo ")
+            (
+                "| parameter ",
+                "| type ",
+                "| functions ",
+                "| filter ",
+                "| node ",
+                "| demo ",
+                "| format ",
+            )
         ):
             yield [cell.strip() for cell in line.strip("|").split("|")]
 

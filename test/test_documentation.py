@@ -42,6 +42,7 @@ from rclpy.parameter_client import AsyncParameterClient
 import grid_map_core_py
 import grid_map_filters_py
 import grid_map_ros_py
+from grid_map_core_py.files import formats, options_of
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN
 from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
@@ -330,6 +331,18 @@ def test_files_that_are_named_exist(any_page):
         # Those of `~/.ros` are defaults of parameters.
         written = name.startswith(("demo_output/", "ros/"))
         assert written or any(file.endswith(f"/{name.lstrip('/')}") for file in files), name
+
+
+def test_table_of_formats_has_all_formats_and_options():
+    known, listed = formats(), []
+    for row in table(page("docs/files.md").text.partition("\n## ")[0]):
+        names, *_, loading, saving, needed = (re.findall(r"`(\w+)`", cell) for cell in row)
+        for one in (known[name] for name in names):
+            assert {"layers", *loading} == {"layers", *options_of(one.load)}
+            assert {*saving} == {*options_of(one.save, 2)}
+            assert {*one.needs} <= {*needed}
+            listed.append(one.name)
+    assert sorted(listed) == sorted(known)
 
 
 def test_names_beside_cpp_names_exist():
