@@ -75,7 +75,7 @@ def move_demo() -> Figure:
     figure, axes = new_figure(1, 3, (9.0, 2.9))
     grid_map = move.make_map()
     x, y = grid_map.axes()
-    # In place of the noise, something whose way can be seen.
+    # Instead of noise, a pattern whose motion is visible.
     grid_map["layer"] = np.sin(12.0 * np.hypot(x[:, None] - 0.1, y))
     moved, carried = grid_map.copy(), grid_map.copy()
     moved.move((0.2, 0.1))
@@ -91,7 +91,7 @@ def move_demo() -> Figure:
 
 
 def image_to_gridmap_demo() -> Figure:
-    """Draw the image that is published without parameters, and the map that it becomes."""
+    """Draw the default image, and the map made from it."""
     pixels = image_publisher.read_image(DATA / "terrain.png")
     grid_map = from_image(pixels, "elevation", 0.03, -0.1, 0.4)
     figure, axes = new_figure(1, 2, (5.2, 2.7))

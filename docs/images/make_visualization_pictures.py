@@ -133,7 +133,7 @@ def draw(message: Any, path: Path) -> None:
     else:
         axes = figure.add_subplot(xticks=(), yticks=())
     DRAW[type(message)](axes, message)
-    # Without its version, which matplotlib would leave in the file.
+    # Without the version of Matplotlib, so that the files stay the same.
     figure.savefig(path, metadata={"Software": None})
 
 

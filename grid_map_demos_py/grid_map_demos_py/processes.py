@@ -87,6 +87,6 @@ def _die_with_parent(parent: int) -> None:
 
     set_parent_death_signal = 1
     ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
-    # It may have gone before; 1 is a parent like others where the demo is all that runs.
+    # The parent may have ended before. It can be process 1, for example in a container.
     if os.getppid() != parent:
         os._exit(0)

@@ -24,7 +24,7 @@ ROOM = Path(__file__).parents[1] / "data" / "room.bt"
 
 
 def shown(*pairs: str) -> GridMap:
-    """Return the map that the demo publishes, after some life of it."""
+    """Return the map that the demo publishes; the demo must live for some seconds."""
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node(DEMO, *parameters(*pairs)) as demo:

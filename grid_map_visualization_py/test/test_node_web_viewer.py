@@ -55,7 +55,7 @@ VIRIDIS, COOLWARM = (
         [(0x3B, 0x4C, 0xC0), (0xB4, 0x04, 0x26)],
     )
 )
-"""The colors at the ends of these color maps."""
+"""Colors at the ends of these color maps, as the screen shows them."""
 
 VIEWPORT = {"width": 900, "height": 640}
 MAX_CELLS = 5000
@@ -65,7 +65,7 @@ PATIENCE = 60.0
 
 
 def slope(**layers: np.ndarray | float) -> GridMap:
-    """Return 21 x 21 cells around (1, 2) that rise by 0.2 m per metre of x, and what they tell."""
+    """Return 21 x 21 cells around (1, 2) that rise by 0.2 m per meter of x, with more layers."""
     grid_map = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), frame_id="odom")
     x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     grid_map["elevation"] = 0.2 * x
