@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from grid_map_core_py import GridMap
 
@@ -41,6 +42,16 @@ def matrix(rows: list[list[float]]) -> np.ndarray:
 
 def cases(family: str) -> list[Any]:
     return [(case["map"], case) for case in load(family)["cases"]]
+
+
+def by_map(family: str) -> pytest.MarkDecorator:
+    """Return a decorator that runs a test for every `name` of a map and its `case`."""
+    found = cases(family)
+    return pytest.mark.parametrize(("name", "case"), found, ids=[name for name, _ in found])
+
+
+def map_of(family: str, name: str) -> GridMap:
+    return to_map(load(family)["maps"][name])
 
 
 def pairs(cells: tuple[np.ndarray, np.ndarray]) -> list[list[int]]:

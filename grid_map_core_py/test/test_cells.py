@@ -4,6 +4,7 @@
 
 import math
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -25,13 +26,9 @@ from grid_map_core_py.regions import (
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 pairs = golden.pairs
-CASES = golden.cases("iterators")
-by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_map = golden.by_map("iterators")
+golden_map = partial(golden.map_of, "iterators")
 fractions = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
-
-
-def golden_map(name: str) -> GridMap:
-    return golden.to_map(golden.load("iterators")["maps"][name])
 
 
 def point(grid_map: GridMap, fraction: tuple[float, float]) -> np.ndarray:

@@ -5,6 +5,7 @@
 import copy
 import math
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import golden
-from grid_map_core_py import GeometryError, GridGeometry, GridMap, OutOfMapError
+from grid_map_core_py import GeometryError, GridGeometry, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal
 
 CASES = golden.cases("geometry")
-by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_map = golden.by_map("geometry")
+golden_map = partial(golden.map_of, "geometry")
 coordinates = st.floats(-1e3, 1e3)
 geometries = st.builds(
     GridGeometry.from_size,
@@ -24,10 +26,6 @@ geometries = st.builds(
     st.sampled_from([0.01, 0.03, 0.05, 0.1, 1 / 3, 1.0]),
     st.tuples(coordinates, coordinates),
 )
-
-
-def golden_map(name: str) -> GridMap:
-    return golden.to_map(golden.load("geometry")["maps"][name])
 
 
 @by_map

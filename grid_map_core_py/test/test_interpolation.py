@@ -21,7 +21,7 @@ NEAREST, LINEAR, CUBIC_CONVOLUTION, CUBIC = Interpolation
 METHODS = list(Interpolation)
 COMPUTED = [LINEAR, CUBIC_CONVOLUTION, CUBIC]
 CASES = golden.cases("interpolation")
-by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_map = golden.by_map("interpolation")
 by_method = pytest.mark.parametrize("method", METHODS, ids=lambda method: method.value)
 
 

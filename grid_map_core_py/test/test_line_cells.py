@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lines of cells, between positions and between indices."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,13 +15,9 @@ from grid_map_core_py.regions import line_cells, line_cells_between
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 pairs = golden.pairs
-CASES = golden.cases("iterators")
-by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_map = golden.by_map("iterators")
+golden_map = partial(golden.map_of, "iterators")
 fractions = st.tuples(st.floats(-1, 1), st.floats(-1, 1))
-
-
-def golden_map(name: str) -> GridMap:
-    return golden.to_map(golden.load("iterators")["maps"][name])
 
 
 @by_map

@@ -14,8 +14,7 @@ from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFound
 from grid_map_core_py.regions import map_cells, sliding_windows, window_array
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
-CASES = golden.cases("iterators")
-by_map = pytest.mark.parametrize(("name", "case"), CASES, ids=[name for name, _ in CASES])
+by_map = golden.by_map("iterators")
 ALL_EDGES = ["inside", "crop", "empty", "mean"]
 odd_sizes = st.sampled_from([1, 3, 5, 7, 15])
 
