@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags for tests: small ones, and those that the C++ rosbag2 recorded."""
+"""Small bags for tests, and paths of bags that the C++ rosbag2 recorded."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ rosbag2 = pytest.importorskip("rosbags.rosbag2")
 
 
 def numbered_map(number: int, side: int = 4) -> GridMap:
-    """Return a map whose values, and whose time in seconds, are its number."""
+    """Return a map whose values and time [s] equal a number."""
     layers = {"elevation": float(number), "variance": np.nan}
     size = (0.1 * side, 0.1 * (side + 1))
     return GridMap(size, 0.1, layers=layers, frame_id="map", timestamp=number * SECOND)

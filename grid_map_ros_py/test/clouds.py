@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds of any layout, packed one number after the other."""
+"""Point clouds of any layout, packed number by number."""
 
 import array
 import struct
@@ -55,6 +55,6 @@ def packed_cloud(
 
 
 def xyz_cloud(points: Sequence[Sequence[float]], frame_id: str = "map") -> PointCloud2:
-    """Return (x, y, z) points as the plainest of clouds."""
+    """Return (x, y, z) points as an unpadded float32 cloud."""
     named = [dict(zip("xyz", point, strict=True)) for point in points]
     return packed_cloud(named, xyz_fields(), frame_id=frame_id)

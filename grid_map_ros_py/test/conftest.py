@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Settings of all tests of this package, and nodes that are cleaned up."""
+"""Fixtures and settings of the tests of this package."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ NODES = Path(__file__).parent / "nodes"
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Start a script of `nodes/` with arguments; it is stopped at the end of the test."""
+    """Function that starts a script of `nodes/`; the script is killed after the test."""
     with ExitStack() as stack:
 
         def start_script(script: str, *arguments: str) -> Process:

@@ -27,7 +27,7 @@ def cases(family: str) -> list[tuple[GridMap, dict[str, Any]]]:
 
 
 def only(name: str) -> Any:
-    """Return what there is once, not for every map."""
+    """Return the golden data of a converter that does not depend on the map."""
     return _GOLDEN[name]
 
 

@@ -34,7 +34,7 @@ def recorded(recording: str, topic: str, message_type: type) -> list[Recorded]:
 
 
 def bits(value: Any) -> Any:
-    """Return all fields of a message, to the bit.
+    """Return all fields of a message bit by bit.
 
     Serialized messages cannot be compared: the bytes between aligned fields are whatever was in the
     memory before.

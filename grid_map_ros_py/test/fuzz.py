@@ -65,7 +65,7 @@ TEXTS = ["", "x", "y", "elevation", "rgb", "mono16", "32FC1", "OcTree", "row_ind
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """A reader, and intact input for it."""
+    """A reader with intact input."""
 
     name: str
     seeds: tuple[Any, ...]
@@ -200,7 +200,7 @@ def targets() -> list[Target]:
 
 
 def damaged(value: Any, generator: random.Random) -> Any:
-    """Return a copy of bytes or of a message that is damaged in one place, or in a few."""
+    """Return a copy of bytes or of a message with random damage in a few places."""
     for _ in range(generator.choice([1, 1, 1, 2, 4])):
         if isinstance(value, bytes):
             value = _damaged_bytes(value, generator)
@@ -360,7 +360,7 @@ def _size(result: Any) -> int:
 
 
 def main() -> int:
-    """Go through all targets, and print what came of it."""
+    """Fuzz all targets and print the results."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="for all targets together")
     parser.add_argument("--seed", type=int, default=random.randrange(2**32))

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Objects with the fields of nav2's messages and costmaps, for where nav2 is not installed."""
+"""Stand-ins for the messages and costmaps of nav2, which need not be installed."""
 
 import array
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class Costmap:
 
 
 class PyCostmap2D:
-    """The attributes of `nav2_simple_commander.costmap_2d.PyCostmap2D`, made of a message."""
+    """Stand-in for `nav2_simple_commander.costmap_2d.PyCostmap2D`."""
 
     def __init__(self, message: Costmap) -> None:
         self.size_x = message.metadata.size_x

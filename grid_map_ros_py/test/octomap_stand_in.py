@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Objects with the fields of octomap messages, and a slow and simple writer of octrees."""
+"""Stand-ins for octomap messages, and a simple writer of octrees."""
 
 import array
 import struct

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags: written bags can be read, by other readers too, and what others write is read."""
+"""Bags: our readers and writers with each other, with rosbags and with C++ recordings."""
 
 import shutil
 import sqlite3
@@ -89,18 +89,18 @@ def test_map_comes_back_bit_by_bit_with_start_index(grid_map, kind):
     assert_maps_equal(unwrapped, grid_map)
 
 
-def test_the_last_map_in_time_wins_unless_asked_otherwise(bag):
+def test_last_map_in_time_wins_unless_asked_otherwise(bag):
     assert number_of(load_from_bag(bag, TOPIC)) == 3
     assert number_of(load_from_bag(bag, TOPIC, index=0)) == 1
     assert number_of(load_from_bag(bag, TOPIC, index=-2)) == 2
 
 
 @pytest.mark.parametrize(("time", "number"), [(1.0, 1), (1.9, 1), (2.0, 2), (99.0, 3)])
-def test_a_time_takes_the_last_map_until_then(bag, time, number):
+def test_time_takes_the_last_map_until_then(bag, time, number):
     assert number_of(load_from_bag(bag, TOPIC, time=int(time * SECOND))) == number
 
 
-def test_a_map_that_is_not_there_is_an_error(bag):
+def test_map_that_is_not_there_is_an_error(bag):
     with pytest.raises(BagError, match="no map 3: 3 maps on /grid_map"):
         load_from_bag(bag, TOPIC, index=3)
     with pytest.raises(BagError, match="up to time 999999999; the first is of 1000000000"):
@@ -164,14 +164,14 @@ def test_maps_are_written_and_read_one_at_a_time(tmp_path):
     reading.close()
 
 
-def test_a_message_may_have_another_time_than_its_map(tmp_path):
+def test_message_may_have_another_time_than_its_map(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         writer.write(TOPIC, numbered_map(5), time=7)
     with BagReader(tmp_path / "bag") as reader:
         assert (reader[0].time, reader[0].grid_map().timestamp) == (7, 5 * SECOND)
 
 
-def test_a_single_file_of_a_bag_is_read_too(bag):
+def test_single_file_of_a_bag_is_read_too(bag):
     assert number_of(load_from_bag(bag / "bag_0.mcap", TOPIC)) == 3
 
 
@@ -192,7 +192,7 @@ def test_another_encoding_is_refused(tmp_path):
         load_from_bag(path)
 
 
-def test_a_bag_of_ros_1_is_refused(tmp_path):
+def test_bag_of_ros_1_is_refused(tmp_path):
     (tmp_path / "old.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(99))
     with pytest.raises(BagError, match="a bag of ROS 1; 'rosbags-convert'"):
         load_from_bag(tmp_path / "old.bag", TOPIC)
@@ -225,7 +225,7 @@ def test_object_other_than_a_map_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_time_that_a_message_cannot_hold_is_refused(tmp_path):
+def test_time_that_a_message_cannot_hold_is_refused(tmp_path):
     grid_map = numbered_map(1)
     grid_map.timestamp = -1
     with pytest.raises(MessageError, match="nanoseconds"):
@@ -279,7 +279,7 @@ def test_invalid_path_is_one_error():
         load_from_bag("a\0b")
 
 
-def test_an_empty_folder_becomes_the_bag(tmp_path):
+def test_empty_folder_becomes_the_bag(tmp_path):
     (tmp_path / "bag").mkdir()
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, overwrite=False)
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
@@ -327,7 +327,7 @@ def test_metadata_has_the_entries_of_rosbag2(tmp_path, storage, recording, file)
     assert ours == theirs
 
 
-def test_the_file_has_the_records_that_rosbag2_writes(bag):
+def test_file_has_the_records_that_rosbag2_writes(bag):
     ours, theirs = (
         mcap_reader.make_reader(path.open("rb"), validate_crcs=True)
         for path in (bag / "bag_0.mcap", DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap")
@@ -451,7 +451,7 @@ def test_cpp_recording_is_complete_and_in_time_order(name):
 
 
 @pytest.mark.parametrize("name", RECORDED_MOVES)
-def test_a_recording_that_is_written_again_is_the_same(name, tmp_path):
+def test_recording_that_is_written_again_is_the_same(name, tmp_path):
     with BagReader(DATA / name) as reader, BagWriter(tmp_path / "again") as writer:
         for record in reader:
             writer.write(TOPIC, record.grid_map(unwrap=False), time=record.time)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags that are damaged, cut off or malicious: one clear error, soon, and little memory."""
+"""Damaged, truncated and malicious bags raise one clear error and take little memory."""
 
 import shutil
 import sqlite3
@@ -40,7 +40,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_file_that_is_cut_off_is_refused(name, path):
+def test_file_that_is_cut_off_is_refused(name, path):
     data = FILES[name].read_bytes()
     cuts = [*range(1, 120, 7), *range(200, len(data), len(data) // 40), len(data) - 1]
     for cut in cuts:
@@ -64,7 +64,7 @@ def test_noise_is_refused(path, noise, magic):
         read_all(path)
 
 
-def test_an_empty_file_is_refused(path):
+def test_empty_file_is_refused(path):
     path.touch()
     with pytest.raises(BagError, match="is empty"):
         load_from_bag(path)
@@ -96,7 +96,7 @@ def assert_refused_without_memory(path: Path, reason: str) -> None:
 
 
 @pytest.mark.parametrize("size", [2**40, 2**64 - 1, LARGEST_CHUNK + 1])
-def test_a_chunk_of_an_absurd_size_is_refused(path, size):
+def test_chunk_of_an_absurd_size_is_refused(path, size):
     with_chunk(path, b"", b"", size)
     assert_refused_without_memory(path, f"claims to hold {size} bytes, which is absurd")
 
@@ -114,12 +114,12 @@ def test_decompression_stops_at_the_claimed_size(path, compression):
     assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")
 
 
-def test_an_unknown_compression_is_refused(path):
+def test_unknown_compression_is_refused(path):
     with_chunk(path, b"xz", b"", 0)
     assert_refused_without_memory(path, "its compression 'xz' is not known")
 
 
-def test_a_wrong_checksum_is_found(path):
+def test_wrong_checksum_is_found(path):
     with_chunk(path, b"", b"abc", 3, checksum=zlib.crc32(b"abd"))
     assert_refused_without_memory(path, "checksum of a chunk is wrong")
 
@@ -170,17 +170,17 @@ SELECT i AS id, 1 AS topic_id, i AS timestamp, zeroblob(9) AS data FROM n"""
     ],
     ids=range(7),
 )
-def test_a_database_that_is_no_bag_is_refused(path, statements, reason):
+def test_database_that_is_no_bag_is_refused(path, statements, reason):
     with pytest.raises(BagError, match=f"(?s){path}.*{reason}"):
         read_all(changed(path, *statements))
 
 
-def test_a_topic_of_no_messages_has_no_map(path):
+def test_topic_of_no_messages_has_no_map(path):
     with pytest.raises(BagError, match="no map -1: 0 maps on /grid_map"):
         load_from_bag(changed(path, "DELETE FROM messages"), TOPIC)
 
 
-def test_a_damaged_index_of_times_hides_no_message(path):
+def test_damaged_index_of_times_hides_no_message(path):
     assert read_all(changed(path, "DROP INDEX timestamp_idx")) == read_all(FILES["sqlite3"])
 
 
@@ -218,7 +218,7 @@ def test_damaged_metadata_is_refused(bag, text, reason):
         load_from_bag(bag)
 
 
-def test_a_path_out_of_the_bag_is_not_followed(bag, tmp_path):
+def test_path_out_of_the_bag_is_not_followed(bag, tmp_path):
     (bag / "bag_0.mcap").rename(tmp_path / "other.mcap")
     for name in ("../other.mcap", str(tmp_path / "other.mcap")):
         text = yaml.safe_dump({"rosbag2_bagfile_information": {"relative_file_paths": [name]}})
@@ -227,7 +227,7 @@ def test_a_path_out_of_the_bag_is_not_followed(bag, tmp_path):
             load_from_bag(bag)
 
 
-def test_a_folder_without_metadata_is_refused_and_its_file_named(bag):
+def test_folder_without_metadata_is_refused_and_its_file_named(bag):
     (bag / "metadata.yaml").unlink()
     with pytest.raises(BagError, match=r"without metadata\.yaml; name the file .* bag_0\.mcap"):
         load_from_bag(bag)

@@ -34,7 +34,7 @@ while True:
 
 @contextmanager
 def limited_file_size(size: int) -> Iterator[None]:
-    """Let no file grow beyond so many bytes, as on a disk that is full then."""
+    """Limit the size of files to `size` bytes, as a full disk would."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages become the bytes that rclpy makes of them, and are read as rclpy reads them."""
+"""Serialization and views agree with rclpy."""
 
 import importlib
 import struct
@@ -49,7 +49,7 @@ def assert_encodes(actual: bytes, message: object, at_the_end: int = 8) -> None:
 
 
 def big_endian(message: Any) -> bytes:
-    """Return a message in big-endian CDR, written by an encoder of its own."""
+    """Return a message in big-endian CDR, written by an independent encoder."""
     return b"\0\0\0\0" + bytes(_append(bytearray(), message))
 
 
@@ -205,7 +205,7 @@ def test_every_message_that_is_cut_off_is_refused(message_type, data):
     assert refused.value.field
 
 
-def test_a_cut_off_message_of_nothing_but_numbers_is_named():
+def test_cut_off_message_of_nothing_but_numbers_is_named():
     with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, found 20$"):
         view(serialize(Point())[:-4], Point)
 
@@ -219,14 +219,14 @@ def test_big_endian_messages_are_read_like_little_endian_ones(message_type, data
     assert read == serialize(message)
 
 
-def test_a_view_shares_the_memory_of_the_bytes():
+def test_view_shares_the_memory_of_the_bytes():
     raw = bytearray(serialize_message(Int16MultiArray(data=[1, 2, 3])))
     data = view(raw, Int16MultiArray).data
     raw[-2:] = b"\x09\x00"
     assert data.tolist() == [1, 2, 9]
 
 
-def test_a_view_of_read_only_bytes_is_read_only():
+def test_view_of_read_only_bytes_is_read_only():
     raw = serialize_message(Int16MultiArray(data=[1]))
     assert not view(raw, Int16MultiArray).data.flags.writeable
 
@@ -288,7 +288,7 @@ class Places:
 PLACES = Places()
 
 
-def test_a_text_of_no_bytes_at_all_is_empty():
+def test_text_of_no_bytes_at_all_is_empty():
     assert view(b"\0\1\0\0" + bytes(12), Header).frame_id == ""
 
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Clouds wait for their poses, and bad ones leave the map alone."""
+"""Fusion of clouds that wait for their poses, and rejection of bad clouds."""
 
 import math
 from typing import Any
@@ -21,7 +21,7 @@ from grid_map_ros_py.messages import to_stamp
 
 
 class Hand:
-    """A clock that is set by hand."""
+    """A clock that the test sets."""
 
     now = 0.0
 
@@ -64,7 +64,7 @@ def test_cloud_is_placed_at_the_pose_of_the_robot(reports: list[str]) -> None:
     assert reports == []
 
 
-def test_a_map_that_does_not_follow_stays(reports: list[str]) -> None:
+def test_map_that_does_not_follow_stays(reports: list[str]) -> None:
     made = mapper(history(pose(1, 1.0, 2.0), pose(2, 9.0)), reports, follow=False)
     made.add(cloud(1, (0.5, 0.5, 7.0)))
     assert height(made, 1.5, 2.5) == 7.0
@@ -168,7 +168,7 @@ def elsewhere(message: PointCloud2) -> None:
         (elsewhere, "header.frame_id: expected 'odom'"),
     ],
 )
-def test_a_bad_cloud_is_reported_and_changes_nothing(
+def test_bad_cloud_is_reported_and_changes_nothing(
     damage: Any, reason: str, reports: list[str]
 ) -> None:
     made = mapper(NoPoses("odom"), reports, follow=False)
@@ -183,7 +183,7 @@ def test_a_bad_cloud_is_reported_and_changes_nothing(
     assert (made.statistics.fused, made.statistics.dropped) == (1, 1)
 
 
-def test_a_robot_beyond_counting_changes_nothing(reports: list[str]) -> None:
+def test_robot_beyond_counting_changes_nothing(reports: list[str]) -> None:
     made = mapper(history(pose(1), pose(2, 1e300)), reports)
     made.add(cloud(1))
     before = made.rolling_map.grid_map.copy()

@@ -30,7 +30,7 @@ from grid_map_ros_py.messages import OCCUPANCIES
 
 @pytest.fixture(autouse=True)
 def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let stand-ins be found as nav2's messages; those are tried in a workspace of its own."""
+    """Replace nav2's messages by stand-ins; test_optional_messages.py uses the real ones."""
     monkeypatch.setitem(sys.modules, "nav2_msgs", ModuleType("nav2_msgs"))
     monkeypatch.setitem(sys.modules, "nav2_msgs.msg", nav2_stand_in)
 
@@ -118,7 +118,7 @@ def test_costmap_round_trip_keeps_position_and_costs(grid_map: GridMap) -> None:
 
 
 @pytest.mark.parametrize("resolution", [1e-60, 1e60])
-def test_a_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
+def test_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
     grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
     with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
         to_costmap(grid_map, "e", 0.0, 1.0)
@@ -145,7 +145,7 @@ def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
     np.testing.assert_array_equal(np.round(back["occupancy"]), values)
 
 
-def test_the_century_of_costmap_2d_has_minus_one_for_unknown() -> None:
+def test_century_of_costmap_2d_has_minus_one_for_unknown() -> None:
     grid_map = GridMap((1, 2), 1.0, layers={"cost": [[-1.0, math.nan]]})
     costs = to_costmap(grid_map, "cost", codec=CENTURY)
     assert costs.data.tolist() == [255, 255]
@@ -178,7 +178,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> None:
+def test_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e")
     *parents, last = path.split(".")
@@ -200,7 +200,7 @@ def test_a_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> N
         ("origin_y", math.nan),
     ],
 )
-def test_a_py_costmap_that_makes_no_sense_is_refused(name: str, value: object) -> None:
+def test_py_costmap_that_makes_no_sense_is_refused(name: str, value: object) -> None:
     costmap = PyCostmap2D(to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e"))
     setattr(costmap, name, value)
     with pytest.raises(GridMapError):
@@ -215,6 +215,6 @@ def test_missing_nav2_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         to_costmap(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e")
 
 
-def test_an_unknown_layer_is_named() -> None:
+def test_unknown_layer_is_named() -> None:
     with pytest.raises(LayerNotFoundError, match="'slope'; available: e"):
         to_costmap(GridMap((1, 1), 1.0, layers={"e": 0.0}), "slope")

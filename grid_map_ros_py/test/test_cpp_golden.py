@@ -30,7 +30,7 @@ def test_every_converter_is_compared_with_cpp() -> None:
 
 
 @pytest.mark.parametrize("family", COMPARED)
-def test_the_file_that_compares_a_converter_reads_its_cases(family: str) -> None:
+def test_file_that_compares_a_converter_reads_its_cases(family: str) -> None:
     file = Path(__file__).with_name(COMPARED[family][1])
     assert f'cases("{family}")' in file.read_text()
 

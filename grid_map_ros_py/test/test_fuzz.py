@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Damaged input leads to nothing but an error of ours; `make fuzz` tries it for longer."""
+"""Damaged input raises `GridMapError` only; `make fuzz` tries it for longer."""
 
 import fuzz
 import pytest

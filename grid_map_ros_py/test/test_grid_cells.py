@@ -73,7 +73,7 @@ def test_bounds_are_included_although_the_layer_is_rounded_to_float32() -> None:
     assert len(to_grid_cells(grid_map, "elevation", 0.1, 0.1).cells) == 1
 
 
-def test_an_unknown_layer_is_named() -> None:
+def test_unknown_layer_is_named() -> None:
     for convert in (to_grid_cells, to_serialized_grid_cells):
         with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
             convert(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
@@ -167,12 +167,12 @@ def test_malformed_cells_get_one_error_that_names_the_field(kind: str) -> None:
 
 
 @pytest.mark.parametrize("resolution", [1e300, 0.0, -0.1, math.nan, "fine"])
-def test_a_resolution_that_makes_no_sense_is_refused(resolution: Any) -> None:
+def test_resolution_that_makes_no_sense_is_refused(resolution: Any) -> None:
     with pytest.raises(GridMapError, match="resolution: expected a"):
         from_grid_cells(cells_message((0.0, 0.0)), "covered", resolution)
 
 
-def test_a_grid_of_another_resolution_is_refused() -> None:
+def test_grid_of_another_resolution_is_refused() -> None:
     with pytest.raises(MessageError, match=r"cell_width: expected the resolution 0\.5, found 0\.1"):
         from_grid_cells(
             cells_message((0.0, 0.0)), "covered", geometry=GridMap((1, 1), 0.5).geometry

@@ -39,7 +39,7 @@ def over_the_wire(message: GridMapMessage) -> GridMapMessage:
 
 @settings(max_examples=60)
 @given(maps)
-def test_the_world_survives_the_wire(grid_map: GridMap) -> None:
+def test_world_survives_the_wire(grid_map: GridMap) -> None:
     received = from_message(over_the_wire(to_message(grid_map)))
     assert_maps_equal(received, grid_map)
     assert received.start_index == (0, 0)
@@ -47,7 +47,7 @@ def test_the_world_survives_the_wire(grid_map: GridMap) -> None:
 
 @settings(max_examples=60)
 @given(maps)
-def test_the_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
+def test_buffer_survives_the_wire_bit_by_bit(grid_map: GridMap) -> None:
     received = from_message(over_the_wire(to_message(grid_map)), unwrap=False)
     assert received.start_index == grid_map.start_index
     for name in grid_map:
@@ -62,7 +62,7 @@ def test_bit_patterns_of_colors_and_of_nan_survive_the_wire() -> None:
     np.testing.assert_array_equal(received["color"].view(np.uint32), bits)
 
 
-def test_a_received_map_has_memory_of_its_own() -> None:
+def test_received_map_has_memory_of_its_own() -> None:
     message = to_message(sample_map(start=(0, 0)))
     received = from_message(message)
     received["elevation"][...] = -1.0
@@ -70,7 +70,7 @@ def test_a_received_map_has_memory_of_its_own() -> None:
     assert received["elevation"].flags.f_contiguous
 
 
-def test_a_sent_map_has_memory_of_its_own() -> None:
+def test_sent_map_has_memory_of_its_own() -> None:
     grid_map = sample_map()
     message = to_message(grid_map)
     grid_map["elevation"][...] = -1.0
@@ -93,7 +93,7 @@ def test_layers_are_sent_in_requested_order() -> None:
     assert message.data[1].data.tolist() == sample_map()["elevation"].ravel("F").tolist()
 
 
-def test_a_message_with_some_of_the_layers_can_be_read() -> None:
+def test_message_with_some_of_the_layers_can_be_read() -> None:
     # The C++ library also lists basic layers that it did not send, and readers fail on them.
     message = to_message(sample_map(), ["variance"])
     assert message.basic_layers == []
@@ -111,7 +111,7 @@ def test_basic_layers_are_taken_over_unless_refused() -> None:
     assert from_message(message, copy_basic_layers=False).basic_layers == ()
 
 
-def test_a_single_name_is_one_layer() -> None:
+def test_single_name_is_one_layer() -> None:
     assert to_message(sample_map(), "variance").layers == ["variance"]
     assert from_message(to_message(sample_map()), "variance").layers == ("variance",)
 
@@ -123,7 +123,7 @@ def test_unknown_layer_is_named_with_available_layers() -> None:
         from_message(to_message(sample_map()), ["elevation", "slope"])
 
 
-def test_a_map_without_layers_is_a_map() -> None:
+def test_map_without_layers_is_a_map() -> None:
     received = from_message(over_the_wire(to_message(GridMap((2.0, 1.0), 0.5))))
     assert (received.size, received.layers) == ((4, 2), ())
 
@@ -138,13 +138,13 @@ def test_start_index_beyond_uint16_is_sent_unwrapped() -> None:
     assert moved.start_index == (65_990, 0)
 
 
-def test_the_largest_start_index_of_the_message_is_sent() -> None:
+def test_largest_start_index_of_the_message_is_sent() -> None:
     moved = moved_in_buffer(GridMap((6600.0, 0.1), 0.1, layers=["elevation"]), (65_535, 0))
     assert to_message(moved).outer_start_index == 65_535
 
 
 @pytest.mark.parametrize("w", [0.0, 1.0, -1.0, 0.5])
-def test_an_orientation_without_rotation_is_accepted(w: float) -> None:
+def test_orientation_without_rotation_is_accepted(w: float) -> None:
     message = to_message(sample_map())
     message.info.pose.orientation = Quaternion(x=0.0, y=0.0, z=1e-9 * w, w=w)
     assert_maps_equal(from_message(message), sample_map())
@@ -188,7 +188,7 @@ def test_maps_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
     assert received.position.tolist() == expected.position.tolist()
 
 
-def test_a_message_is_not_changed_by_reading_it() -> None:
+def test_message_is_not_changed_by_reading_it() -> None:
     message = to_message(sample_map())
     before = copy.deepcopy(message)
     from_message(message)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every way in which a map message can be wrong gets its one error."""
+"""Each contradiction in a map message raises one error that names the field."""
 
 import array
 import math
@@ -21,7 +21,7 @@ Break = Callable[[Any], None]
 
 
 def setting(path: str, value: Any) -> Break:
-    """Return what sets `path`, such as `data[0].layout.data_offset`, of a message to a value."""
+    """Return a function that sets `path` of a message, such as `data[0].layout`, to a value."""
 
     def change(message: GridMapMessage) -> None:
         *parents, last = path.replace("[", ".").replace("]", "").split(".")
@@ -165,7 +165,7 @@ MALFORMED: dict[str, tuple[Break, str, str, str]] = {
 
 @pytest.mark.parametrize("unwrap", [True, False])
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_message_gets_one_error_that_names_the_field(kind: str, unwrap: bool) -> None:
+def test_malformed_message_gets_one_error_that_names_the_field(kind: str, unwrap: bool) -> None:
     spoil, field, expected, found = MALFORMED[kind]
     message = to_message(sample_map())
     spoil(message)
@@ -180,7 +180,7 @@ def test_a_malformed_message_gets_one_error_that_names_the_field(kind: str, unwr
     assert error.value.__context__ is None
 
 
-def test_the_message_that_is_spoilt_is_good_otherwise() -> None:
+def test_message_that_is_spoilt_is_good_otherwise() -> None:
     from_message(to_message(sample_map()))
 
 
@@ -191,11 +191,11 @@ def test_all_layers_are_checked_whichever_are_wanted() -> None:
         from_message(message, ["elevation"])
 
 
-def test_the_error_is_caught_with_all_others_of_the_packages() -> None:
+def test_error_is_caught_with_all_others_of_the_packages() -> None:
     assert issubclass(MessageError, GridMapError)
     assert issubclass(MessageError, ValueError)
 
 
-def test_the_error_can_be_sent_to_another_process() -> None:
+def test_error_can_be_sent_to_another_process() -> None:
     error = pickle.loads(pickle.dumps(MessageError("data", "2 arrays", 3)))
     assert str(error) == "data: expected 2 arrays, found 3"

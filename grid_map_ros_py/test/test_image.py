@@ -116,7 +116,7 @@ def test_gray_of_bgr_images_equals_cpp() -> None:
         np.testing.assert_allclose(gray, expected, rtol=1e-6)
 
 
-def test_the_grey_of_rgb_images_follows_their_order() -> None:
+def test_grey_of_rgb_images_follows_their_order() -> None:
     compared = [c for _, c in COLOR_IMAGES if c["color_image"]["encoding"].startswith("rgb")]
     assert len(compared) == 8
     for case in compared:
@@ -243,7 +243,7 @@ def test_numbers_of_big_endian_senders_are_understood(encoding: str) -> None:
     assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
 
 
-def test_the_alpha_that_is_needed_can_be_chosen() -> None:
+def test_alpha_that_is_needed_can_be_chosen() -> None:
     message = to_image(GridMap((1, 1), 1.0, layers={"e": 1.0}), "e", "rgba8", 0, 1)
     message.data[3] = 100
     assert math.isnan(from_image(message, "e", 1.0)["e"][0, 0])
@@ -274,7 +274,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
+def test_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = sample("mono16")
     *parents, last = path.split(".")
@@ -286,7 +286,7 @@ def test_a_malformed_image_gets_one_error_that_names_the_field(kind: str) -> Non
         from_image(message, "e", 1.0)
 
 
-def test_an_image_of_another_size_than_the_map_is_refused() -> None:
+def test_image_of_another_size_than_the_map_is_refused() -> None:
     grid_map = GridMap((5, 3), 1.0, layers={"e": 0.0})
     for add in (add_layer_from_image, add_color_layer_from_image):
         with pytest.raises(MessageError, match=r"height, width: expected \(5, 3\).*found \(3, 5\)"):

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The server of maps, without its node."""
+"""`MapServer` without a node."""
 
 import os
 from pathlib import Path
@@ -19,7 +19,7 @@ from grid_map_ros_py.errors import BagError, RequestError
 
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
-    """Return a directory for bags; a directory beside it is off limits."""
+    """Directory for bags, beside a directory that requests must not reach."""
     for name in ("bags", "secret"):
         (tmp_path / name).mkdir()
     save_to_bag(sample_map(), tmp_path / "secret" / "bag", "/map")
@@ -35,7 +35,7 @@ def server(directory: Path) -> MapServer:
 
 
 @pytest.mark.parametrize("frame_id", ["", "odom"])
-def test_a_length_of_zero_asks_for_the_whole_map(server: MapServer, frame_id: str) -> None:
+def test_length_of_zero_asks_for_the_whole_map(server: MapServer, frame_id: str) -> None:
     message = server.part(frame_id, (50.0, 0.0), (0.0, 0.0))
     assert_maps_equal(from_message(message), sample_map())
 
@@ -47,12 +47,12 @@ def test_part_has_the_cells_that_overlap_the_rectangle(server: MapServer) -> Non
     assert part.basic_layers == ("elevation",)
 
 
-def test_a_part_ends_where_the_map_ends(server: MapServer) -> None:
+def test_part_ends_where_the_map_ends(server: MapServer) -> None:
     part = from_message(server.part("", (1.75, -1.0), (2.0, 1.0)))
     np.testing.assert_array_equal(part["elevation"], sample_map().unwrapped("elevation")[:2, :1])
 
 
-def test_a_request_chooses_layers(server: MapServer) -> None:
+def test_request_chooses_layers(server: MapServer) -> None:
     assert server.part("", (1, -2), (1, 1), ["variance"]).layers == ["variance"]
 
 
@@ -67,7 +67,7 @@ def test_a_request_chooses_layers(server: MapServer) -> None:
         ("", (0, 0), (0, 0), ["slope"], LayerNotFoundError, "'slope'; available: elevation"),
     ],
 )
-def test_a_request_that_makes_no_sense_is_refused(
+def test_request_that_makes_no_sense_is_refused(
     server, frame_id, position, length, layers, error, text
 ) -> None:
     with pytest.raises(error, match=text):
@@ -80,7 +80,7 @@ def test_info_equals_the_map(server: MapServer) -> None:
     assert (info.pose.position.x, info.pose.position.y) == (1.0, -2.0)
 
 
-def test_a_server_without_map_refuses_everything_but_a_map(directory: Path) -> None:
+def test_server_without_map_refuses_everything_but_a_map(directory: Path) -> None:
     server = MapServer(directory)
     for ask in (
         server.info,
@@ -92,7 +92,7 @@ def test_a_server_without_map_refuses_everything_but_a_map(directory: Path) -> N
     assert not [*directory.iterdir()]
 
 
-def test_a_map_is_saved_and_loaded_again(server: MapServer, directory: Path) -> None:
+def test_map_is_saved_and_loaded_again(server: MapServer, directory: Path) -> None:
     server.save("first", "/map")
     server.save(str(directory / "second"), "/other")
     for loaded in (server.load("first"), server.load("second", "/other")):
@@ -154,7 +154,7 @@ def test_links_that_stay_inside_are_followed(server: MapServer, directory: Path)
     assert_maps_equal(server.load("latest"), sample_map())
 
 
-def test_a_directory_that_is_a_link_itself_is_fine(directory: Path) -> None:
+def test_directory_that_is_a_link_itself_is_fine(directory: Path) -> None:
     (directory.parent / "link").symlink_to(directory)
     assert path_inside(directory.parent / "link", "bag") == directory / "bag"
 

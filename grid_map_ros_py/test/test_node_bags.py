@@ -66,7 +66,7 @@ def test_failing_loader_prints_one_message(tmp_path, damage, parameters, message
     assert_fails(start_node(LOADER, *arguments(file_path=bag, **parameters)), message)
 
 
-def test_the_saver_saves_one_map_and_ends(tmp_path):
+def test_saver_saves_one_map_and_ends(tmp_path):
     with peer() as publisher:
         saver = start_node(SAVER, *arguments(file_path=tmp_path / "bag", bag_topic="/saved"))
         try:

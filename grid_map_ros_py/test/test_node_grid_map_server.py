@@ -62,7 +62,7 @@ def map_of(timestamp: int) -> GridMap:
     return grid_map
 
 
-def test_a_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_path: Path) -> None:
+def test_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_path: Path) -> None:
     with running_node(MODULE, *arguments(directory=tmp_path)):
         client.call("set_grid_map", map=to_message(map_of(1)))
         client.peer.listen("/grid_map", GridMapMessage)
@@ -148,7 +148,7 @@ def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path)
         ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
     ],
 )
-def test_a_server_that_cannot_work_as_configured_says_why(
+def test_server_that_cannot_work_as_configured_says_why(
     parameters: dict[str, str], reason: str
 ) -> None:
     node = start_node(MODULE, *arguments(**parameters))

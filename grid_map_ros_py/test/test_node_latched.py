@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps between processes, as users of other languages and libraries see them."""
+"""Latched maps between processes, received by plain rclpy."""
 
 import json
 from typing import Any
@@ -33,13 +33,13 @@ def wait_for(process: Process, line: str) -> None:
     wait_until(lambda: f"{line}\n" in process.lines, line)
 
 
-def test_a_plain_subscriber_receives_the_map(start: Start) -> None:
+def test_plain_subscriber_receives_the_map(start: Start) -> None:
     subscriber = start("plain_subscriber.py", "TRANSIENT_LOCAL")
     wait_for(subscriber, "subscribed")
     start("publisher.py")
     assert map_received_by(subscriber) == EXPECTED
 
 
-def test_a_late_subscriber_receives_the_last_map(start: Start) -> None:
+def test_late_subscriber_receives_the_last_map(start: Start) -> None:
     wait_for(start("publisher.py"), "published")
     assert map_received_by(start("plain_subscriber.py", "TRANSIENT_LOCAL")) == EXPECTED

@@ -128,7 +128,7 @@ def test_numbers_are_read_as_the_kind_that_is_asked_for(start: Start, tmp_path: 
     assert found["tree"] == {}
 
 
-def test_the_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: Path) -> None:
+def test_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: Path) -> None:
     text = "    frame_id: map\n    chain.filter1.name: a\n    chains.filter1.name: b\n"
     options = ["-p", "frame_id:=odom", "-p", "filter_chain_parameter_name:=chain"]
     found = read(start("configured.py", *arguments(tmp_path, text), *options))
@@ -161,7 +161,7 @@ def test_the_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_pa
         ),
     ],
 )
-def test_a_wrong_parameter_stops_the_node_with_one_message(
+def test_wrong_parameter_stops_the_node_with_one_message(
     start: Start, tmp_path: Path, text: str, message: str
 ) -> None:
     errors = failure(start("configured.py", *arguments(tmp_path, text)))

@@ -54,7 +54,7 @@ def other_side() -> Iterator[Peer]:
 
 
 def ground(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the height of the world, which is even within every cell."""
+    """Return the height of the ground, which is constant within every cell."""
     return np.sin(1.7 * np.floor(x / SIDE)) + 0.3 * np.cos(2.3 * np.floor(y / SIDE))
 
 
@@ -92,7 +92,7 @@ class Robot:
         return message
 
     def cloud(self, step: int) -> PointCloud2:
-        """Return the cells around the robot as its sensor, which looks to the left, sees them."""
+        """Return the cells around the robot in the frame of its sensor, which looks to the left."""
         x, y, yaw = self.pose(step)
         points = np.array([(px, py, ground(px, py)) for px, py in self.seen(step)])
         turn = yaw + math.pi / 2
@@ -151,7 +151,7 @@ def test_mapping_survives_a_killed_node_and_broken_clouds(
         return [m for m in map(from_message, maps) if m.timestamp > step]
 
     def drive() -> None:
-        """Let a node see some of the way, and kill it."""
+        """Run a node for a part of the way, then kill it."""
         begin = robot.steps
         node = start_node(MODULE, *options)
         try:

@@ -62,7 +62,7 @@ def test_signal_ends_the_node_with_exit_code_0(
     assert process.lines == ["alive\n", "destroyed\n"]
 
 
-def test_a_second_interrupt_ends_a_callback_that_never_comes_back(start: Start) -> None:
+def test_second_interrupt_ends_a_callback_that_never_comes_back(start: Start) -> None:
     process = start("living.py", "stuck")
     wait_until_alive(process)
     interrupt_until_it_ends(process)
@@ -101,7 +101,7 @@ def test_executor_is_shut_down_before_collection() -> None:
         ("gives up", "the battery is empty"),
     ],
 )
-def test_a_node_that_cannot_work_says_so_once_and_fails(
+def test_node_that_cannot_work_says_so_once_and_fails(
     start: Start, habit: str, message: str
 ) -> None:
     process = start("living.py", habit)
@@ -117,7 +117,7 @@ def test_a_node_that_cannot_work_says_so_once_and_fails(
         ("buggy while it lives", "grid_map_core_py.errors.GridMapError"),
     ],
 )
-def test_a_bug_is_not_hidden(start: Start, habit: str, error: str) -> None:
+def test_bug_is_not_hidden(start: Start, habit: str, error: str) -> None:
     process = start("living.py", habit)
     assert process.wait() == 1
     assert "Traceback" in process.text

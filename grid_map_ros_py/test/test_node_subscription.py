@@ -35,7 +35,7 @@ def test_maps_arrive_undecoded_until_the_subscription_is_given_up(other_side: Pe
     )
 
 
-def test_a_given_quality_of_service_stays(
+def test_given_quality_of_service_stays(
     other_side: Peer, capfd: pytest.CaptureFixture[str]
 ) -> None:
     volatile = map_qos(transient_local=False)

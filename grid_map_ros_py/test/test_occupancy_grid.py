@@ -98,7 +98,7 @@ def test_occupancy_grid_round_trip_keeps_position_and_values(grid_map: GridMap) 
     assert sent_again.data == message.data
 
 
-def test_a_moved_map_gives_the_same_grid() -> None:
+def test_moved_map_gives_the_same_grid() -> None:
     values = np.random.default_rng(5).random((6, 3), np.float32)
     grid_map = GridMap((0.6, 0.3), 0.1, layers={"elevation": values})
     moved = moved_in_buffer(grid_map, (4, 1))
@@ -132,19 +132,19 @@ def test_bounds_without_a_usable_difference_are_refused(bounds: tuple[float, flo
 
 
 @pytest.mark.parametrize("bound", ["high", None, [1.0]])
-def test_a_bound_is_a_number(bound: Any) -> None:
+def test_bound_is_a_number(bound: Any) -> None:
     with pytest.raises(GridMapError, match="data_max: expected a number"):
         to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0.0, bound)
 
 
 @pytest.mark.parametrize("resolution", [1e-60, 1e60])
-def test_a_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
+def test_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
     grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
     with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
         to_occupancy_grid(grid_map, "e", 0.0, 1.0)
 
 
-def test_an_unknown_layer_is_named() -> None:
+def test_unknown_layer_is_named() -> None:
     with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
         to_occupancy_grid(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
 
@@ -177,7 +177,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None:
+def test_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = to_occupancy_grid(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
     *parents, last = path.split(".")
@@ -197,7 +197,7 @@ def test_resolution_beyond_float32_is_refused(resolution: float) -> None:
         from_occupancy_grid(message, "e")
 
 
-def test_the_layer_needs_a_name() -> None:
+def test_layer_needs_a_name() -> None:
     message = to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0, 1)
     with pytest.raises(GridMapError, match="non-empty string"):
         from_occupancy_grid(message, "")

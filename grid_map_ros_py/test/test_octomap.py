@@ -50,7 +50,7 @@ def to_voxels(points: np.ndarray, resolution: float) -> list[Voxel]:
 
 
 def highest(found: set[Voxel], resolution: float, grid_map: GridMap) -> np.ndarray:
-    """Visit the voxels one by one, and return the heights that a map of their columns has."""
+    """Return the heights of the columns of voxels, found by visiting every voxel."""
     heights = np.full(grid_map.size, np.nan)
     for x, y, z in found:
         cell = grid_map.get_index([(x + 0.5) * resolution, (y + 0.5) * resolution])
@@ -257,7 +257,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> None:
+def test_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> None:
     octomap, text = MALFORMED[kind]
     tracemalloc.start()
     begin = time.perf_counter()

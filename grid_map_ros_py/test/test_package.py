@@ -81,7 +81,7 @@ def test_conversions_work_without_rclpy() -> None:
 
 
 @pytest.mark.parametrize("example", re.findall(r"```python\n(.*?)```", README.read_text(), re.S))
-def test_the_examples_of_the_readme_work(example: str) -> None:
+def test_examples_of_the_readme_work(example: str) -> None:
     names: dict[str, object] = {"__name__": "readme"}
     exec(compile(example, README, "exec"), names)  # noqa: S102
     assert "GridMap" in names

@@ -20,7 +20,7 @@ def names(cloud: PointCloud2) -> list[str]:
 
 
 def points(cloud: PointCloud2) -> np.ndarray:
-    """Read the points as any subscriber would, by offset and step."""
+    """Return the points, read by offset and step."""
     dtype = np.dtype(
         {
             "names": names(cloud),
@@ -48,7 +48,7 @@ def test_point_clouds_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None
 
 
 def expected_points(grid_map: GridMap, layer: str) -> list[tuple[float, float, float]]:
-    """Visit the cells one by one."""
+    """Return the expected points, found by visiting every cell."""
     found = []
     for column in range(grid_map.size[1]):
         for row in range(grid_map.size[0]):
@@ -89,7 +89,7 @@ def test_every_valid_cell_of_a_large_map_is_a_point(shape: tuple[int, int]) -> N
         np.testing.assert_array_equal(found[name], grid_map[layer].ravel("F")[known])
 
 
-def test_a_moved_map_gives_the_same_points_in_another_order() -> None:
+def test_moved_map_gives_the_same_points_in_another_order() -> None:
     values = np.random.default_rng(3).random((5, 4), np.float32)
     grid_map = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values})
     before, after = (
@@ -100,7 +100,7 @@ def test_a_moved_map_gives_the_same_points_in_another_order() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
+def test_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
     cloud = to_point_cloud(GridMap((2, 1), 0.5, layers={"elevation": value}), "elevation")
     assert (cloud.width, cloud.row_step, len(cloud.data)) == (0, 0, 0)
     assert names(cloud) == ["x", "y", "z"]
@@ -138,7 +138,7 @@ def test_only_the_point_layer_may_be_called_like_a_coordinate(
     assert points(to_point_cloud(grid_map, axis))["z"].tolist() == [2.0]
 
 
-def test_an_unknown_layer_is_named() -> None:
+def test_unknown_layer_is_named() -> None:
     grid_map = GridMap((1, 1), 1.0, layers=["elevation"])
     with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
         to_point_cloud(grid_map, "slope")
@@ -146,7 +146,7 @@ def test_an_unknown_layer_is_named() -> None:
         to_point_cloud(grid_map, "elevation", ["slope"])
 
 
-def test_a_flat_cloud_has_every_cell_at_one_height() -> None:
+def test_flat_cloud_has_every_cell_at_one_height() -> None:
     grid_map = GridMap((1.0, 1.5), 0.5, layers={"elevation": math.nan})
     cloud = to_flat_point_cloud(grid_map, 0.25)
     assert names(cloud) == ["elevation", "x", "y", "z"]
@@ -154,13 +154,13 @@ def test_a_flat_cloud_has_every_cell_at_one_height() -> None:
     assert grid_map.layers == ("elevation",)
 
 
-def test_a_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
+def test_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
     values = [[1.0, math.nan], [math.inf, 2.0]]
     grid_map = GridMap((2, 2), 1.0, layers={"elevation": values}, basic_layers=["elevation"])
     assert points(to_flat_point_cloud(grid_map))["elevation"].tolist() == [1.0, 2.0]
 
 
-def test_a_flat_cloud_needs_a_finite_height() -> None:
+def test_flat_cloud_needs_a_finite_height() -> None:
     with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
         to_flat_point_cloud(GridMap((1, 1), 1.0), math.nan)
 

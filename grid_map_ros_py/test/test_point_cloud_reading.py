@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds of every layout become arrays and maps."""
+"""Point clouds of every layout as arrays and maps."""
 
 import array
 import math
@@ -93,7 +93,7 @@ def test_arrays_are_views_of_the_message() -> None:
         assert np.shares_memory(values, np.frombuffer(cloud.data, np.uint8))
 
 
-def test_an_organized_cloud_is_read_row_after_row() -> None:
+def test_organized_cloud_is_read_row_after_row() -> None:
     points = [{"x": k, "y": -k, "z": 0.5 * k} for k in range(6)]
     plain, padded = (
         packed_cloud(points, xyz_fields(), height=2, row_padding=padding) for padding in (0, 7)
@@ -119,7 +119,7 @@ def test_messages_of_other_libraries_hold_their_data_as_they_like(
 
 @settings(max_examples=60)
 @given(grid_maps(layers=("elevation", "variance")))
-def test_a_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
+def test_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
     # Coordinates are float32 in the cloud: where cells are too small for them points go astray.
     reach = np.float32(np.max(np.abs(grid_map.position) + grid_map.length))
     assume(np.spacing(reach) < 0.1 * grid_map.resolution)
@@ -131,7 +131,7 @@ def test_a_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
     assert_maps_equal(result.without_layers(["variance"]), expected)
 
 
-def test_a_moved_map_comes_back_onto_itself() -> None:
+def test_moved_map_comes_back_onto_itself() -> None:
     values = np.random.default_rng(3).random((5, 4), np.float32)
     world = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values, "other": 1.0})
     moved = moved_in_buffer(world, (3, 2))
@@ -142,7 +142,7 @@ def test_a_moved_map_comes_back_onto_itself() -> None:
     assert result["other"] is moved["other"]
 
 
-def test_the_cloud_of_the_cpp_demo_gives_its_map() -> None:
+def test_cloud_of_the_cpp_demo_gives_its_map() -> None:
     (published,) = recorded("cpp_tutorial", "elevation_points", PointCloud2)
     (original,) = recorded("cpp_tutorial", "grid_map", type(to_message(GridMap((1, 1), 1.0))))
     expected = from_message(original.message)
@@ -197,7 +197,7 @@ def test_coordinates_may_differ_in_type_and_order() -> None:
     assert (xyz.dtype, xyz.tolist(), columns) == (np.float64, [[5e6 + 0.1, 2.0, 200.0]], {})
 
 
-def test_an_empty_cloud_is_an_empty_map() -> None:
+def test_empty_cloud_is_an_empty_map() -> None:
     empty = packed_cloud([], xyz_fields())
     result = from_point_cloud(empty, onto=GridGeometry(np.array([2.0, 1.0]), 1.0))
     assert np.isnan(result["elevation"]).all()
@@ -254,7 +254,7 @@ def test_colors_become_the_layer_color(name: str, datatype: int, alpha: int) -> 
     assert hex(last["color"].view(np.uint32).item()) == "0x304050"
 
 
-def test_a_field_called_color_keeps_its_name_to_itself() -> None:
+def test_field_called_color_keeps_its_name_to_itself() -> None:
     fields = [*xyz_fields(), ("color", 12, UINT32, 1), ("rgb", 16, UINT32, 1)]
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "color": 1, "rgb": 2}], fields)
     result = from_point_cloud(cloud, resolution=1.0)
@@ -282,7 +282,7 @@ def test_field_with_name_of_height_layer_must_be_left_out() -> None:
 # --- what is wrong --------------------------------------------------------------------------------
 
 
-def test_the_grid_is_given_once() -> None:
+def test_grid_is_given_once() -> None:
     cloud = xyz_cloud([(0, 0, 0)])
     with pytest.raises(ConfigError, match="'resolution': expected a number, or `onto`"):
         from_point_cloud(cloud)
@@ -293,7 +293,7 @@ def test_the_grid_is_given_once() -> None:
         from_point_cloud(cloud, resolution=1.0, reduction="highest")
 
 
-def test_a_map_of_another_frame_is_refused() -> None:
+def test_map_of_another_frame_is_refused() -> None:
     cloud = xyz_cloud([(0, 0, 0)], frame_id="lidar")
     with pytest.raises(MessageError, match=r"header.frame_id: expected that of the map, 'map'"):
         from_point_cloud(cloud, onto=GridMap((1, 1), 1.0, frame_id="map"))
@@ -373,12 +373,12 @@ def valid_cloud() -> PointCloud2:
     return packed_cloud(points, fields, point_step=20, height=2)
 
 
-def test_the_cloud_that_is_broken_below_is_sound() -> None:
+def test_cloud_that_is_broken_below_is_sound() -> None:
     assert from_point_cloud(valid_cloud(), resolution=1.0).size == (6, 6)
 
 
 @pytest.mark.parametrize("case", MALFORMED)
-def test_a_malformed_cloud_is_refused_without_taking_memory(case: str) -> None:
+def test_malformed_cloud_is_refused_without_taking_memory(case: str) -> None:
     damage, field, expected, found = MALFORMED[case]
     cloud = valid_cloud()
     damage(cloud)
@@ -396,7 +396,7 @@ def test_a_malformed_cloud_is_refused_without_taking_memory(case: str) -> None:
 
 @settings(max_examples=150)
 @given(st.data())
-def test_a_cloud_with_arbitrary_numbers_is_read_or_refused(data: st.DataObject) -> None:
+def test_cloud_with_arbitrary_numbers_is_read_or_refused(data: st.DataObject) -> None:
     cloud = valid_cloud()
     numbers = st.sampled_from([0, 1, 3, 4, 20, 60, 119, 2**16, 2**31, HUGE]) | st.integers(0, HUGE)
     for _ in range(data.draw(st.integers(1, 3))):

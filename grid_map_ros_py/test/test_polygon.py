@@ -38,7 +38,7 @@ def xyz(points: Any) -> list[list[float]]:
 # --- against C++ ----------------------------------------------------------------------------------
 
 
-def test_the_message_equals_that_of_cpp() -> None:
+def test_message_equals_that_of_cpp() -> None:
     message, expected = to_polygon(POLYGON, **WHERE), GOLDEN["message"]
     assert_header(message.header, expected["header"])
     assert xyz(message.polygon.points) == expected["points"]
@@ -74,7 +74,7 @@ def test_every_polygon_message_of_cpp_is_compared() -> None:
 
 
 @given(polygons)
-def test_a_polygon_of_float32_survives_the_way_through_a_message(polygon: Polygon) -> None:
+def test_polygon_of_float32_survives_the_way_through_a_message(polygon: Polygon) -> None:
     sent = deserialize_message(serialize_message(to_polygon(polygon)), PolygonStamped)
     assert from_polygon(sent) == polygon
 
@@ -88,7 +88,7 @@ def test_triangles_equal_triangulate(polygon: Polygon) -> None:
 
 
 @given(polygons)
-def test_the_line_is_closed(polygon: Polygon) -> None:
+def test_line_is_closed(polygon: Polygon) -> None:
     points = xyz(to_line_marker(polygon, 0.1, height=2.0).points)
     assert len(points) == (len(polygon) + 1 if len(polygon) else 0)
     assert points[:1] == points[-1:]
@@ -98,7 +98,7 @@ def test_the_line_is_closed(polygon: Polygon) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_vertex_that_is_not_finite_is_named(value: float) -> None:
+def test_vertex_that_is_not_finite_is_named(value: float) -> None:
     message = to_polygon(POLYGON)
     message.polygon.points[2] = Point32(x=1.0, y=value)
     with pytest.raises(MessageError, match=r"polygon\.points\[2\]: expected finite coordinates"):
@@ -106,12 +106,12 @@ def test_a_vertex_that_is_not_finite_is_named(value: float) -> None:
 
 
 @pytest.mark.parametrize("color", [(1, 0, 0), (1, 0, 0, 2), (0, 0, math.nan, 1), 1.0])
-def test_a_color_has_four_components_from_0_to_1(color: Any) -> None:
+def test_color_has_four_components_from_0_to_1(color: Any) -> None:
     with pytest.raises(GeometryError, match="color: expected red, green, blue, alpha from 0 to 1"):
         to_line_marker(POLYGON, 0.1, color)
 
 
-def test_a_time_that_does_not_fit_is_refused() -> None:
+def test_time_that_does_not_fit_is_refused() -> None:
     with pytest.raises(MessageError, match="stamp: expected nanoseconds from 0"):
         to_polygon(POLYGON, timestamp=-1)
 
@@ -130,7 +130,7 @@ CONVERSIONS: list[Callable[..., object]] = [
 
 
 @pytest.mark.parametrize("convert", CONVERSIONS)
-def test_the_height_is_a_finite_number(convert: Callable[..., object]) -> None:
+def test_height_is_a_finite_number(convert: Callable[..., object]) -> None:
     with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
         convert(POLYGON, height=math.nan)
     with pytest.raises(GeometryError, match="height: expected a number, got 'high'"):
@@ -138,7 +138,7 @@ def test_the_height_is_a_finite_number(convert: Callable[..., object]) -> None:
 
 
 @pytest.mark.parametrize("line_width", [-0.1, math.nan, math.inf])
-def test_a_line_has_a_finite_width(line_width: float) -> None:
+def test_line_has_a_finite_width(line_width: float) -> None:
     with pytest.raises(MessageError, match="line_width: expected a finite number, 0 or more"):
         to_line_marker(POLYGON, line_width)
 

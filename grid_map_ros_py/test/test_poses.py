@@ -103,7 +103,7 @@ def test_points_are_moved_one_by_one() -> None:
 @pytest.mark.parametrize(
     "quaternion", [(0, 0, 0, 0), (0, 0, 0, 2), (1, 1, 0, 0), (math.nan, 0, 0, 1), (0, 0, 0, 1e200)]
 )
-def test_a_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) -> None:
+def test_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) -> None:
     x, y, z, w = map(float, quaternion)
     message = pose(0)
     message.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
@@ -111,7 +111,7 @@ def test_a_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) 
         history(message)
 
 
-def test_a_quaternion_that_was_rounded_is_fine() -> None:
+def test_quaternion_that_was_rounded_is_fine() -> None:
     matrix = to_matrix(Vector3(), Quaternion(z=0.7071, w=0.7071))
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
 
@@ -127,7 +127,7 @@ def test_poses_are_known_at_and_between_their_times() -> None:
         assert (found[0, 3], yaw_of(found)) == (pytest.approx(x), pytest.approx(yaw))
 
 
-def test_a_cloud_waits_for_the_pose_that_follows() -> None:
+def test_cloud_waits_for_the_pose_that_follows() -> None:
     known = PoseHistory("odom")
     assert known.place("lidar", SECOND) is None
     assert known.waits_for == "poses"
@@ -146,7 +146,7 @@ def test_time_zero_means_the_latest_pose() -> None:
     assert placement.transform[0, 3] == 7.0
 
 
-def test_a_cloud_from_before_the_first_pose_is_refused() -> None:
+def test_cloud_from_before_the_first_pose_is_refused() -> None:
     with pytest.raises(GridMapError, match=r"no pose at 1\.000 s: the first one is of 2\.000 s"):
         history(pose(2), pose(3)).at(SECOND)
     with pytest.raises(GridMapError, match="the first one is of 3"):
@@ -167,7 +167,7 @@ def test_two_poses_of_one_time_are_no_trouble() -> None:
         assert known.at(round(seconds * SECOND)) is not None
 
 
-def test_the_sensor_sits_somewhere_on_the_robot() -> None:
+def test_sensor_sits_somewhere_on_the_robot() -> None:
     sensor = from_xyz_rpy((1, 0, 0.5), (0, 0, 0))
     placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place("lidar", SECOND)
     assert placement is not None
@@ -190,7 +190,7 @@ def test_poses_of_every_kind_are_taken(kind: type) -> None:
 
 
 @pytest.mark.parametrize("kind", [PoseStamped, Odometry])
-def test_a_pose_that_makes_no_sense_changes_nothing(kind: type) -> None:
+def test_pose_that_makes_no_sense_changes_nothing(kind: type) -> None:
     known = history(pose(1))
     elsewhere, nowhere = pose(2, kind=kind), pose(2, x=math.nan, kind=kind)
     elsewhere.header.frame_id = "map"
@@ -217,7 +217,7 @@ class TransformException(Exception):
 
 
 class Tree:
-    """Test double for the buffer of tf2: knows the pose of everything is from a certain time on."""
+    """Test double for the buffer of tf2, which knows all poses from a certain time on."""
 
     def lookup_transform(self, target: str, source: str, time: Any) -> TransformStamped:
         if time.nanoseconds < SECOND:

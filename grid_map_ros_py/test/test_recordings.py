@@ -55,7 +55,7 @@ def test_every_map_is_republished_unchanged(file: str, topic: str) -> None:
             assert payload in published.raw
 
 
-def test_the_move_demo_stored_its_maps_all_over_the_buffer() -> None:
+def test_move_demo_stored_its_maps_all_over_the_buffer() -> None:
     maps = [
         from_message(r.message, unwrap=False) for r in recorded(MOVE, "grid_map", GridMapMessage)
     ]
@@ -65,7 +65,7 @@ def test_the_move_demo_stored_its_maps_all_over_the_buffer() -> None:
     assert max(column for _, column in starts) > 35
 
 
-def test_a_map_is_the_same_world_unwrapped_or_not() -> None:
+def test_map_is_the_same_world_unwrapped_or_not() -> None:
     for published in recorded(MOVE, "grid_map", GridMapMessage):
         unwrapped = from_message(published.message)
         assert unwrapped.start_index == (0, 0)
@@ -133,7 +133,7 @@ def test_grid_cells_equal_the_cpp_recording() -> None:
     assert_is_recorded(cells, published)
 
 
-def test_the_image_becomes_the_map_that_cpp_made_of_it() -> None:
+def test_image_becomes_the_map_that_cpp_made_of_it() -> None:
     (published,) = recorded(FILTERS, "image", Image)
     expected = only_map(FILTERS, "grid_map")
     made = from_image(published.message, "elevation", expected.resolution, -0.5, 1.0)

@@ -31,7 +31,7 @@ from grid_map_ros_py import (
 
 
 def buffers_equal(actual: GridMap, expected: GridMap) -> bool:
-    """Tell whether two maps store the same layers, to the bit, from the same start index."""
+    """Return whether two maps store bit-identical layers from the same start index."""
     return actual.start_index == expected.start_index and all(
         np.array_equal(actual[name].view(np.uint32), expected[name].view(np.uint32))
         for name in (*actual, *expected)
@@ -46,7 +46,7 @@ def test_bytes_equal_rclpy(grid_map: GridMap, layers: set[str] | None) -> None:
 
 @settings(max_examples=60)
 @given(maps, st.none() | st.sets(st.sampled_from(["elevation", "color"])), *[st.booleans()] * 2)
-def test_the_bytes_of_rclpy_are_read_like_its_message(
+def test_bytes_of_rclpy_are_read_like_its_message(
     grid_map: GridMap, layers: set[str] | None, copy_basic_layers: bool, unwrap: bool
 ) -> None:
     message = to_message(grid_map)
@@ -59,7 +59,7 @@ def test_the_bytes_of_rclpy_are_read_like_its_message(
 
 @settings(max_examples=30)
 @given(maps)
-def test_a_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
+def test_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
     received = from_serialized_message(to_serialized_message(grid_map), unwrap=False)
     assert_maps_equal(received, grid_map)
     assert buffers_equal(received, grid_map)
@@ -67,14 +67,14 @@ def test_a_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
 
 @settings(max_examples=60)
 @given(maps, st.data())
-def test_a_map_is_sent_from_any_start_index(grid_map: GridMap, data: st.DataObject) -> None:
+def test_map_is_sent_from_any_start_index(grid_map: GridMap, data: st.DataObject) -> None:
     rows, columns = grid_map.size
     start = data.draw(st.tuples(st.integers(0, rows - 1), st.integers(0, columns - 1)))
     serialized = to_serialized_message(grid_map, start_index=start)
     assert serialized == to_serialized_message(moved_in_buffer(grid_map, start))
 
 
-def test_a_start_index_beyond_the_map_is_refused() -> None:
+def test_start_index_beyond_the_map_is_refused() -> None:
     rows, _ = sample_map().size
     with pytest.raises(OutOfMapError, match="outside the map"):
         to_serialized_message(sample_map(), start_index=(rows, 0))
@@ -82,7 +82,7 @@ def test_a_start_index_beyond_the_map_is_refused() -> None:
 
 @settings(max_examples=30)
 @given(maps)
-def test_a_map_without_a_copy_shares_the_message(grid_map: GridMap) -> None:
+def test_map_without_a_copy_shares_the_message(grid_map: GridMap) -> None:
     data = to_serialized_message(grid_map)
     received = from_serialized_message(data, unwrap=False, copy=False)
     assert buffers_equal(received, grid_map)
@@ -126,7 +126,7 @@ def test_bytes_at_any_address_are_read() -> None:
     assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
 
 
-def test_a_received_map_has_memory_of_its_own() -> None:
+def test_received_map_has_memory_of_its_own() -> None:
     data = bytearray(to_serialized_message(sample_map(start=(0, 0))))
     received = from_serialized_message(data)
     data[:] = bytes(len(data))
@@ -172,7 +172,7 @@ def test_received_map_has_its_facts_without_decoding() -> None:
     assert look().data is data
 
 
-def test_a_received_map_is_decoded_as_often_as_one_likes() -> None:
+def test_received_map_is_decoded_as_often_as_one_likes() -> None:
     received = ReceivedMap(to_serialized_message(sample_map()))
     assert received.basic_layers == ("elevation",)
     assert received.timestamp == sample_map().timestamp
@@ -193,7 +193,7 @@ def test_received_map_is_checked_on_access() -> None:
 
 
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_a_malformed_message_gets_the_error_of_from_message(kind: str) -> None:
+def test_malformed_message_gets_the_error_of_from_message(kind: str) -> None:
     spoil, *_ = MALFORMED[kind]
     message = to_message(sample_map())
     spoil(message)
@@ -260,7 +260,7 @@ def test_names_that_are_no_text_are_refused_with_their_place() -> None:
         to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["\ud800"]))
 
 
-def test_a_grid_that_is_huge_without_layers_takes_no_memory() -> None:
+def test_grid_that_is_huge_without_layers_takes_no_memory() -> None:
     message = GridMapMessage()
     message.info.resolution = 1.0
     message.info.length_x = message.info.length_y = 2.0e9
@@ -279,7 +279,7 @@ def test_rclpy_reads_the_bytes() -> None:
 
 
 def peak(operation: Any) -> int:
-    """Return how many bytes an operation had in use at most."""
+    """Return the peak memory of an operation [bytes]."""
     operation()
     tracemalloc.start()
     try:

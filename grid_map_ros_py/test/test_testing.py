@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests that run at the same time do not hear each other."""
+"""Tests that run at the same time use different ROS domains."""
 
 import socket
 import subprocess
@@ -40,12 +40,12 @@ def test_processes_that_want_the_same_domain_get_different_ones() -> None:
     assert domains <= set(range(1, testing.DOMAINS + 1))
 
 
-def test_a_process_keeps_its_domain() -> None:
+def test_process_keeps_its_domain() -> None:
     assert testing.reserved_domain() is testing.reserved_domain()
     assert testing.environment()["ROS_DOMAIN_ID"] == str(testing.reserved_domain()[0])
 
 
-def test_a_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(testing, "DOMAINS", 1)
     with socket.socket() as taken:
         # Whoever else has this port is as good as this test.

@@ -16,7 +16,7 @@ def test_every_nanosecond_survives_the_message(nanoseconds: int) -> None:
     assert from_stamp(to_stamp(nanoseconds)) == nanoseconds
 
 
-def test_the_last_nanosecond_fits_the_message() -> None:
+def test_last_nanosecond_fits_the_message() -> None:
     assert to_stamp(LATEST) == Time(sec=2**31 - 1, nanosec=999_999_999)
 
 
@@ -31,6 +31,6 @@ def test_invalid_time_is_refused(nanoseconds: int) -> None:
     assert error.value.found == nanoseconds
 
 
-def test_a_time_before_the_epoch_is_refused() -> None:
+def test_time_before_the_epoch_is_refused() -> None:
     with pytest.raises(MessageError, match=r"header\.stamp\.sec: expected no negative.*found -1"):
         from_stamp(Time(sec=-1))

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Send large maps or receive them, as the first argument says; print what becomes of them."""
+"""Send or receive large maps (first argument `send` or `receive`) and print the results."""
 
 import json
 import re

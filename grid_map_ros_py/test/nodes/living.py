@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A node that ends before it is created, or lives until it is stopped: see its first argument."""
+"""A node with a behavior that the first argument names, such as `idle`, `busy` or `stuck`."""
 
 import sys
 import time
@@ -31,7 +31,7 @@ class Living(Node):
         self.timer = self.create_timer(0.0, self.live)
 
     def live(self) -> None:
-        """Say so once; a busy node publishes all the time, and a stuck one never comes back."""
+        """Print "alive" once; a busy node publishes all the time, a stuck one never returns."""
         self.publisher.publish(Empty())
         if HABIT != "busy":
             self.timer.cancel()
