@@ -158,13 +158,13 @@ def test_a_failed_write_leaves_nothing():
 @pytest.mark.parametrize(
     ("crs", "warning"),
     [
-        ("EPSG:4326", "is in degrees, which are taken for metres"),
+        ("EPSG:4326", "is in degrees, which are taken for meters"),
         ("EPSG:2263", r"is in units of 0.3048006 m \(US survey foot\), which are taken"),
         ("EPSG:25832", ""),
         ('LOCAL_CS["hall",UNIT["metre",1]]', ""),
     ],
 )
-def test_coordinates_that_are_not_metres_warn(crs, warning, rasterio):
+def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
     write(rasterio, crs=crs)
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")

@@ -28,7 +28,7 @@ _INTERRUPTED, _NO_READER = 128 + signal.SIGINT, 128 + signal.SIGPIPE
 
 
 class Parser(argparse.ArgumentParser):
-    """Tells what is wrong in one line, and takes numbers such as -1e-3 for values of options."""
+    """Reports an error in one line, and takes numbers such as -1e-3 as values of options."""
 
     def __init__(self, **options: Any) -> None:
         # An abbreviation that is unique today may be ambiguous with the next option.

@@ -131,8 +131,8 @@ def open_records(
 ) -> "Iterator[Sequence[MapRecord]]":
     """Yield records of the maps that go from the source to the destination.
 
-    These are all maps of a bag if the destination takes so many and `--index` chooses none, else
-    one.
+    These are all maps of a bag if the destination is a bag and `--index` is not given, else one
+    map.
 
     Args:
         options: the arguments of `add_source` and `add_choice_of_map`.
@@ -278,7 +278,7 @@ class Destination:
         return count
 
     def tell(self, count: int) -> None:
-        """Tell the number of maps that were written, unless they went to a pipe."""
+        """Print the number of maps that were written, unless they went to a pipe."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 

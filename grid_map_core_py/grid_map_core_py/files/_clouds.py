@@ -47,7 +47,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         table = _read_pcd(file)
     else:
         geometries = _read_mesh(file)
-        table = _ply_table(geometries) or _as_table(_vertices(geometries))
+        table = _ply_table(geometries) or dict(zip("xyz", _vertices(geometries).T, strict=True))
     missing = [axis for axis in "xyz" if axis not in table]
     if missing:
         raise GridMapError(f"{file}: no field {missing[0]!r}, found {', '.join(table) or 'none'}")
@@ -135,12 +135,12 @@ def _reader(package: str, file: Path) -> Any:
 
 
 def _first_line(error: Exception) -> str:
-    """Return what an error says without its details, which may be many lines."""
+    """Return the first line of an error; details may follow in many lines."""
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _hint(error: Exception) -> str:
-    """Return what else than damage may be the reason."""
+    """Return a reason other than damage."""
     if "PLY is unexpected length" not in str(error):
         return ""
     return " (the faces of a binary PLY file must all have the same number of vertices)"
@@ -153,7 +153,7 @@ def _ply_elements(geometry: Any) -> Mapping[str, Any]:
 
 
 def _check_complete(geometry: Any) -> None:
-    """Refuse what trimesh lets pass: a PLY text that ends early, faces without their vertices."""
+    """Refuse a PLY text that ends early and faces without their vertices, which trimesh accepts."""
     for name, element in _ply_elements(geometry).items():
         data = element.get("data", ())
         columns = list(data.values()) if isinstance(data, dict) else [data]
@@ -169,10 +169,6 @@ def _vertices(geometries: list[Any]) -> npt.NDArray[np.float64]:
     return np.concatenate([np.asarray(geometry.vertices, np.float64) for geometry in geometries])
 
 
-def _as_table(points: npt.NDArray[Any]) -> Fields:
-    return dict(zip("xyz", points.T, strict=True))
-
-
 def _ply_table(geometries: list[Any]) -> Fields:
     """Return the properties of a PLY file's vertices by their names, none for another file."""
     data = _ply_elements(geometries[0]).get("vertex", {}).get("data", {})
@@ -181,7 +177,7 @@ def _ply_table(geometries: list[Any]) -> Fields:
 
 
 def _with_packed_colors(fields: Fields) -> Fields:
-    """Return the fields with colours as one field of packed float32 without alpha."""
+    """Return the fields with colors as one field of packed float32 without alpha."""
     channels = "red", "green", "blue"
     if all(name in fields for name in channels):
         rgb = np.column_stack([fields.pop(name) for name in channels])

@@ -93,7 +93,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
     A single band without a name becomes `elevation`, several become `band_1` and so on. Masked
     pixels are NaN. Scales and offsets of bands are applied. A warning tells if the coordinates are
-    not metres.
+    not meters.
 
     Args:
         path: the file.
@@ -136,16 +136,16 @@ def _opened(path: str | PathLike[str]) -> Iterator[Any]:
 
 
 def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
-    """Warn if the coordinates are not metres."""
+    """Warn if the coordinates are not meters."""
     unit = ""
     if raster.crs and raster.crs.is_geographic:
         unit = "degrees"
     elif raster.crs and raster.crs.is_projected:
-        name, metres = raster.crs.linear_units_factor
-        unit = "" if metres == 1.0 else f"units of {metres:.7g} m ({name})"
+        name, meters = raster.crs.linear_units_factor
+        unit = "" if meters == 1.0 else f"units of {meters:.7g} m ({name})"
     if unit:
         warnings.warn(
-            f"{path}: is in {unit}, which are taken for metres; "
+            f"{path}: is in {unit}, which are taken for meters; "
             "'gdalwarp -t_srs EPSG:...' projects it",
             stacklevel=4,
         )

@@ -6,10 +6,10 @@ The YAML file is one of nav2's `map_server`, too: it shows the first layer as oc
 smallest value free, the largest occupied, NaN unknown. As there, up in the images is +y and right
 is +x, which differs from the images of `grid_map_core_py.to_image`.
 
-What is lost: a value comes back less than one step below, at most one step of (`upper` - `lower`) /
+Losses: a value comes back less than one step below, at most one step of (`upper` - `lower`) /
 65535 with 16 bits, / 255 with 8, and infinities become the bounds. NaN comes back as NaN: an image
-with NaN has an alpha channel. Colours are kept, without bits that are no colour. For no loss at all
-there is `grid_map_core_py.files._npz`.
+with NaN has an alpha channel. Colors are kept, without bits that belong to no color. `save_npz`
+loses nothing.
 """
 
 import re
@@ -66,7 +66,7 @@ def save_images(
         bits: 16 or 8, per pixel.
         ranges: `lower` and `upper` by layer, the values of black and white, beyond which values are
             clamped; for other layers the smallest and the largest finite value.
-        color_layers: layers of packed colours, which become colour images.
+        color_layers: layers of packed colors, which become color images.
 
     Returns:
         The path of the YAML file.
@@ -124,7 +124,13 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
             raise ValueError("no file of a map: 'grid_map' is missing")
         if found.get("version") != VERSION:
             raise ValueError(f"version {found.get('version')!r}, only {VERSION} is known")
-        grid_map = _empty_map(found, document["resolution"])
+        rows, columns = found["size"]
+        geometry = GridGeometry.from_size(
+            (rows, columns), document["resolution"], found["position"]
+        )
+        grid_map = GridMap.from_geometry(
+            geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
+        )
         entries = {entry["name"]: entry for entry in found["layers"]}
         wanted = select_layers([*entries], layers)
     for entry in (entries[name] for name in wanted):
@@ -133,7 +139,10 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
         with storage_errors(image, "read"):
             _add(grid_map, entry, read_image(image, grid_map.size[::-1]))
     with storage_errors(file, "read"):
-        _set_basic_layers(grid_map, found["basic_layers"], entries)
+        for name in found["basic_layers"]:
+            if name not in entries:
+                raise ValueError(f"basic layer {name!r} is not among the layers")
+        grid_map.basic_layers = [name for name in found["basic_layers"] if name in grid_map]
     return grid_map
 
 
@@ -184,6 +193,7 @@ def _add(grid_map: GridMap, entry: Mapping[str, Any], image: Image) -> None:
 def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
     # YAML can escape half a character, but no reader takes it.
     "".join([grid_map.frame_id, *(entry["name"] for entry in entries)]).encode()
+    stored = {entry["name"] for entry in entries}
     origin = (grid_map.position - 0.5 * grid_map.length).tolist()
     document = {
         # What map_server reads.
@@ -200,30 +210,12 @@ def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
             "position": grid_map.position.tolist(),
             "frame_id": grid_map.frame_id,
             "timestamp": grid_map.timestamp,
-            "basic_layers": _stored(grid_map.basic_layers, entries),
+            "basic_layers": [name for name in grid_map.basic_layers if name in stored],
             "layers": entries,
         },
     }
     text: str = yaml.safe_dump(document, sort_keys=False)
     return text
-
-
-def _set_basic_layers(grid_map: GridMap, names: list[str], entries: Iterable[str]) -> None:
-    for name in names:
-        if name not in entries:
-            raise ValueError(f"basic layer {name!r} is not among the layers")
-    grid_map.basic_layers = [name for name in names if name in grid_map]
-
-
-def _stored(names: Iterable[str], entries: list[dict[str, Any]]) -> list[str]:
-    stored = {entry["name"] for entry in entries}
-    return [name for name in names if name in stored]
-
-
-def _empty_map(found: Mapping[str, Any], resolution: float) -> GridMap:
-    rows, columns = found["size"]
-    geometry = GridGeometry.from_size((rows, columns), resolution, found["position"])
-    return GridMap.from_geometry(geometry, frame_id=found["frame_id"], timestamp=found["timestamp"])
 
 
 def _file_names(names: Iterable[str]) -> Iterator[str]:
@@ -239,7 +231,7 @@ def _file_names(names: Iterable[str]) -> Iterator[str]:
 
 
 def _check_old(folder: Path) -> None:
-    """Let a folder be replaced that holds what `save_images` has written, or nothing."""
+    """Raise unless a folder is empty or holds only files that `save_images` has written."""
     if not folder.is_dir():
         raise ValueError("it is a file, and the images go to a folder")
     foreign = {path.name for path in folder.iterdir()} - _written(folder / YAML_NAME)
@@ -254,6 +246,6 @@ def _written(file: Path) -> set[str]:
 
 
 def part_of_maps(document: Any) -> Mapping[str, Any] | None:
-    """Return what is not for map_server in a YAML file of images, None where there is none."""
+    """Return the part of a YAML file that `map_server` ignores, None if there is none."""
     found = document.get("grid_map") if isinstance(document, dict) else None
     return found if isinstance(found, dict) else None

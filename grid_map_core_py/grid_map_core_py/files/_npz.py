@@ -69,7 +69,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
 def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Return the map in an `.npz` file that `save_npz` has written.
 
-    Nothing is allocated before it is sure that the file holds so much.
+    Memory is taken only after the file was found to hold as many bytes as it claims.
 
     Args:
         path: the file.
@@ -142,7 +142,7 @@ def _check_name(name: str) -> None:
 
 
 def _check_sizes(archive: zipfile.ZipFile, available: int) -> None:
-    """Refuse an archive whose members claim more than so many bytes can hold."""
+    """Refuse an archive whose members claim more than `available` bytes can hold."""
     for member in archive.infolist():
         largest = member.compress_size
         if member.compress_type != zipfile.ZIP_STORED:
@@ -188,7 +188,7 @@ def _read_layer(archive: zipfile.ZipFile, name: str, size: Size) -> Layer:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, is_expected: Any) -> npt.NDArray[Any]:
-    """Return an array after checking what its head announces."""
+    """Return an array after checking the type and shape that its head announces."""
     info = archive.getinfo(f"{name}.npy")
     if name == _METADATA and info.file_size > _LARGEST_METADATA:
         raise ValueError(f"'metadata' has {info.file_size} bytes, which is absurd")

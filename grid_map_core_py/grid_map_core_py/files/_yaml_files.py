@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""YAML files that others wrote."""
+"""YAML files of other programs, read with limits on size and depth."""
 
 from os import PathLike
 from pathlib import Path
@@ -17,7 +17,7 @@ _DEEPEST = 50
 
 
 def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:
-    """Return what is in a YAML file of at most `largest` bytes.
+    """Return the content of a YAML file of at most `largest` bytes.
 
     Raises:
         GridMapError: the file is missing, too large, nested too deeply, or no YAML.
