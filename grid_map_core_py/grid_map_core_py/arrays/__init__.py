@@ -10,7 +10,7 @@
   `min_of_finites`, `max_of_finites`.
 """
 
-from ._checks import Cells, Layer, Mask, Positions, Size, as_array, as_number
+from ._checks import Cells, Layer, Mask, Positions, Size, as_array, as_cells, as_number
 from ._pieces import elementwise, slices
 from ._statistics import (
     max_of_finites,
@@ -27,6 +27,7 @@ __all__ = [
     "Positions",
     "Size",
     "as_array",
+    "as_cells",
     "as_number",
     "elementwise",
     "max_of_finites",

@@ -4,11 +4,14 @@
 
 - Images: `to_image`, `from_image`, `add_layer_from_image`, with colors `to_color_image`,
   `add_color_layer_from_image`; `change_resolution`; the types `Image` and `Order`.
-- Colors as layer values: `color_vector_to_value`, `color_value_to_vector`, and from and to bytes.
-- Costmaps: `to_costmap`, `from_costmap`, `Costmap`, and the meanings of costs, `CostRange` and
-  `CostTable`.
-- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`, and
-  `PointCloudPipeline` with its groups of parameters.
+- Colors as layer values: `color_vector_to_value`, `color_value_to_vector`,
+  `color_channels_to_value`, `color_value_to_bytes`; their bits: `join_channels`, `split_channels`,
+  `NO_COLOR`; names of layers and fields with colors: `COLOR_LAYER`, `COLOR_FIELDS`.
+- Costmaps: `to_costmap`, `from_costmap`, `Costmap`. A `CostCodec` turns values into costs: a
+  `CostTable`, such as `CENTURY` and `DIRECT`, or a `CostRange`; costs are `FREE` to `LETHAL`.
+- Point clouds: `from_points`, `rasterize`, `downsample`, `remove_outliers`, `fitting_geometry`;
+  `PointCloudPipeline` with its parameters `CloudTransform`, `OutlierRemoval`, `Downsampling`,
+  `ClusterExtraction` and `Grid`.
 - Triangle meshes: `from_mesh`, `rasterize_triangles`.
 """
 
