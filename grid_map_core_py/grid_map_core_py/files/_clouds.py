@@ -34,9 +34,9 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     Returns:
         points: (N, 3) x, y, z, float32 or float64 as in the file; they may hold NaN. The viewpoint
             that a PCD file may name is not applied.
-        fields: other values of each point in a PCD or PLY file, such as `intensity`. Colours come
-            as one field `rgb` of packed colours, ready for `point_cloud.rasterize`. A PCD field of
-            several numbers comes as several fields, `name__0000` and so on.
+        fields: other values of each point in a PCD or PLY file, such as `intensity`. Colors come as
+            one field `rgb` of packed colors, ready for `rasterize`. A PCD field of several numbers
+            comes as several fields, `name__0000` and so on.
 
     Raises:
         GridMapError: the file is missing, damaged, of another format or without points, or the
