@@ -3,12 +3,16 @@
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
 
 import grid_map_ros_py
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import bags, messages, nodes
+from grid_map_ros_py.testing import Process, peer, running
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -31,7 +35,7 @@ print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 
 
 WITHOUT_MESSAGES = """
-import importlib.abc, sys
+import contextlib, importlib.abc, io, sys
 
 class NoMessages(importlib.abc.MetaPathFinder):
     def find_spec(self, name, *_):
@@ -41,6 +45,7 @@ class NoMessages(importlib.abc.MetaPathFinder):
 
 sys.meta_path.insert(0, NoMessages())
 from grid_map_core_py import GridMap
+from grid_map_core_py.commands import main
 from grid_map_core_py.errors import MissingPackageError
 import grid_map_ros_py as ros
 from grid_map_ros_py import bags, errors, messages
@@ -53,6 +58,8 @@ for storage in ("mcap", "sqlite3"):
     path = f"{sys.argv[1]}/{storage}"
     ros.save_to_bag(grid_map, path, "/grid_map", storage=storage)
     print(ros.load_from_bag(path).position, len(ros.bag_topics(path)))
+with contextlib.redirect_stdout(io.StringIO()):
+    assert main(["info", path]) == 0
 received = ros.ReceivedMap(ros.to_serialized_message(grid_map))
 print(received.start_index == grid_map.start_index, received.frame_id)
 ros.from_message(messages.view(received.data, "grid_map_msgs/GridMap"))
@@ -85,6 +92,20 @@ def test_examples_of_the_readme_work(example: str) -> None:
     names: dict[str, object] = {"__name__": "readme"}
     exec(compile(example, README, "exec"), names)  # noqa: S102
     assert "GridMap" in names
+
+
+def test_node_in_the_documentation_runs(tmp_path) -> None:
+    (code,) = re.findall(r"(?ms)^    from rclpy.*?run\(Scaler\)\)$", nodes.__doc__)
+    example = textwrap.dedent(code)
+    (tmp_path / "scaler.py").write_text(example)
+    process = Process(
+        [sys.executable, str(tmp_path / "scaler.py"), "--ros-args", "-p", "factor:=2"]
+    )
+    with running(process), peer() as other:
+        other.listen("/scaled_map", GridMapMessage)
+        layers = {"elevation": 1.5}
+        other.publish("/grid_map", grid_map_ros_py.to_message(GridMap((1, 1), 0.5, layers=layers)))
+        assert set(other.expect("/scaled_map").data[0].data) == {3.0}
 
 
 @pytest.mark.parametrize("module", [grid_map_ros_py, bags, messages, nodes])
