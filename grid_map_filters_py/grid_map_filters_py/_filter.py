@@ -45,10 +45,11 @@ def running(step: object, collected: list[str] | None) -> Iterator[None]:
 
 
 def warn(message: str) -> None:
-    """Warn the user of something that does not keep a filter from doing its work.
+    """Warn the user about the result of a filter.
 
-    In a chain the message names the filter, and goes to the list that the caller gave to the chain.
-    Without such a list, and outside of chains, it becomes a `FilterWarning` of Python.
+    In a chain, the message names the filter and is appended to the list that the caller of the
+    chain passed as `warnings`. Without a list or a chain, it becomes a Python warning of the class
+    `FilterWarning`.
     """
     step, collected = _running.get()
     if collected is None:

@@ -27,7 +27,7 @@ _PLAIN = Matrices()
 
 
 class WindowMatrix:
-    """A matrix per cell.
+    """A small matrix for every cell of the map.
 
     Args:
         shape: (rows, columns) of the matrix.
