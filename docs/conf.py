@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from textwrap import indent
 from types import ModuleType
 
 import numpy.typing as npt
@@ -79,7 +80,9 @@ def add_modules(_app: Sphinx, page: str, source: list[str]) -> None:
     offered = [f"`{name}`" for name in public_names(package) if name in elsewhere]
     if offered:
         source[0] += f"\nAlso offers {', '.join(offered)}, described in the rooms.\n"
-    source[0] += "".join(section(room, public_names(room)) for room in rooms if public_names(room))
+    for room in rooms:
+        names = [x for x in public_names(room) if not is_borrowed(getattr(room, x), package)]
+        source[0] += section(room, names) if names else ""
 
 
 def public_names(module: ModuleType) -> list[str]:
@@ -121,16 +124,18 @@ def rewrites(change: Callable[[str], str]) -> Docstring:
 
 def list_returns(text: str) -> str:
     """Turn several return values into a list, which Napoleon cannot do."""
-    section = re.search(r"^Returns:\n((?: {4}.*\n)+)", text, re.MULTILINE)
-    if not section or len(re.findall(r"^ {4}\w+: ", section[1], re.MULTILINE)) < 2:
+    section = re.search(r"^(Returns|Yields):\n((?: {4}.*\n)+)", text, re.MULTILINE)
+    if not section or len(re.findall(r"^ {4}[\w, ]+: ", section[2], re.MULTILINE)) < 2:
         return text
-    entries = re.sub(r"^ {4}(?=\S)", "    * ", section[1], flags=re.MULTILINE)
+    entries = re.sub(r"^ {4}(?=\S)", "    * ", section[2], flags=re.MULTILINE)
     entries = re.sub(r"^ {8,}", "      ", entries, flags=re.MULTILINE)
-    return text.replace(section[0], f":returns:\n{entries}")
+    return text.replace(section[0], f":{section[1].lower()}:\n{entries}")
 
 
 def escape(text: str) -> str:
-    """Mark indented examples as code, and escape stars and bars that are mathematical signs."""
+    """Mark examples and trees as code, and escape stars and bars that are mathematical signs."""
+    tree = re.compile(r"^\w+.*\n(?:[ │]*[├└]── .*(?:\n|$))+", re.MULTILINE)
+    text = tree.sub(lambda found: "::\n\n" + indent(found[0], "    ") + "\n", text)
     text = re.sub(r"(?<!:):\n\n(?= {4}\S)", "::\n\n", text)
     sign = re.compile(r"(?<=[\w)\]])[*|]|[*|](?=[\w(])")
     is_code = re.compile(r" *(>>>|\.\.\.)")

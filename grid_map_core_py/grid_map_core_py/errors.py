@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every error of this package.
+"""The errors of this package, each below its base class.
 
 GridMapError
 ├── LayerNotFoundError (KeyError)
