@@ -14,7 +14,7 @@ LAYER = np.arange(6, dtype=np.float32).reshape(2, 3)
 
 
 def row_major(values: np.ndarray, *, data_offset: int = 0) -> Float32MultiArray:
-    """Build the message as a C programmer would, value by value."""
+    """Return a row-major message, built value by value."""
     rows, columns = values.shape
     dim = [
         MultiArrayDimension(label="row_index", size=rows, stride=rows * columns),

@@ -48,7 +48,7 @@ def test_process_keeps_its_domain() -> None:
 def test_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(testing, "DOMAINS", 1)
     with socket.socket() as taken:
-        # Whoever else has this port is as good as this test.
+        # If another process has the port, the domain is taken as well.
         with suppress(OSError):
             taken.bind(("", testing.LOCK_PORTS + 1))
         with pytest.raises(RuntimeError, match="all 1 ROS domains are taken by other tests"):
