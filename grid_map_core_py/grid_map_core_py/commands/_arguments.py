@@ -109,15 +109,8 @@ def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
         from ._maps import describe
 
         facts = describe(parsed_args)
-        if "topics" in facts:
-            # The command reads one map, of the topic that is named or the only one.
-            return [
-                name
-                for topic in facts["topics"]
-                if "map" in topic
-                for name in topic["map"]["layers"]
-            ]
-        return [*facts["map"]["layers"]]
+        maps = [topic["map"] for topic in facts.get("topics", [facts]) if "map" in topic]
+        return [name for one in maps for name in one["layers"]]
     return []
 
 
