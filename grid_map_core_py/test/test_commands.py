@@ -364,7 +364,7 @@ def test_help_imports_neither_packages_nor_numpy(tmp_path):
 
 
 def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
-    blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "rosbags", "rasterio", "lark")
+    blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "mcap", "rasterio", "lark")
     others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
     code = (
         f"import sys\nfor name in {(*blocked, *others)}:\n    sys.modules[name] = None\n"

@@ -32,7 +32,7 @@ PACKAGES = {
     "grid_map_msgs.msg": ("topics of maps", _BUILD),
     "rclpy": ("nodes", _SOURCE),
     "sensor_msgs.msg": ("messages", _SOURCE),
-    "rosbags": ("bags", "pip install rosbags"),
+    "mcap": ("bags in MCAP files", "pip install mcap"),
     "matplotlib": ("pictures and color maps", "apt install python3-matplotlib"),
     "viser": ("maps in the browser", "pip install viser"),
     "rasterio": ("GeoTIFF", "pip install rasterio"),
