@@ -38,7 +38,7 @@ def values(measure, cells):
     return run
 
 
-def centres(grid_map):
+def centers(grid_map):
     """Return x (rows, 1) and y (cols,) of all cells."""
     x, y = grid_map.axes()
     return x[:, None], y
@@ -57,7 +57,7 @@ def test_submap(values, diameter):
 
 
 def values_in_disc(grid_map, radius):
-    x, y = centres(grid_map)
+    x, y = centers(grid_map)
     return grid_map["elevation"][np.hypot(x, y) <= radius + 1e-9]
 
 
@@ -80,7 +80,7 @@ def test_ellipse(values, diameter):
     length = np.multiply((1.0, 0.5), diameter * RESOLUTION)
     row = f"EllipseIterator D x D/2 rot 0.5 d={diameter}"
     grid_map, found = values(row, ellipse_cells, CENTER, length, 0.5)
-    x, y = centres(grid_map)
+    x, y = centers(grid_map)
     turned = (x + 1j * y) * np.exp(-0.5j) / (0.5 * length[0])
     inside = turned.real**2 + (2.0 * turned.imag) ** 2 <= 1.0
     np.testing.assert_array_equal(found, grid_map["elevation"][inside])
@@ -92,7 +92,7 @@ def test_polygon(values, diameter):
     angles = np.arange(6) * math.pi / 3
     hexagon = Polygon(radius * np.stack([np.cos(angles), np.sin(angles)], axis=1))
     grid_map, found = values(f"PolygonIterator hexagon d={diameter}", polygon_cells, hexagon)
-    x, y = centres(grid_map)
+    x, y = centers(grid_map)
     across = np.maximum(np.abs(y), np.abs(y) / 2 + np.abs(x) * math.sqrt(0.75))
     inside = across < math.sqrt(0.75) * radius
     np.testing.assert_array_equal(found, grid_map["elevation"][inside])

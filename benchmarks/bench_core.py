@@ -52,8 +52,8 @@ def test_convert_to_default_start_index(measure, cells):
 def test_submap(measure, cells, moved):
     grid_map = make(cells, moved)
     row = f"getSubmap half side ({'moved map' if moved else 'start index 0'})"
-    centre, length = grid_map.position, 0.5 * grid_map.length
-    result = measure(row, cells, lambda: grid_map.get_submap(centre, length))
+    center, length = grid_map.position, 0.5 * grid_map.length
+    result = measure(row, cells, lambda: grid_map.get_submap(center, length))
     quarter = cells // 4
     expected = grid_map.unwrapped("elevation")[quarter : 3 * quarter, quarter : 3 * quarter]
     np.testing.assert_array_equal(result["elevation"], expected)

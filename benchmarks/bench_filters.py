@@ -75,10 +75,10 @@ def test_roughness_by_expression(measure, cells):
     np.testing.assert_allclose(result["roughness"], expected, atol=1e-7)
 
 
-def test_normal_colours(measure, cells):
-    colour = NormalColorMap(input_layers_prefix="normal_vectors_", output_layer="color")
+def test_normal_colors(measure, cells):
+    color = NormalColorMap(input_layers_prefix="normal_vectors_", output_layer="color")
     grid_map = terrain(cells, layers=4)
-    result = measure("NormalColorMap", cells, lambda: colour(grid_map))
+    result = measure("NormalColorMap", cells, lambda: color(grid_map))
     normals = np.stack([grid_map[f"normal_vectors_{axis}"] for axis in "xyz"], axis=-1)
     decoded = 2.0 * color_value_to_vector(result["color"]) - 1.0
     np.testing.assert_allclose(decoded, normals, atol=2.1 / 255)

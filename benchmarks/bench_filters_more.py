@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filters of minima, medians, curvature and colours, from a map to a map."""
+"""The filters of minima, medians, curvature and colors, from a map to a map."""
 
 import numpy as np
 import pytest
@@ -132,8 +132,8 @@ def test_color_blending(measure, cells, mode):
         opacity=0.5,
         output_layer="blend",
     )
-    coloured = ramp("elevation", "back", **RED_TO_BLUE)(terrain(cells, layers=4))
-    grid_map = ramp("normal_vectors_x", "fore", **GREEN_TO_WHITE)(coloured)
+    colored = ramp("elevation", "back", **RED_TO_BLUE)(terrain(cells, layers=4))
+    grid_map = ramp("normal_vectors_x", "fore", **GREEN_TO_WHITE)(colored)
     result = measure(f"ColorBlending {mode}", cells, lambda: blend(grid_map))
     b, f = (color_value_to_vector(grid_map[layer]) for layer in ("back", "fore"))
     dark = f.mean(axis=-1, keepdims=True) < 0.5

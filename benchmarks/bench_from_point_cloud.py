@@ -64,12 +64,12 @@ def test_from_point_cloud(measure, reduction):
     assert_reduced(received, result["elevation"], reduction)
 
 
-def test_from_point_cloud_with_colours(measure):
+def test_from_point_cloud_with_colors(measure):
     received = message()
     convert = lambda: from_point_cloud(received, onto=GEOMETRY, fields=["rgb"])  # noqa: E731
     result = measure("fromPointCloud 1e6 points, max and rgb", CELLS, convert)
     assert_reduced(received, result["elevation"], "max")
-    # Each colour is a grey, and so is the mean of some.
+    # All colors are gray, so their means are gray, too.
     colors = color_value_to_vector(result["color"])
     np.testing.assert_array_equal(colors[..., 0], colors[..., 2])
 

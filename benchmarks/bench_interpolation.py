@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values between cell centres."""
+"""Values between cell centers."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_interpolation(measure, cells, method, holes):
     if not holes:
         np.testing.assert_allclose(values, expected, atol=ERRORS.get(method, 2e-4))
         return
-    # Only where there is no finite neighbour to fall back to, a hole remains a hole.
+    # Only where there is no finite neighbor to fall back to, a hole remains a hole.
     indices, _ = grid_map.get_indices(positions)
     known = np.isfinite(grid_map["elevation"][indices])
     np.testing.assert_array_equal(np.isfinite(values), known)

@@ -108,7 +108,7 @@ def test_to_grid_cells(measure, cells):
     grid_map = terrain(cells)
     convert = lambda: to_serialized_grid_cells(grid_map, "elevation", 0.0, 1.0)  # noqa: E731
     data = measure("toGridCells [0,1]", cells, convert)
-    centres = [(cell.x, cell.y) for cell in deserialize_message(data, GridCells).cells]
-    assert len(centres) == np.count_nonzero(grid_map["elevation"] >= 0)
-    indices, _ = grid_map.get_indices(centres)
+    centers = [(cell.x, cell.y) for cell in deserialize_message(data, GridCells).cells]
+    assert len(centers) == np.count_nonzero(grid_map["elevation"] >= 0)
+    indices, _ = grid_map.get_indices(centers)
     assert (grid_map["elevation"][indices] >= 0).all()

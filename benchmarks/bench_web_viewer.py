@@ -15,7 +15,7 @@ def test_scene(measure, cells):
     scene = measure("scene of the web viewer", cells, lambda: make_scene(grid_map, settings))
     vertices, faces = len(scene.mesh.vertices), len(scene.mesh.faces)
     assert vertices == np.isfinite(grid_map["elevation"]).sum()
-    # Three floats and four colours of 16 bits per vertex, three numbers per face.
+    # Three floats and four colors of 16 bits per vertex, three numbers per face.
     assert 0 < len(scene.glb) - 20 * vertices - 12 * faces < 2000
 
 

@@ -12,13 +12,13 @@ PROBES = ((0, 0), (3, 50), (77, 120), (150, 31), (199, 199))
 
 def disc_points(grid_map: GridMap, layer: str, cell: tuple[int, int], radius: float) -> np.ndarray:
     """Return the (N, 3) points of finite cells within a radius of a cell."""
-    centre = grid_map.get_position(cell)
+    center = grid_map.get_position(cell)
     reach = int(radius / grid_map.resolution) + 1
     points = []
     for row in range(max(0, cell[0] - reach), min(grid_map.size[0], cell[0] + reach + 1)):
         for column in range(max(0, cell[1] - reach), min(grid_map.size[1], cell[1] + reach + 1)):
             point = grid_map.get_position3(layer, (row, column))
-            if np.linalg.norm(point[:2] - centre) <= radius + 1e-9:
+            if np.linalg.norm(point[:2] - center) <= radius + 1e-9:
                 points.append(point)
     return np.array(points)
 

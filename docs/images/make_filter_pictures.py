@@ -126,7 +126,7 @@ def upright(layer: np.ndarray) -> np.ndarray:
 
 
 def scene() -> GridMap:
-    """Return ground with a hill, a box, a kerb, a rough patch, and the holes that sensors leave."""
+    """Return ground with a hill, a box, a curb, a rough patch, and the holes that sensors leave."""
     grid_map = GridMap(np.multiply(SIZE, RESOLUTION), RESOLUTION)
     x, y = (axis.reshape(grid_map.size, order="F") for axis in grid_map.get_positions().T)
     random = np.random.default_rng(11)

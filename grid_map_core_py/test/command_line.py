@@ -36,7 +36,7 @@ def printed(*words: str | Path, cwd: Path, **options: object) -> str:
 
 
 def a_map(second: int = 3, layer: str = "elevation") -> GridMap:
-    """Return a map that has moved, with a hole, an infinity and colours."""
+    """Return a map that has moved, with a hole, an infinity and colors."""
     options = {"position": (1.0, 2.0), "frame_id": "odom", "timestamp": second * SECOND}
     made = GridMap((0.8, 0.6), 0.1, layers=(layer, "variance", "color"), **options)
     x, y = made.axes()

@@ -92,8 +92,8 @@ def test_the_points_and_fields_of_a_file_make_a_map(write):
     grid_map = from_points(points, 1.0, fields=fields)
     assert grid_map.layers == ("elevation", "intensity", "rgb")
     assert grid_map["elevation"][grid_map.get_index((1, 2))] == -2.25
-    colour = color_value_to_vector(grid_map["rgb"][grid_map.get_index((1, 0))])
-    np.testing.assert_allclose(255 * colour, (1, 2, 3))
+    color = color_value_to_vector(grid_map["rgb"][grid_map.get_index((1, 0))])
+    np.testing.assert_allclose(255 * color, (1, 2, 3))
 
 
 def test_a_pcd_file_of_one_point_and_of_doubles(write):
@@ -121,11 +121,11 @@ def test_padding_is_left_out_and_wide_fields_are_split(write):
     }
 
 
-def test_colours_that_are_floats_lose_their_alpha_and_nan_stays(write):
+def test_colors_that_are_floats_lose_their_alpha_and_nan_stays(write):
     header = pcd_header("binary", 3).replace("rgb", "rgba").replace("F F F F U", "F F F F F")
     opaque, plain, missing = 0xFF0A0B0C, 0x0A0B0C, 0x7FC00000
     data = b"".join(struct.pack("<4fI", 0, 0, 0, 0, c) for c in (opaque, plain, missing))
-    _, fields = load_points(write("colours.pcd", header, data))
+    _, fields = load_points(write("colors.pcd", header, data))
     np.testing.assert_allclose(
         255 * color_value_to_vector(fields["rgb"]), [(10, 11, 12)] * 2 + [(np.nan,) * 3], rtol=1e-6
     )

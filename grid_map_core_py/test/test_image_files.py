@@ -59,7 +59,7 @@ def test_every_pixel_value_is_kept(tmp_path):
         np.testing.assert_array_equal(loaded[layer], grid_map[layer])
 
 
-def test_colours_come_back_exactly(tmp_path):
+def test_colors_come_back_exactly(tmp_path):
     colors = np.random.default_rng(1).integers(0, 256, (5, 3, 3))
     grid_map = GridMap((0.5, 0.3), 0.1, layers={"color": color_vector_to_value(colors)})
     grid_map["color"][4, 1] = np.nan

@@ -36,15 +36,15 @@ from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
 from .star import VERTICES
 
-CENTRE = (0.0, -0.15)
+CENTER = (0.0, -0.15)
 STAR = Polygon(VERTICES)
 
 REGIONS: dict[str, Callable[[GridMap], Cells]] = {
     "the whole map": map_cells,
     "a submap": lambda grid_map: submap_cells(grid_map, (3, 5), (12, 7)),
-    "a circle": lambda grid_map: circle_cells(grid_map, CENTRE, 0.4),
-    "an ellipse": lambda grid_map: ellipse_cells(grid_map, CENTRE, (0.45, 0.9), math.pi / 4),
-    "a spiral": lambda grid_map: spiral_cells(grid_map, CENTRE, 0.4),
+    "a circle": lambda grid_map: circle_cells(grid_map, CENTER, 0.4),
+    "an ellipse": lambda grid_map: ellipse_cells(grid_map, CENTER, (0.45, 0.9), math.pi / 4),
+    "a spiral": lambda grid_map: spiral_cells(grid_map, CENTER, 0.4),
     "a line": lambda grid_map: line_cells_between(grid_map, (18, 2), (2, 13)),
     "a polygon": lambda grid_map: polygon_cells(grid_map, STAR),
 }

@@ -31,10 +31,10 @@ def main(folder: Path) -> None:
     # Four by four cells of the terrain make a pixel.
     terrain = change_resolution(load_terrain(DATA / "jacksboro_fault_dem.npz"), 0.12)
     cv2.imwrite(str(folder / "terrain_16bit.png"), to_image(terrain, "elevation", np.uint16, 4))
-    grey = to_image(terrain, "elevation", np.uint8, 4)
-    # The brightness of these colours grows with the value.
-    colors = cv2.applyColorMap(grey[..., 0], cv2.COLORMAP_VIRIDIS)
-    cv2.imwrite(str(folder / "terrain.png"), np.dstack([colors, grey[..., 3]]))
+    gray = to_image(terrain, "elevation", np.uint8, 4)
+    # The brightness of these colors grows with the value.
+    colors = cv2.applyColorMap(gray[..., 0], cv2.COLORMAP_VIRIDIS)
+    cv2.imwrite(str(folder / "terrain.png"), np.dstack([colors, gray[..., 3]]))
     (folder / "room.bt").write_bytes(octomap_file(room()))
 
 

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PolygonStamped
 
 from grid_map_core_py import Polygon
 from grid_map_demos_py.iterators_demo_node import (
-    CENTRE,
+    CENTER,
     REGIONS,
     STAR,
     Step,
@@ -48,7 +48,7 @@ def shown(title: str) -> np.ndarray:
 def distances() -> np.ndarray:
     """Return (rows, cols) the distances of all cells from the center [m]."""
     x, y = make_map().axes()
-    return np.hypot(x[:, None] - CENTRE[0], y - CENTRE[1])
+    return np.hypot(x[:, None] - CENTER[0], y - CENTER[1])
 
 
 def test_the_regions_come_in_the_order_of_cpp():
@@ -82,7 +82,7 @@ def test_regions_equal_cpp():
 
 def test_ellipse_is_narrow_along_its_rotated_first_axis():
     x, y = make_map().axes()
-    x, y = x[:, None] - CENTRE[0], y - CENTRE[1]
+    x, y = x[:, None] - CENTER[0], y - CENTER[1]
     first, second = (x + y) / 2**0.5, (y - x) / 2**0.5
     inside = np.hypot(first / 0.225, second / 0.45) <= 1.0
     np.testing.assert_array_equal(shown("an ellipse"), inside)

@@ -180,7 +180,7 @@ WINDOW_DEVIATIONS = {
     "moved maps work": is_moved,
     "an expression that gives a matrix is an error": gives_matrix,
     "windows of one cell start at the first cell": starts_late,
-    "compute_empty_cells is honoured": lambda case: not case["params"]["compute_empty_cells"],
+    "compute_empty_cells is respected": lambda case: not case["params"]["compute_empty_cells"],
 }
 
 
@@ -203,7 +203,7 @@ def test_window_expressions_equal_cpp(case):
     assert_close(windows_of(case), expected_of(case))
 
 
-@pytest.mark.parametrize("case", window_cases("compute_empty_cells is honoured"), ids=case_id)
+@pytest.mark.parametrize("case", window_cases("compute_empty_cells is respected"), ids=case_id)
 def test_empty_cells_stay_empty_when_asked_for(case):
     layer = layers_of(case)[case["params"]["input_layer"]]
     assert_close(windows_of(case), np.where(np.isnan(layer), np.float32(np.nan), expected_of(case)))

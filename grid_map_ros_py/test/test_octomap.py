@@ -92,7 +92,7 @@ def test_map_covers_tree_with_highest_voxel_of_every_column(
 
 
 @pytest.mark.parametrize(("case", "form"), FORMS)
-def test_bounds_leave_out_voxels_whose_centre_is_beyond(case: dict[str, Any], form: str) -> None:
+def test_bounds_leave_out_voxels_whose_center_is_beyond(case: dict[str, Any], form: str) -> None:
     resolution = case["resolution"]
     low, high = (-0.52, NAN, -0.4), (0.61, 0.3, 0.38)
     octomap = read(case, form)

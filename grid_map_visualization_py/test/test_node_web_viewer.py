@@ -130,7 +130,7 @@ class Browser:
         return dict(zip(cells[1::2], cells[::2], strict=True))
 
     def place(self) -> list[str]:
-        """Return x and y of the place that was clicked, to the decimetre."""
+        """Return x and y of the place that was clicked, to the decimeter."""
         return [f"{float(self.values().get(axis, 'nan').removesuffix(' m')):.1f}" for axis in "xy"]
 
 

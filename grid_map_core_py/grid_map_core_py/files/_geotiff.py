@@ -70,7 +70,7 @@ def save_geotiff(
         "BIGTIFF": "IF_SAFER",
     }
     if compress:
-        # Differences of floats between neighbours are small; the predictor for floats is 3.
+        # Differences of floats between neighbors are small; the predictor for floats is 3.
         profile |= {"compress": "deflate", "predictor": 3}
     tags = {
         "frame_id": grid_map.frame_id,

@@ -83,7 +83,7 @@ def save_images(
         raise GridMapError(f"{folder}: cannot be written: there are no layers")
     colors, given = {*color_layers}, ranges or {}
     for name in given:
-        grid_map[name]  # raises where it is misspelt
+        grid_map[name]  # An unknown name raises here.
     pictures = [
         _color_picture(grid_map, name)
         if name in colors

@@ -43,7 +43,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     """Write a map to an `.npz` file.
 
     Layers are stored in map order: a map that has moved comes back with start index (0, 0). The
-    file is written atomically; one that is there is replaced.
+    file is written atomically; an existing one is replaced.
 
     Args:
         grid_map: the map.

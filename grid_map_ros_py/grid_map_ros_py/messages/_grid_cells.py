@@ -34,10 +34,10 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
     The message holds one Python object per cell, about a microsecond each: to publish a large map,
     `to_serialized_grid_cells` is faster.
 
-    Arguments and errors: see `centres_between`.
+    Arguments and errors: see `centers_between`.
     """
     message = _without_cells(grid_map)
-    centers = centres_between(grid_map, layer, lower, upper).tolist()
+    centers = centers_between(grid_map, layer, lower, upper).tolist()
     point = messages_of("geometry_msgs").Point
     message.cells = [point(x=x, y=y, z=z) for x, y, z in centers]
     return message
@@ -45,7 +45,7 @@ def to_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> 
 
 def to_serialized_grid_cells(grid_map: GridMap, layer: str, lower: float, upper: float) -> bytes:
     """Return what `to_grid_cells` does, in CDR: publishers accept it in place of the message."""
-    cells = centres_between(grid_map, layer, lower, upper)
+    cells = centers_between(grid_map, layer, lower, upper)
     return serialize(_without_cells(grid_map), {"cells": cells})
 
 
@@ -74,7 +74,7 @@ def from_grid_cells(
     """
     timestamp = from_stamp(message.header.stamp)
     side = _side(message, resolution)
-    centers = _centres(message)
+    centers = _centers(message)
     if geometry is None:
         geometry = _covering(centers, side)
     else:
@@ -87,7 +87,7 @@ def from_grid_cells(
     )
 
 
-def centres_between(
+def centers_between(
     grid_map: GridMap, layer: str, lower: float, upper: float
 ) -> npt.NDArray[np.float64]:
     """Return (N, 3) centers x, y [m, map frame], z = 0 of the cells with values between two bounds.
@@ -146,7 +146,7 @@ def _side(message: "GridCells", resolution: float | None) -> float:
     return side
 
 
-def _centres(message: "GridCells") -> npt.NDArray[np.float64]:
+def _centers(message: "GridCells") -> npt.NDArray[np.float64]:
     """Return (N, 2) x, y of the cells, all finite."""
     pairs = [(cell.x, cell.y) for cell in message.cells]
     centers = np.array(pairs, np.float64).reshape(-1, 2)

@@ -138,7 +138,7 @@ def from_image(
     Frame and time come from the message.
 
     Args:
-        message: the image, of any encoding. Rows may be padded and numbers big-endian. Colours
+        message: the image, of any encoding. Rows may be padded and numbers big-endian. Colors
             become gray by their luma.
         layer: name of the layer.
         resolution: side of a pixel [m].

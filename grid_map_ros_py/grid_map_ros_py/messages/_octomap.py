@@ -77,7 +77,7 @@ def from_octomap(
     first, last = _box(leaves, message.resolution, min_bound, max_bound)
     check_cells("extent", (last - first + 1)[:2])
     highest = highest_voxels(leaves, first, last)
-    heights = _metres(highest.astype(np.float32), message.resolution)
+    heights = _meters(highest.astype(np.float32), message.resolution)
     heights[highest < 0] = np.nan
     # A map begins at the largest x and y.
     grid_map = GridMap.from_geometry(
@@ -106,7 +106,7 @@ def octomap_to_points(
         return np.empty((0, 3))
     first, last = _box(leaves, message.resolution, min_bound, max_bound)
     voxels = occupied_voxels(leaves, first, last).astype(np.float64)
-    return np.ascontiguousarray(_metres(voxels, message.resolution).T)
+    return np.ascontiguousarray(_meters(voxels, message.resolution).T)
 
 
 def _leaves(message: "Octomap") -> list[Leaves]:
@@ -147,7 +147,7 @@ def _bound(bound: npt.ArrayLike, name: str) -> Points:
     return values
 
 
-def _metres(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
+def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
     """Return the coordinates of the centers of voxels, in the type of the keys."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
 
@@ -155,7 +155,7 @@ def _metres(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
 def _geometry(first: Voxel, last: Voxel, resolution: float) -> GridGeometry:
     rows, columns = (last - first + 1)[:2].tolist()
     middle = 0.5 * (first + last)[:2]
-    return GridGeometry.from_size((rows, columns), resolution, _metres(middle, resolution))
+    return GridGeometry.from_size((rows, columns), resolution, _meters(middle, resolution))
 
 
 def _coarser(grid_map: GridMap, layer: str, resolution: float) -> GridMap:
