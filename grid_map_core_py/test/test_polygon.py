@@ -31,7 +31,7 @@ def encloses_area(case):
 
 
 def is_strictly_convex(case):
-    """Every vertex, and only once, is on the hull."""
+    """Return whether every vertex is on the hull exactly once."""
     return len(case["vertices"]) > 2 and len(hull_by_hand(case["vertices"])) == len(
         case["vertices"]
     )

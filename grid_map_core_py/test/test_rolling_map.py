@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Clouds that are fused one after the other, while the map moves."""
+"""`RollingMap` fuses clouds one after the other while the map moves."""
 
 import math
 import statistics

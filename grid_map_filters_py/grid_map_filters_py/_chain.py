@@ -136,7 +136,7 @@ class FilterChain:
         return _read_only(result), own
 
     def _start_index(self, grid_map: GridMap, result: GridMap) -> Size:
-        """Return the start index for the result: that of the input, if it still fits."""
+        """Return the start index of the input if it fits the result, else (0, 0)."""
         normalizes = any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
         return (0, 0) if normalizes or result.size != grid_map.size else grid_map.start_index
 

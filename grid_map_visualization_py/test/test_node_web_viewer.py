@@ -92,7 +92,7 @@ class Browser:
     def picture(self) -> np.ndarray:
         """Return a picture of the scene, (rows, columns, 3) red, green, blue."""
         box = self.tab.locator("canvas").first.bounding_box()
-        # At the top, notices lie over the scene.
+        # Notices cover the top of the scene.
         clip = {**box, "y": box["y"] + 190, "height": box["height"] - 190}
         return decoded(self.tab.screenshot(clip=clip))
 
