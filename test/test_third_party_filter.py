@@ -99,12 +99,12 @@ def test_filter_is_unknown_without_its_package(source):
         (
             "offset: 1.5",
             "offset: high",
-            "parameter 'offset': expected a number, found 'high' (str)",
+            "parameter 'offset': expected a number, got 'high' (str)",
         ),
         (
             "offset: 1.5",
             "offset: .inf",
-            "parameter 'offset': expected a finite number, found inf (float)",
+            "parameter 'offset': expected a finite number, got inf (float)",
         ),
         ("offset: 1.5", "ofset: 1", "unknown parameter 'ofset'; known: layer, offset"),
     ],

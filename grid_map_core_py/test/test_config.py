@@ -43,7 +43,7 @@ def test_numbers_of_numpy_are_numbers():
 
 
 def test_truth_value_for_text_is_to_be_quoted():
-    with pytest.raises(ConfigError, match=r"expected one of 'x', 'y' \(quote it\), found True"):
+    with pytest.raises(ConfigError, match=r"expected one of 'x', 'y' \(quote it\), got True"):
         cast("axis", True, Literal["x", "y"])
 
 
@@ -91,48 +91,48 @@ def test_a_string_is_never_taken_for_something_else(text):
                 "known: radius, name, count, flag, mode, layers, weights, limit"
             ),
         ),
-        ({"radius": "1"}, "parameter 'radius': expected a number, found '1' (str)"),
-        ({"radius": True}, "parameter 'radius': expected a number, found True (bool)"),
-        ({"radius": 1, "count": 1.5}, "parameter 'count': expected an integer, found 1.5 (float)"),
-        ({"radius": 1, "count": True}, "parameter 'count': expected an integer, found True (bool)"),
+        ({"radius": "1"}, "parameter 'radius': expected a number, got '1' (str)"),
+        ({"radius": True}, "parameter 'radius': expected a number, got True (bool)"),
+        ({"radius": 1, "count": 1.5}, "parameter 'count': expected an integer, got 1.5 (float)"),
+        ({"radius": 1, "count": True}, "parameter 'count': expected an integer, got True (bool)"),
         (
             {"radius": 1, "count": float("nan")},
-            "parameter 'count': expected an integer, found nan (float)",
+            "parameter 'count': expected an integer, got nan (float)",
         ),
         (
             {"radius": 1, "name": 3},
-            "parameter 'name': expected a string (quote it), found 3 (int)",
+            "parameter 'name': expected a string (quote it), got 3 (int)",
         ),
         (
             {"radius": 1, "name": True},
-            "parameter 'name': expected a string (quote it), found True (bool)",
+            "parameter 'name': expected a string (quote it), got True (bool)",
         ),
-        ({"radius": 1, "name": None}, "parameter 'name': expected a string, found nothing"),
-        ({"radius": None}, "parameter 'radius': expected a number, found nothing"),
-        ({"radius": 1, "flag": 1}, "parameter 'flag': expected true or false, found 1 (int)"),
+        ({"radius": 1, "name": None}, "parameter 'name': expected a string, got nothing"),
+        ({"radius": None}, "parameter 'radius': expected a number, got nothing"),
+        ({"radius": 1, "flag": 1}, "parameter 'flag': expected true or false, got 1 (int)"),
         (
             {"radius": 1, "mode": "rastr"},
-            "parameter 'mode': expected one of 'area', 'raster', found 'rastr' (str)",
+            "parameter 'mode': expected one of 'area', 'raster', got 'rastr' (str)",
         ),
         (
             {"radius": 1, "layers": "a"},
-            "parameter 'layers': expected a list, each item a string, found 'a' (str)",
+            "parameter 'layers': expected a list, each item a string, got 'a' (str)",
         ),
         (
             {"radius": 1, "layers": ["a", 1]},
-            "parameter 'layers': expected a list, each item a string, found ['a', 1] (list)",
+            "parameter 'layers': expected a list, each item a string, got ['a', 1] (list)",
         ),
         (
             {"radius": 1, "weights": [1, True]},
-            "parameter 'weights': expected a list, each item a number, found [1, True] (list)",
+            "parameter 'weights': expected a list, each item a number, got [1, True] (list)",
         ),
         (
             {"radius": 1, "weights": [[1.0]]},
-            "parameter 'weights': expected a list, each item a number, found [[1.0]] (list)",
+            "parameter 'weights': expected a list, each item a number, got [[1.0]] (list)",
         ),
         (
             {"radius": 1, "limit": "low"},
-            "parameter 'limit': expected a number or nothing, found 'low' (str)",
+            "parameter 'limit': expected a number or nothing, got 'low' (str)",
         ),
     ],
 )

@@ -142,7 +142,7 @@ def test_rasters_that_are_no_map_are_refused(rasterio):
     with pytest.raises(GridMapError, match="no layer 'none'"):
         load(write(rasterio, "good.tif"), layers=["none"])
     write(rasterio, pixels=PIXELS.astype(np.complex64))
-    with pytest.raises(GridMapError, match="expected real numbers, found complex64"):
+    with pytest.raises(GridMapError, match="expected real numbers, got complex64"):
         load("dem.tif")
 
 

@@ -222,7 +222,7 @@ def changed(path: Path, **changes: object) -> Path:
         ({"version": 9}, "version 9, only 1 is known"),
         (
             {"size": [50_000, 50_000]},
-            "a.png: cannot be read: expected 50000 x 50000 pixels, found 5 x 3",
+            "a.png: cannot be read: expected 50000 x 50000 pixels, got 5 x 3",
         ),
         ({"size": 3}, ""),
         ({"resolution": 0}, "resolution"),
@@ -281,5 +281,5 @@ def test_image_claiming_gigabytes_is_refused_before_decoding(saved):
     head = b"IHDR" + struct.pack(">IIBBBBB", 30_000, 30_000, 16, 6, 0, 0, 0)
     data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head
     (saved.parent / "a.png").write_bytes(data + struct.pack(">I", zlib.crc32(head)))
-    with pytest.raises(GridMapError, match="expected 5 x 3 pixels, found 30000 x 30000"):
+    with pytest.raises(GridMapError, match="expected 5 x 3 pixels, got 30000 x 30000"):
         load_images(saved)

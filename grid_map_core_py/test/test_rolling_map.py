@@ -223,7 +223,7 @@ def test_failed_fusion_keeps_the_map(wrong: dict[str, Any], error: type[Exceptio
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"fusion": "median"}, "'fusion': expected one of max, min, mean, last, found 'median'"),
+        ({"fusion": "median"}, "'fusion': expected one of max, min, mean, last, got 'median'"),
         ({"reduction": "count"}, "'reduction': expected one of max, min, mean, median, first"),
         ({"max_count": -1}, "'max_count': expected a number of points"),
         ({"fusion": "mean", "layer": "count"}, "'layer': expected another name"),

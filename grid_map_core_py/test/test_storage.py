@@ -147,7 +147,7 @@ def with_metadata(path: Path, **changes: object) -> Path:
         ({"resolution": -1.0}, "resolution"),
         ({"position": [1]}, "position"),
         ({"layers": ["slope"]}, "slope.npy"),
-        ({"layers": [3]}, "expected the name of a layer, found 3"),
+        ({"layers": [3]}, "expected the name of a layer, got 3"),
         ({"frame_id": 3}, "frame_id"),
         ({"timestamp": "now"}, "timestamp"),
         ({"basic_layers": 3}, ""),

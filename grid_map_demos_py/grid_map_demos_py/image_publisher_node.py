@@ -59,7 +59,7 @@ def read_image(path: Path) -> core.Image:
     if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:
         raise ConfigError(
             f"image {str(path)!r}: expected 1, 3 or 4 channels of 8 or 16 bits or floats, "
-            f"found {pixels.shape[2]} of {pixels.dtype}"
+            f"got {pixels.shape[2]} of {pixels.dtype}"
         )
     return pixels
 

@@ -184,7 +184,7 @@ def _read_geometry(
     if min(rows, columns) < few or rows * columns > MOST_CELLS:
         raise ConfigError(
             f"parameter {name!r}: expected at least {few} x {few} and at most {MOST_CELLS} cells, "
-            f"found {rows} x {columns}"
+            f"got {rows} x {columns}"
         )
     return geometry
 

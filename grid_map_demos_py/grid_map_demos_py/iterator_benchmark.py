@@ -162,7 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _side(text: str) -> int:
     if text.isdecimal() and 3 <= int(text) <= LARGEST_SIDE:
         return int(text)
-    raise argparse.ArgumentTypeError(f"expected a number from 3 to {LARGEST_SIDE}, found {text!r}")
+    raise argparse.ArgumentTypeError(f"expected a number from 3 to {LARGEST_SIDE}, got {text!r}")
 
 
 if __name__ == "__main__":

@@ -50,13 +50,13 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
     heights = grid_map[layer]
     known = np.isfinite(heights)
     if not known.any():
-        raise GridMapError(f"layer {layer!r}: expected heights, found no finite value")
+        raise GridMapError(f"layer {layer!r}: expected heights, got no finite value")
     lowest, highest = float(heights[known].min()), float(heights[known].max())
     levels = (highest - lowest + 2.0 * MARGIN) / grid_map.resolution
     if levels > MOST_LEVELS or levels * heights.size > MOST_NODES:
         raise GridMapError(
             f"layer {layer!r}: expected a field of at most {MOST_LEVELS} levels and {MOST_NODES} "
-            f"nodes, found {levels:.0f} levels of {heights.size} nodes"
+            f"nodes, got {levels:.0f} levels of {heights.size} nodes"
         )
     filled = grid_map.with_layers({layer: np.where(known, heights, np.float32(lowest))})
     return SignedDistanceField(filled, layer, lowest - MARGIN, highest + MARGIN)

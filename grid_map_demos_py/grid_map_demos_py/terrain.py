@@ -56,12 +56,12 @@ def _load_posts(path: Path) -> npt.NDArray[np.float32]:
     except Exception as error:  # For a damaged file NumPy raises whatever its decoders raise.
         raise ConfigError(
             f"elevation model {str(path)!r}: expected an .npz file with 'elevation', "
-            f"found {type(error).__name__}: {error}"
+            f"got {type(error).__name__}: {error}"
         ) from error
     if posts.ndim != 2 or not posts.size:
         raise ConfigError(
             f"elevation model {str(path)!r}: expected 'elevation' with rows and columns, "
-            f"found the shape {posts.shape}"
+            f"got the shape {posts.shape}"
         )
     return posts
 

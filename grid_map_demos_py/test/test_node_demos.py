@@ -210,4 +210,4 @@ def test_failing_node_ends_the_demo(tmp_path):
     demo = Process([sys.executable, "-c", with_bad_parameter])
     assert demo.wait(60) == 1
     assert "grid_map_filters_py._executables.filter_chain ended with exit code 1" in demo.text
-    assert "filters: expected at least one filter, found none" in demo.text
+    assert "filters: expected at least one filter, got none" in demo.text

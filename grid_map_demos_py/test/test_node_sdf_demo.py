@@ -45,7 +45,7 @@ def test_cells_without_a_height_count_as_low_as_the_lowest():
 
 
 def test_a_map_without_heights_has_no_field():
-    with pytest.raises(GridMapError, match="layer 'elevation': expected heights, found no finite"):
+    with pytest.raises(GridMapError, match="layer 'elevation': expected heights, got no finite"):
         distance_field(level_ground(elevation=np.nan), "elevation")
     with pytest.raises(LayerNotFoundError):
         distance_field(level_ground(height=0.0), "elevation")

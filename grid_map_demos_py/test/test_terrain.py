@@ -52,9 +52,9 @@ def test_missing_or_damaged_file_is_named(tmp_path, content):
 
 @pytest.mark.parametrize(
     ("arrays", "found"),
-    [({"height": np.zeros((3, 3))}, "'elevation'.*found KeyError")]
+    [({"height": np.zeros((3, 3))}, "'elevation'.*got KeyError")]
     + [
-        ({"elevation": np.zeros(shape)}, "rows and columns, found the shape")
+        ({"elevation": np.zeros(shape)}, "rows and columns, got the shape")
         for shape in [(), (4,), (0, 3), (2, 3, 4)]
     ],
 )

@@ -154,7 +154,7 @@ def _build(config: StepConfig) -> Filter:
         if isinstance(cls, type) and is_dataclass(cls):
             made = build(cls, config.params)
         if not callable(made):
-            raise FilterConfigError(f"expected a dataclass that can be called, found {cls!r}")
+            raise FilterConfigError(f"expected a dataclass that can be called, got {cls!r}")
         for field in fields(made):
             if field.name.endswith("_layer") and field.default is MISSING:
                 value = getattr(made, field.name)

@@ -47,10 +47,10 @@ def parse_steps(config: object) -> list[StepConfig]:
         entries = list(config)
     else:
         raise FilterConfigError(
-            f"filters: expected filter1 .. filterN or a list, found {_found(config)}"
+            f"filters: expected filter1 .. filterN or a list, got {_found(config)}"
         )
     if not entries:
-        raise FilterConfigError("filters: expected at least one filter, found none")
+        raise FilterConfigError("filters: expected at least one filter, got none")
     steps: dict[str, StepConfig] = {}
     for number, entry in enumerate(entries, start=1):
         step = _step(number, entry)
@@ -78,7 +78,7 @@ def read_chain(path: str | Path, name: str) -> object:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
     if not isinstance(content, Mapping):
-        raise FilterConfigError(f"{path}: expected a YAML mapping, found {_found(content)}")
+        raise FilterConfigError(f"{path}: expected a YAML mapping, got {_found(content)}")
     try:
         nodes = {node: params for node, params in _ros_parameters(content) if name in params}
     except FilterConfigError as error:
@@ -179,7 +179,7 @@ def _numbered(config: Mapping[object, object]) -> list[object]:
     for key, entry in config.items():
         match = _KEY.fullmatch(str(key))
         if not match:
-            raise FilterConfigError(f"filters: expected filter1 .. filterN, found {key!r}")
+            raise FilterConfigError(f"filters: expected filter1 .. filterN, got {key!r}")
         numbers[int(match[1])] = entry
     for expected, number in enumerate(sorted(numbers), start=1):
         if number != expected:
@@ -190,7 +190,7 @@ def _numbered(config: Mapping[object, object]) -> list[object]:
 def _step(number: int, entry: object) -> StepConfig:
     if not isinstance(entry, Mapping):
         raise FilterConfigError(
-            f"filter {number}: expected name, type and params, found {_found(entry)}"
+            f"filter {number}: expected name, type and params, got {_found(entry)}"
         )
     for key in entry:
         if key not in ("name", "type", "params"):
@@ -201,7 +201,7 @@ def _step(number: int, entry: object) -> StepConfig:
     params = entry.get("params")
     if params is not None and not isinstance(params, Mapping):
         raise FilterConfigError(
-            f"filter {number} {name!r}: params: expected a mapping, found {_found(params)}"
+            f"filter {number} {name!r}: params: expected a mapping, got {_found(params)}"
         )
     try:
         return StepConfig(number, name, type_name, flat(params or {}))
@@ -214,7 +214,7 @@ def _text(number: int, entry: Mapping[object, object], key: str) -> str:
     if not isinstance(value, str) or not value:
         hint = " (quote it)" if isinstance(value, bool | int | float) else ""
         raise FilterConfigError(
-            f"filter {number}: {key}: expected a string{hint}, found {_found(value)}"
+            f"filter {number}: {key}: expected a string{hint}, got {_found(value)}"
         )
     return value
 

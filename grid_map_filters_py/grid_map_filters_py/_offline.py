@@ -89,7 +89,7 @@ def filter_maps(
         try:
             grid_map = load(item) if load else item
             if not isinstance(grid_map, GridMap):
-                raise FilterError(f"expected a GridMap, found {type(grid_map).__name__}")
+                raise FilterError(f"expected a GridMap, got {type(grid_map).__name__}")
             result = chain(grid_map, observer)
         except Exception as error:
             failure = Failure(index, message_of(error))

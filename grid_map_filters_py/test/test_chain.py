@@ -374,24 +374,24 @@ def with_params(type_name, **params):
 @pytest.mark.parametrize(
     ("config", "message"),
     [
-        (None, "filters: expected filter1 .. filterN or a list, found nothing"),
-        ("filter1", "filters: expected filter1 .. filterN or a list, found 'filter1' (str)"),
-        ([], "filters: expected at least one filter, found none"),
-        ({}, "filters: expected at least one filter, found none"),
+        (None, "filters: expected filter1 .. filterN or a list, got nothing"),
+        ("filter1", "filters: expected filter1 .. filterN or a list, got 'filter1' (str)"),
+        ([], "filters: expected at least one filter, got none"),
+        ({}, "filters: expected at least one filter, got none"),
         ({"filter1": GOOD, "filter3": GOOD}, "filters: filter2 is missing before filter3"),
         ({"filter2": GOOD}, "filters: filter1 is missing before filter2"),
-        ({"filter0": GOOD}, "filters: expected filter1 .. filterN, found 'filter0'"),
-        ({"filter1": GOOD, "fliter2": GOOD}, "expected filter1 .. filterN, found 'fliter2'"),
-        ({"filter1": 3}, "filter 1: expected name, type and params, found 3 (int)"),
-        ([{"type": DUPLICATION}], "filter 1: name: expected a string, found nothing"),
-        ([{"name": "a"}], "filter 1: type: expected a string, found nothing"),
+        ({"filter0": GOOD}, "filters: expected filter1 .. filterN, got 'filter0'"),
+        ({"filter1": GOOD, "fliter2": GOOD}, "expected filter1 .. filterN, got 'fliter2'"),
+        ({"filter1": 3}, "filter 1: expected name, type and params, got 3 (int)"),
+        ([{"type": DUPLICATION}], "filter 1: name: expected a string, got nothing"),
+        ([{"name": "a"}], "filter 1: type: expected a string, got nothing"),
         (
             [{**GOOD, "parms": {}}],
             "filter 1: unknown entry 'parms'; expected name, type and params",
         ),
         (
             [{**GOOD, "params": [1]}],
-            "filter 1 'n': params: expected a mapping, found [1] (list)",
+            "filter 1 'n': params: expected a mapping, got [1] (list)",
         ),
         ([GOOD, GOOD], "filter 2: the name 'n' is already that of filter 1"),
         (
@@ -417,7 +417,7 @@ def with_params(type_name, **params):
             with_params(DUPLICATION, input_layer="a", output_layer=3),
             (
                 f"filter 1 'n' ({DUPLICATION}): parameter 'output_layer': "
-                "expected a string (quote it), found 3 (int)"
+                "expected a string (quote it), got 3 (int)"
             ),
         ),
         (
@@ -444,7 +444,7 @@ def test_classes_that_are_no_filters_are_refused(monkeypatch, cls):
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_config(with_params("my/Filter"))
     assert str(caught.value) == (
-        f"filter 1 'n' (my/Filter): expected a dataclass that can be called, found {cls!r}"
+        f"filter 1 'n' (my/Filter): expected a dataclass that can be called, got {cls!r}"
     )
 
 
@@ -554,7 +554,7 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     ("text", "message"),
     [
         ("a: [", "not valid YAML"),
-        ("3", "expected a YAML mapping, found 3"),
+        ("3", "expected a YAML mapping, got 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
         ("a: {ros__parameters: {filters: 1, filters.filter1.name: a}}", "'filters' has a value, 1"),
         ("a: {ros__parameters: {filters.filter1.name: a, filters: 1}}", "'filters' has a value, 1"),

@@ -160,7 +160,7 @@ WRONG = [
         "'existing_value_radius': expected",
     ),
     ("MedianFill", FILL | {"debug": True}, "needs a 'debug_infill_mask_layer'"),
-    ("MedianFill", FILL | {"num_erode_dilation_iterations": -1}, "an integer >= 0, found -1"),
+    ("MedianFill", FILL | {"num_erode_dilation_iterations": -1}, "an integer >= 0, got -1"),
     ("MedianFill", FILL | {"fill_mask_layer": "out"}, "expected different 'output_layer'"),
     *(
         (
@@ -170,18 +170,18 @@ WRONG = [
         )
         for name in ("mask", "out")
     ),
-    ("MeanInRadius", {"radius": -1}, "'radius': expected a length >= 0 [m], found -1.0"),
+    ("MeanInRadius", {"radius": -1}, "'radius': expected a length >= 0 [m], got -1.0"),
     (
         "NormalVectors",
         NORMALS | {"normal_vector_positive_axis": "w"},
-        "one of 'x', 'y', 'z', found",
+        "one of 'x', 'y', 'z', got",
     ),
-    ("Inpaint", {"radius": np.nan}, "'radius': expected a length >= 0 [m], found nan"),
+    ("Inpaint", {"radius": np.nan}, "'radius': expected a length >= 0 [m], got nan"),
     ("Roughness", {"radius": np.inf}, "'radius': expected a length >= 0"),
     ("Slope", {"radius": -1}, "'radius': expected a length >= 0"),
     ("Slope", {"input_layers_prefix": "n_"}, "exactly one of 'input_layer' and"),
-    ("SlidingWindowMathExpression", SUM | {"window_size": 4}, "an odd number of cells, found 4"),
-    ("SlidingWindowMathExpression", SUM | {"window_length": 0.0}, "a length > 0 [m], found 0.0"),
+    ("SlidingWindowMathExpression", SUM | {"window_size": 4}, "an odd number of cells, got 4"),
+    ("SlidingWindowMathExpression", SUM | {"window_length": 0.0}, "a length > 0 [m], got 0.0"),
     ("SlidingWindowMathExpression", {"expression": "sum(c)"}, "no layer but the input layer 'elev"),
     ("StepHeight", {"radius": -1}, "'radius': expected a length >= 0"),
     ("StepHeight", {"radius": 1, "critical_value": 1}, "both or none of 'second_window_radius',"),

@@ -154,11 +154,11 @@ def test_a_late_node_gets_the_last_map(parameters, other_side):
 
 MALFORMED = [
     ("data", [], "data: expected 1 arrays, one for each of layers"),
-    ("outer_start_index", 12, "outer_start_index: expected 0 to 11, found 12"),
+    ("outer_start_index", 12, "outer_start_index: expected 0 to 11, got 12"),
     (
         "basic_layers",
         ["nothing"],
-        "basic_layers[0]: expected one of ['elevation'], found 'nothing'",
+        "basic_layers[0]: expected one of ['elevation'], got 'nothing'",
     ),
 ]
 """Fields, wrong values and the errors; the tests of messages have all kinds."""
@@ -313,14 +313,14 @@ WRONG = {
         -1.0,
         (
             "filter 3 'mean' (gridMapFilters/MeanInRadiusFilter): "
-            "parameter 'radius': expected a length >= 0 [m], found -1.0"
+            "parameter 'radius': expected a length >= 0 [m], got -1.0"
         ),
     ),
     "filters.filter2.params.radius": (
         "wide",
         (
             "filter 2 'inpaint' (gridMapCv/InpaintFilter): "
-            "parameter 'radius': expected a number, found 'wide' (str)"
+            "parameter 'radius': expected a number, got 'wide' (str)"
         ),
     ),
     "filters.filter3.params.raduis": (
@@ -334,10 +334,10 @@ WRONG = {
     ),
     "filters.filter4.type": ("gridMapFilters/MathFilter", "unknown type"),
     "filters.filter4.name": ("mean", "the name 'mean' is already that of filter 3"),
-    "filters.filter5.name": ("last", "filter 5: type: expected a string, found nothing"),
+    "filters.filter5.name": ("last", "filter 5: type: expected a string, got nothing"),
     "filters.filter6.name": ("last", "filters: filter5 is missing before filter6"),
     "filters.filter3": (1, "filter3"),
-    "filters.fliter3.name": ("a", "filters: expected filter1 .. filterN, found 'fliter3'"),
+    "filters.fliter3.name": ("a", "filters: expected filter1 .. filterN, got 'fliter3'"),
     "filters": ("x", "unknown parameter 'filters'; those that can be set begin with 'filters.'"),
     "inptu_topic": ("/a", "unknown parameter 'inptu_topic'"),
     "input_topic": ("/a", "read-only parameter: input_topic"),
@@ -518,12 +518,12 @@ def changed(**step):
 @pytest.mark.parametrize(
     ("filters", "message"),
     [
-        ({}, "filters: expected at least one filter, found none"),
+        ({}, "filters: expected at least one filter, got none"),
         (
             changed(params={"input_layer": "a", "output_layer": "b", "radius": "wide"}),
             (
                 "filter 1 'inpaint' (gridMapCv/InpaintFilter): parameter 'radius': "
-                "expected a number, found 'wide' (str)"
+                "expected a number, got 'wide' (str)"
             ),
         ),
         (

@@ -101,7 +101,7 @@ def test_failures_are_collected_on_request():
     assert heights(results) == [2.0, 8.0]
     assert [failure.index for failure in failures] == [1, 2]
     assert "no layer 'height'" in failures[0].message
-    assert str(failures[1]) == "map 2: expected a GridMap, found str"
+    assert str(failures[1]) == "map 2: expected a GridMap, got str"
 
 
 def test_records_that_cannot_be_loaded_are_failures():

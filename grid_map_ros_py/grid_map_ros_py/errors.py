@@ -31,7 +31,7 @@ class MessageError(GridMapError, ValueError):
         super().__init__(field, expected, found)
 
     def __str__(self) -> str:
-        return f"{self.field}: expected {self.expected}, found {self.found!r}"
+        return f"{self.field}: expected {self.expected}, got {self.found!r}"
 
 
 class BagError(GridMapError):

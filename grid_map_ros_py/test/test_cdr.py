@@ -206,7 +206,7 @@ def test_every_message_that_is_cut_off_is_refused(message_type, data):
 
 
 def test_cut_off_message_of_nothing_but_numbers_is_named():
-    with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, found 20$"):
+    with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, got 20$"):
         view(serialize(Point())[:-4], Point)
 
 
@@ -244,21 +244,21 @@ def test_other_encodings_are_refused_by_name(header, found):
     with pytest.raises(MessageError) as error:
         view(header + bytes(8), Empty)
     expected = "encoding: expected plain CDR (0x0000 or 0x0001)"
-    assert str(error.value) == f"{expected}, found {found}"
+    assert str(error.value) == f"{expected}, got {found}"
 
 
 @pytest.mark.parametrize(
     ("spoil", "text"),
     [
-        (lambda raw: raw[:2], "encoding: expected 4 bytes, found 2"),
-        (lambda raw: raw[:10], "header.stamp: expected 8 bytes more, found 6"),
+        (lambda raw: raw[:2], "encoding: expected 4 bytes, got 2"),
+        (lambda raw: raw[:10], "header.stamp: expected 8 bytes more, got 6"),
         (lambda raw: raw.replace(b"\4\0\0\0map", b"\4\0\0\xffmap"),
-         "header.frame_id: expected at most 60 values (60 bytes more), found 4278190084"),
+         "header.frame_id: expected at most 60 values (60 bytes more), got 4278190084"),
         (lambda raw: raw.replace(b"map", b"m\xffp"),
-         "header.frame_id: expected a text in UTF-8, found b'm\xffp'"),
+         "header.frame_id: expected a text in UTF-8, got b'm\xffp'"),
         (lambda raw: raw.replace(b"map", b"m\0p"),
-         "header.frame_id: expected a text without NUL, found 'm\x00p'"),
-        (lambda raw: raw[:-1], "points[1]: expected 24 bytes more, found 23"),
+         "header.frame_id: expected a text without NUL, got 'm\x00p'"),
+        (lambda raw: raw[:-1], "points[1]: expected 24 bytes more, got 23"),
     ],
 )  # fmt: skip
 def test_errors_name_the_field(spoil, text):
@@ -295,7 +295,7 @@ def test_text_of_no_bytes_at_all_is_empty():
 def test_more_values_than_a_sequence_may_have_are_refused():
     raw = bytearray(serialize(SolidPrimitive(type=1, dimensions=[1.0, 2.0, 3.0])))
     raw[8:12] = struct.pack("<I", 4)
-    with pytest.raises(MessageError, match="dimensions: expected at most 3 values, found 4"):
+    with pytest.raises(MessageError, match="dimensions: expected at most 3 values, got 4"):
         view(raw + bytes(8), SolidPrimitive)
 
 

@@ -215,7 +215,7 @@ def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
     assert plain.rolling_map.grid_map.layers == ("elevation",)
     assert colored.rolling_map.grid_map.layers == ("elevation", "color")
     colored.add(cloud(2, frame="odom"))
-    assert reports == ["dropped a cloud: fields: expected one called 'rgb', found ['x', 'y', 'z']"]
+    assert reports == ["dropped a cloud: fields: expected one called 'rgb', got ['x', 'y', 'z']"]
 
 
 def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:

@@ -82,7 +82,7 @@ def test_unknown_layer_is_named() -> None:
 @pytest.mark.parametrize("convert", [to_grid_cells, to_serialized_grid_cells])
 def test_bounds_are_numbers_and_the_resolution_fits_a_float32(convert: Any) -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"elevation": 0.1})
-    with pytest.raises(MessageError, match=r"lower, upper: expected numbers, found \(0\.0, nan\)"):
+    with pytest.raises(MessageError, match=r"lower, upper: expected numbers, got \(0\.0, nan\)"):
         convert(grid_map, "elevation", 0.0, math.nan)
     with pytest.raises(GridMapError, match="lower: expected a number, got 'low'"):
         convert(grid_map, "elevation", "low", 1.0)
@@ -145,14 +145,14 @@ def test_cells_beside_the_grid_are_left_out() -> None:
 
 
 MALFORMED = {
-    "width": ({"cell_width": 0.2}, "cell_width: expected the resolution 0.1, found 0.2"),
-    "height": ({"cell_height": 0.2}, "cell_height: expected the resolution 0.1, found 0.2"),
-    "absurd": ({"cell_height": 1e300}, "cell_height: expected the resolution 0.1, found 1e.300"),
-    "no width": ({"cell_width": 0.0}, "cell_width: expected a positive finite number, found 0.0"),
+    "width": ({"cell_width": 0.2}, "cell_width: expected the resolution 0.1, got 0.2"),
+    "height": ({"cell_height": 0.2}, "cell_height: expected the resolution 0.1, got 0.2"),
+    "absurd": ({"cell_height": 1e300}, "cell_height: expected the resolution 0.1, got 1e.300"),
+    "no width": ({"cell_width": 0.0}, "cell_width: expected a positive finite number, got 0.0"),
     "nan": ({"cells": [Point(), Point(x=math.nan)]}, r"cells\[1\]: expected finite coordinates"),
     "inf": ({"cells": [Point(y=math.inf)]}, r"cells\[0\]: expected finite coordinates.*inf"),
     "far": ({"cells": [Point(), Point(x=1e6, y=1e6)]}, "cells: expected an extent of at most"),
-    "very far": ({"cells": [Point(x=-1e308), Point(x=1e308)]}, "cells: .*found 'inf cells'"),
+    "very far": ({"cells": [Point(x=-1e308), Point(x=1e308)]}, "cells: .*got 'inf cells'"),
 }
 
 
@@ -173,7 +173,7 @@ def test_resolution_that_makes_no_sense_is_refused(resolution: Any) -> None:
 
 
 def test_grid_of_another_resolution_is_refused() -> None:
-    with pytest.raises(MessageError, match=r"cell_width: expected the resolution 0\.5, found 0\.1"):
+    with pytest.raises(MessageError, match=r"cell_width: expected the resolution 0\.5, got 0\.1"):
         from_grid_cells(
             cells_message((0.0, 0.0)), "covered", geometry=GridMap((1, 1), 0.5).geometry
         )

@@ -175,7 +175,7 @@ def test_malformed_message_gets_one_error_that_names_the_field(kind: str, unwrap
     path, _, rest = text.partition(": expected ")
     assert path == field or path.endswith(f", {field}")
     assert rest.startswith(expected)
-    assert rest.endswith(f", found {found}")
+    assert rest.endswith(f", got {found}")
     assert error.value.__cause__ is None
     assert error.value.__context__ is None
 
@@ -198,4 +198,4 @@ def test_error_is_caught_with_all_others_of_the_packages() -> None:
 
 def test_error_can_be_sent_to_another_process() -> None:
     error = pickle.loads(pickle.dumps(MessageError("data", "2 arrays", 3)))
-    assert str(error) == "data: expected 2 arrays, found 3"
+    assert str(error) == "data: expected 2 arrays, got 3"

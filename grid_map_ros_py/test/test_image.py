@@ -256,19 +256,19 @@ MALFORMED = {
     "unknown encoding": (
         "encoding",
         "yuv422",
-        "encoding: expected one of mono8, .* found 'yuv422'",
+        "encoding: expected one of mono8, .* got 'yuv422'",
     ),
-    "no rows": ("height", 0, "height: expected at least one pixel, found 0"),
-    "no columns": ("width", 0, "width: expected at least one pixel, found 0"),
+    "no rows": ("height", 0, "height: expected at least one pixel, got 0"),
+    "no columns": ("width", 0, "width: expected at least one pixel, got 0"),
     "rows overlap": (
         "step",
         9,
-        r"step: expected at least 10 bytes \(5 pixels of mono16\), found 9",
+        r"step: expected at least 10 bytes \(5 pixels of mono16\), got 9",
     ),
-    "too little data": ("step", 11, r"data: expected 33 bytes \(3 rows of 11\), found 30"),
-    "too many rows": ("height", 2**32 - 1, "data: expected 42949672950 bytes .*, found 30"),
+    "too little data": ("step", 11, r"data: expected 33 bytes \(3 rows of 11\), got 30"),
+    "too many rows": ("height", 2**32 - 1, "data: expected 42949672950 bytes .*, got 30"),
     "too many columns": ("width", 2**32 - 1, "step: expected at least 8589934590 bytes"),
-    "no data": ("data", array.array("B"), "data: expected 30 bytes .*, found 0"),
+    "no data": ("data", array.array("B"), "data: expected 30 bytes .*, got 0"),
     "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
 }
 
@@ -289,16 +289,16 @@ def test_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
 def test_image_of_another_size_than_the_map_is_refused() -> None:
     grid_map = GridMap((5, 3), 1.0, layers={"e": 0.0})
     for add in (add_layer_from_image, add_color_layer_from_image):
-        with pytest.raises(MessageError, match=r"height, width: expected \(5, 3\).*found \(3, 5\)"):
+        with pytest.raises(MessageError, match=r"height, width: expected \(5, 3\).*got \(3, 5\)"):
             add(grid_map, sample("mono8"), "image")
     assert grid_map.layers == ("e",)
 
 
 def test_encodings_and_layers_that_are_not_there_are_named() -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"color": 0.0})
-    with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* found 'jpeg'"):
+    with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* got 'jpeg'"):
         to_image(grid_map, "color", "jpeg")
-    with pytest.raises(MessageError, match=r"encoding: expected one with colors.*found 'mono8'"):
+    with pytest.raises(MessageError, match=r"encoding: expected one with colors.*got 'mono8'"):
         to_color_image(grid_map, "color", "mono8")
     for convert in (to_image, to_color_image):
         with pytest.raises(LayerNotFoundError, match="'slope'; available: color"):

@@ -69,7 +69,7 @@ def test_strides_may_be_unset_or_counted_in_other_ways(strides: tuple[int, int])
 def test_strides_of_padded_values_are_refused(axis: int, stride: int) -> None:
     message = to_multi_array(LAYER)
     message.layout.dim[axis].stride = stride
-    text = rf"dim\[{axis}\]\.stride: expected one of .*as there is no padding.*, found {stride}"
+    text = rf"dim\[{axis}\]\.stride: expected one of .*as there is no padding.*, got {stride}"
     with pytest.raises(MessageError, match=text):
         from_multi_array(message, (2, 3))
 

@@ -111,7 +111,7 @@ def test_refused_request_is_logged_and_changes_nothing(client: Client, tmp_path:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bags", "secret"]
     for reason in (
         "get_grid_map: there is no map yet",
-        "set_grid_map: info.resolution: expected a positive finite number, found -1.0",
+        "set_grid_map: info.resolution: expected a positive finite number, got -1.0",
         "get_grid_map: frame_id: expected 'odom', that of the map, got 'base'",
         "get_grid_map: no layer 'slope'; available: elevation, variance",
         "get_grid_map: length: expected no negative numbers, got (-1.0, 0.0)",

@@ -140,24 +140,24 @@ def test_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("    rate: 1\n", "parameter 'frame_id': expected a string, found nothing"),
-        ("    rate: fast\n", "parameter 'rate': expected a number, found 'fast' (str)"),
+        ("    rate: 1\n", "parameter 'frame_id': expected a string, got nothing"),
+        ("    rate: fast\n", "parameter 'rate': expected a number, got 'fast' (str)"),
         (
             "    names: map\n",
-            "parameter 'names': expected a list, each item a string, found 'map' (str)",
+            "parameter 'names': expected a list, each item a string, got 'map' (str)",
         ),
         (
             "    frame_id: y\n",
-            "expected a string (quote it), found True (bool)",
+            "expected a string (quote it), got True (bool)",
         ),
-        ("    filters: 3\n", "parameter 'filters': expected parameters below it, found 3 (int)"),
+        ("    filters: 3\n", "parameter 'filters': expected parameters below it, got 3 (int)"),
         (
             "    filters: {a: 1, a.b: 2}\n",
-            "parameter 'filters.a.b': expected no value for 'a' itself, found 1 (int)",
+            "parameter 'filters.a.b': expected no value for 'a' itself, got 1 (int)",
         ),
         (
             "    filters: {a.b: 1, a: 2}\n",
-            "parameter 'filters.a': expected no parameters below it, found {'b': 1} (dict)",
+            "parameter 'filters.a': expected no parameters below it, got {'b': 1} (dict)",
         ),
     ],
 )

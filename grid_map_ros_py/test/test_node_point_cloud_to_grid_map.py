@@ -210,7 +210,7 @@ def is_done(message: GridMapMessage) -> bool:
 WRONG: dict[str, dict[str, Any]] = {
     "parameter 'pose_source': expected one of auto, tf, odometry,": {"pose_source": "gps"},
     "parameter 'robot_centric': expected false without poses": {"pose_source": "none"},
-    "parameter 'length': expected 2 finite numbers, found [1.0]": {"length": [1.0]},
+    "parameter 'length': expected 2 finite numbers, got [1.0]": {"length": [1.0]},
     "parameter 'input_reliability': expected one of best_effort, reliable": {
         "input_reliability": "perfect"
     },

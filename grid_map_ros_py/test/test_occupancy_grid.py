@@ -158,19 +158,19 @@ def test_values_beyond_the_scale_stay_as_they_are() -> None:
 
 
 MALFORMED = {
-    "no cells along x": ("info.width", 0, "info.width: expected at least one cell, found 0"),
-    "no cells along y": ("info.height", 0, "info.height: expected at least one cell, found 0"),
+    "no cells along x": ("info.width", 0, "info.width: expected at least one cell, got 0"),
+    "no cells along y": ("info.height", 0, "info.height: expected at least one cell, got 0"),
     "too many cells": ("info.width", 2**31 - 1, "data: expected 4294967294 values"),
     "more cells than any map": ("info.width", 2**32 - 1, "info: expected a grid of finite size"),
-    "too little data": ("data", array.array("b", [0]), "data: expected 6 values .*found 1"),
-    "too much data": ("data", array.array("b", [0] * 7), "data: expected 6 values .*found 7"),
-    "resolution zero": ("info.resolution", 0.0, "info.resolution: expected a positive.*found 0.0"),
+    "too little data": ("data", array.array("b", [0]), "data: expected 6 values .*got 1"),
+    "too much data": ("data", array.array("b", [0] * 7), "data: expected 6 values .*got 7"),
+    "resolution zero": ("info.resolution", 0.0, "info.resolution: expected a positive.*got 0.0"),
     "resolution nan": ("info.resolution", math.nan, "info.resolution: expected a positive.*nan"),
-    "origin nan": ("info.origin.position.x", math.nan, r"info\.origin\.position\.x: .*found nan"),
+    "origin nan": ("info.origin.position.x", math.nan, r"info\.origin\.position\.x: .*got nan"),
     "rotated": (
         "info.origin.orientation",
         Quaternion(z=1.0, w=0.0),
-        r"info\.origin\.orientation: expected the identity.*found \(0.0, 0.0, 1.0, 0.0\)",
+        r"info\.origin\.orientation: expected the identity.*got \(0.0, 0.0, 1.0, 0.0\)",
     ),
     "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
 }

@@ -213,7 +213,7 @@ def test_free_space_alone_is_a_map_without_heights() -> None:
 def test_empty_tree_has_no_points_and_the_extent_of_bounds() -> None:
     nothing = message(b"")
     assert octomap_to_points(nothing).shape == (0, 3)
-    with pytest.raises(MessageError, match="data: expected a tree with leaves, found 'none'"):
+    with pytest.raises(MessageError, match="data: expected a tree with leaves, got 'none'"):
         from_octomap(nothing)
     grid_map = from_octomap(nothing, min_bound=(-1, -0.5, 0), max_bound=(1, 0.5, 1))
     assert grid_map.size == (20, 10)
@@ -233,15 +233,15 @@ def changed(octomap: Octomap, **changes: Any) -> Octomap:
 
 MALFORMED = {
     "cut off": (changed(GOOD, data=GOOD.data[:-2]), r"data: expected \d+ more nodes of the tree"),
-    "cut in two": (changed(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, found"),
+    "cut in two": (changed(GOOD, data=GOOD.data[:-1]), "data: expected nodes of 2 bytes, got"),
     "full and cut off": (changed(FULL, data=FULL.data[:-5]), "data: expected 1 more nodes"),
-    "more follows": (changed(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, found '888"),
-    "too deep": (message(DEEP), "data: expected nodes of at most depth 15, found 16"),
-    "very deep": (message(DEEP[:-2] * 9999 + DEEP[-2:]), "nodes of at most depth 15, found"),
-    "no children": (message(b"\0\0"), "data: expected inner nodes with children, found 'one with"),
+    "more follows": (changed(GOOD, data=GOOD.data * 2), "bytes, where the tree ends, got '888"),
+    "too deep": (message(DEEP), "data: expected nodes of at most depth 15, got 16"),
+    "very deep": (message(DEEP[:-2] * 9999 + DEEP[-2:]), "nodes of at most depth 15, got"),
+    "no children": (message(b"\0\0"), "data: expected inner nodes with children, got 'one with"),
     "log-odds": (
         message(struct.pack("<fB", math.nan, 0), binary=False),
-        "data: expected log-odds that are numbers, found nan",
+        "data: expected log-odds that are numbers, got nan",
     ),
     "other tree": (changed(FULL, id="SurfelTree"), "id: expected one of OcTree, .*'SurfelTree'"),
     "flag": (changed(GOOD, binary=False), "data: expected"),
@@ -250,7 +250,7 @@ MALFORMED = {
     "inf resolution": (changed(GOOD, resolution=math.inf), "resolution: expected the side"),
     "huge": (
         message(write_binary({(0,) * 16: True, (7,) * 16: True})),
-        "extent: expected an extent of at most .* found '4.29e.09 cells'",
+        "extent: expected an extent of at most .* got '4.29e.09 cells'",
     ),
     "all occupied": (message(struct.pack("<H", 0xAAAA)), "extent: expected an extent of at most"),
 }
@@ -270,9 +270,7 @@ def test_malformed_octomap_gets_one_error_that_names_the_field(kind: str) -> Non
 
 
 def test_excessive_number_of_voxels_is_refused() -> None:
-    with pytest.raises(
-        MessageError, match=r"data: expected at most 8388608 occupied voxels, found"
-    ):
+    with pytest.raises(MessageError, match=r"data: expected at most 8388608 occupied voxels, got"):
         octomap_to_points(message(struct.pack("<H", 0xAAAA)))
     few = octomap_to_points(
         message(struct.pack("<H", 0xAAAA)), min_bound=(0, 0, 0), max_bound=(0.3, 0.2, 0.1)

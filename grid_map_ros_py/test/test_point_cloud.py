@@ -161,7 +161,7 @@ def test_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
 
 
 def test_flat_cloud_needs_a_finite_height() -> None:
-    with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
+    with pytest.raises(MessageError, match="height: expected a finite number, got nan"):
         to_flat_point_cloud(GridMap((1, 1), 1.0), math.nan)
 
 

@@ -232,9 +232,9 @@ def test_other_fields_become_layers() -> None:
 
 def test_requested_field_must_exist_with_one_number() -> None:
     cloud = packed_cloud(POINTS, FIELDS)
-    with pytest.raises(MessageError, match=r"fields: expected one called 'rings', found \['x'"):
+    with pytest.raises(MessageError, match=r"fields: expected one called 'rings', got \['x'"):
         from_point_cloud(cloud, resolution=1.0, fields=["rings"])
-    with pytest.raises(MessageError, match=r"fields\[4\]\.count: expected 1 for 'normal', found 3"):
+    with pytest.raises(MessageError, match=r"fields\[4\]\.count: expected 1 for 'normal', got 3"):
         from_point_cloud(cloud, resolution=1.0, fields=["normal"])
 
 
@@ -263,7 +263,7 @@ def test_field_called_color_keeps_its_name_to_itself() -> None:
 
 def test_colors_have_four_bytes() -> None:
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "rgb": 9}], [*xyz_fields(), ("rgb", 12, 2, 1)])
-    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colors, found 2"
+    expected = r"fields\[3\]\.datatype: expected UINT32 or FLOAT32 for packed colors, got 2"
     with pytest.raises(MessageError, match=expected):
         from_point_cloud(cloud, resolution=1.0)
     assert from_point_cloud(cloud, resolution=1.0, fields=[]).layers == ("elevation",)

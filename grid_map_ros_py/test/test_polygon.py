@@ -131,7 +131,7 @@ CONVERSIONS: list[Callable[..., object]] = [
 
 @pytest.mark.parametrize("convert", CONVERSIONS)
 def test_height_is_a_finite_number(convert: Callable[..., object]) -> None:
-    with pytest.raises(MessageError, match="height: expected a finite number, found nan"):
+    with pytest.raises(MessageError, match="height: expected a finite number, got nan"):
         convert(POLYGON, height=math.nan)
     with pytest.raises(GeometryError, match="height: expected a number, got 'high'"):
         convert(POLYGON, height="high")

@@ -205,7 +205,7 @@ def test_without_poses_clouds_must_be_in_the_map_frame() -> None:
     placement = NoPoses("map").place("map", 5)
     assert placement is not None
     assert placement.center is None
-    with pytest.raises(MessageError, match=r"header\.frame_id: expected 'map', .*found 'lidar'"):
+    with pytest.raises(MessageError, match=r"header\.frame_id: expected 'map', .*got 'lidar'"):
         NoPoses("map").place("lidar", 5)
 
 

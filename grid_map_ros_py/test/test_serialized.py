@@ -215,9 +215,7 @@ def test_error_names_the_truncated_part() -> None:
     data = to_serialized_message(sample_map())
     with pytest.raises(MessageError) as error:
         from_serialized_message(data[:-8])
-    assert str(error.value) == (
-        "data[1].data: expected at most 11 values (44 bytes more), found 12"
-    )
+    assert str(error.value) == ("data[1].data: expected at most 11 values (44 bytes more), got 12")
 
 
 @settings(max_examples=300)
@@ -254,7 +252,7 @@ def test_lengths_are_not_believed_before_the_bytes_are_there() -> None:
 
 def test_names_that_are_no_text_are_refused_with_their_place() -> None:
     data = to_serialized_message(sample_map()).replace(b"variance", b"vari\xffnce")
-    with pytest.raises(MessageError, match=r"layers\[1\]: expected a text in UTF-8, found b'vari"):
+    with pytest.raises(MessageError, match=r"layers\[1\]: expected a text in UTF-8, got b'vari"):
         from_serialized_message(data)
     with pytest.raises(MessageError, match=r"layers\[0\]: expected a text that UTF-8 can hold"):
         to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["\ud800"]))

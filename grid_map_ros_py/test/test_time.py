@@ -26,11 +26,11 @@ def test_numpy_integers_are_integers() -> None:
 
 @pytest.mark.parametrize("nanoseconds", [-1, LATEST + 1, 1.5, "now", None])
 def test_invalid_time_is_refused(nanoseconds: int) -> None:
-    with pytest.raises(MessageError, match=r"^stamp: expected .*nanoseconds.*, found ") as error:
+    with pytest.raises(MessageError, match=r"^stamp: expected .*nanoseconds.*, got ") as error:
         to_stamp(nanoseconds)
     assert error.value.found == nanoseconds
 
 
 def test_time_before_the_epoch_is_refused() -> None:
-    with pytest.raises(MessageError, match=r"header\.stamp\.sec: expected no negative.*found -1"):
+    with pytest.raises(MessageError, match=r"header\.stamp\.sec: expected no negative.*got -1"):
         from_stamp(Time(sec=-1))

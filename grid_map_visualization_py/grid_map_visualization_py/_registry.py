@@ -60,12 +60,12 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
     if not isinstance(type_name, str):
         known = ", ".join(VISUALIZATIONS.types)
         found = "nothing" if type_name is None else repr(type_name)
-        raise ConfigError(f"visualization {name!r}: type: expected one of {known}, found {found}")
+        raise ConfigError(f"visualization {name!r}: type: expected one of {known}, got {found}")
     # ROS passes an empty mapping as a parameter without type.
     parameters = {} if config.get("params") is None else config["params"]
     if not isinstance(parameters, Mapping):
         raise ConfigError(
-            f"visualization {name!r}: params: expected parameters by name, found {parameters!r}"
+            f"visualization {name!r}: params: expected parameters by name, got {parameters!r}"
         )
     try:
         return build(VISUALIZATIONS[type_name], parameters)

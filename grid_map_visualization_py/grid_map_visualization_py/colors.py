@@ -162,7 +162,7 @@ def _table(name: str) -> Colors:
         close = difflib.get_close_matches(name, list(maps))
         hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
         raise ConfigError(
-            f"parameter 'color_map': expected a color map of Matplotlib, found {name!r}; {hint}"
+            f"parameter 'color_map': expected a color map of Matplotlib, got {name!r}; {hint}"
         )
     colors = maps[name](np.linspace(0.0, 1.0, _STEPS))[:, :3]
     table: Colors = np.rint(255 * colors).astype(np.uint8)

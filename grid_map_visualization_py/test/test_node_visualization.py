@@ -225,8 +225,8 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters)
     assert "shows /grid_map as region, grid" in start
     assert len(problems) == 3
     assert "visualization 'grid': no layer 'elevation'; available: height" in problems[0]
-    assert "info.resolution: expected a positive finite number, found -1.0" in problems[1]
-    assert "info.resolution: expected a positive finite number, found -2.0" in problems[2]
+    assert "info.resolution: expected a positive finite number, got -1.0" in problems[1]
+    assert "info.resolution: expected a positive finite number, got -2.0" in problems[2]
 
 
 def test_empty_list_of_visualizations_is_no_error(peer, tmp_path):

@@ -197,7 +197,7 @@ def test_missing_layer_and_unknown_color_map_are_errors(corner_map):
 
 
 def test_other_color_modes_and_axes_are_errors(corner_map):
-    with pytest.raises(ConfigError, match=r"'color_mode': expected one of .* found 'rainbow'"):
+    with pytest.raises(ConfigError, match=r"'color_mode': expected one of .* got 'rainbow'"):
         plot(corner_map, "a", flat_axes(), color_mode="rainbow")
     with pytest.raises(ConfigError, match="'ax': expected axes of the projection '3d'"):
         plot_3d(corner_map, "a", flat_axes())
@@ -212,7 +212,7 @@ def test_exaggeration_that_is_no_factor_is_an_error(corner_map, factor):
 
 
 def test_surface_of_too_few_cells_is_an_error(corner_map):
-    with pytest.raises(ConfigError, match=r"'max_cells': expected 0 .* at least 9, found 3"):
+    with pytest.raises(ConfigError, match=r"'max_cells': expected 0 .* at least 9, got 3"):
         plot_3d(corner_map, "a", flat_axes(projection="3d"), max_cells=3)
 
 

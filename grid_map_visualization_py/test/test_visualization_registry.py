@@ -104,11 +104,11 @@ def test_parameters_may_be_left_out(config):
 @pytest.mark.parametrize(
     ("config", "words"),
     [
-        ({}, ["type", "expected one of", "vectors", "found nothing"]),
-        ({"type": 3}, ["type", "found 3"]),
+        ({}, ["type", "expected one of", "vectors", "got nothing"]),
+        ({"type": 3}, ["type", "got 3"]),
         ({"type": "vector"}, ["'vector'", "unknown type", "did you mean vectors?"]),
         ({"type": "vectors", "parms": {}}, ["unknown entry 'parms'", "type, params"]),
-        ({"type": "map_region", "params": 1}, ["params", "found 1"]),
+        ({"type": "map_region", "params": 1}, ["params", "got 1"]),
         ({"type": "vectors"}, ["vectors", "missing", "'layer_prefix'"]),
         ({"type": "map_region", "params": {"width": 1}}, ["'width'", "color, line_width"]),
         ({"type": "map_region", "params": {"color": "red"}}, ["'color'", "integer", "'red'"]),

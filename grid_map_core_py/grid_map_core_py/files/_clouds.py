@@ -50,7 +50,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         table = _ply_table(geometries) or dict(zip("xyz", _vertices(geometries).T, strict=True))
     missing = [axis for axis in "xyz" if axis not in table]
     if missing:
-        raise GridMapError(f"{file}: no field {missing[0]!r}, found {', '.join(table) or 'none'}")
+        raise GridMapError(f"{file}: no field {missing[0]!r}, got {', '.join(table) or 'none'}")
     if not len(table["x"]):
         raise GridMapError(f"{file}: holds no points")
     points = np.column_stack([table.pop(axis) for axis in "xyz"])
@@ -93,7 +93,7 @@ def _read_pcd(file: Path) -> Fields:
         # A single point of a text file comes without its axis.
         rows = np.atleast_1d(cloud.pc_data)
         if len(rows) != cloud.points:
-            raise ValueError(f"{cloud.points} points announced, {len(rows)} found")
+            raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
     # A file may be damaged in any way, and the reader fails in as many.
     except Exception as error:
         raise GridMapError(f"{file}: cannot be read: {_first_line(error)}") from error
@@ -159,7 +159,7 @@ def _check_complete(geometry: Any) -> None:
         columns = list(data.values()) if isinstance(data, dict) else [data]
         found = min(map(len, columns), default=0)
         if found != element["length"]:
-            raise ValueError(f"{element['length']} of {name} announced, {found} found")
+            raise ValueError(f"expected {element['length']} of {name}, got {found}")
     faces, vertices = np.asarray(getattr(geometry, "faces", ())), len(geometry.vertices)
     if faces.size and not 0 <= faces.min() <= faces.max() < vertices:
         raise ValueError(f"{vertices} vertices, but faces name {faces.min()} to {faces.max()}")

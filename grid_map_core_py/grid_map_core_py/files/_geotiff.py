@@ -188,7 +188,7 @@ def _geometry(raster: Any) -> GridGeometry:
     square = abs(step.a + step.e) <= _LARGEST_DIFFERENCE * abs(step.a)
     if step.b or step.d or not step.a > 0 or not square:
         raise ValueError(
-            "expected square pixels with north up, found "
+            "expected square pixels with north up, got "
             f"{step.a:g} x {-step.e:g} turned by ({step.b:g}, {step.d:g}); 'gdalwarp' makes them so"
         )
     size = raster.width, raster.height
@@ -211,7 +211,7 @@ def _names(descriptions: Iterable[str | None]) -> list[str]:
 
 def _read_band(raster: Any, band: int) -> npt.NDArray[np.float32]:
     if "complex" in raster.dtypes[band - 1]:
-        raise ValueError(f"expected real numbers, found {raster.dtypes[band - 1]} in band {band}")
+        raise ValueError(f"expected real numbers, got {raster.dtypes[band - 1]} in band {band}")
     values = raster.read(band, masked=True)
     scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
     pixels = values.astype(np.float32).filled(np.nan)

@@ -77,7 +77,7 @@ def _check_png(data: bytes, size: tuple[int, int] | None) -> None:
         width, height = struct.unpack(">II", content[:8]) if kind == b"IHDR" else (0, 0)
         if kind == b"IHDR" and size is not None and (height, width) != size:
             rows, columns = size
-            raise ValueError(f"expected {columns} x {rows} pixels, found {width} x {height}")
+            raise ValueError(f"expected {columns} x {rows} pixels, got {width} x {height}")
     if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:
         raise ValueError("a PNG image that is cut off")
 

@@ -192,7 +192,7 @@ def _number(key: str, value: object) -> float:
 def _occupancy(pixels: Image, settings: Mapping[str, Any]) -> Layer:
     """Return (rows, cols) 0 to 100 or NaN of the pixels of an image."""
     if pixels.dtype.kind != "u":
-        raise ValueError(f"expected an image of 8 or 16 bits, found {pixels.dtype}")
+        raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max
     channels = pixels.reshape(*pixels.shape[:2], -1)
     alpha = channels[..., 3] if channels.shape[2] == 4 else None

@@ -176,7 +176,7 @@ def _empty_map(metadata: dict[str, Any]) -> GridMap:
 
 def _text(name: object) -> str:
     if not isinstance(name, str):
-        raise ValueError(f"expected the name of a layer, found {name!r}")
+        raise ValueError(f"expected the name of a layer, got {name!r}")
     return name
 
 

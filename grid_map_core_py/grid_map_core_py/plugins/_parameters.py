@@ -67,7 +67,7 @@ def cast(name: str, value: object, hint: Any) -> Any:
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
     """Return the error that a parameter's value is not what was expected, in words."""
     found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
-    return ConfigError(f"parameter {name!r}: expected {expected}, found {found}")
+    return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
 
 def check(condition: bool, name: str, expected: str, value: object) -> None:

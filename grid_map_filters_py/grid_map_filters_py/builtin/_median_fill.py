@@ -69,7 +69,7 @@ class MedianFill:
         if len(set(names)) < len(names):
             raise ConfigError(
                 "expected different 'output_layer', 'fill_mask_layer' and "
-                f"'debug_infill_mask_layer', found {', '.join(map(repr, names))}"
+                f"'debug_infill_mask_layer', got {', '.join(map(repr, names))}"
             )
         iterations = self.num_erode_dilation_iterations
         check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
