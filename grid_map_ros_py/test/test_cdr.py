@@ -205,11 +205,6 @@ def test_every_message_that_is_cut_off_is_refused(message_type, data):
     assert refused.value.field
 
 
-def test_cut_off_message_of_nothing_but_numbers_is_named():
-    with pytest.raises(MessageError, match=r"^Point: expected 24 bytes more, got 20$"):
-        view(serialize(Point())[:-4], Point)
-
-
 @settings(max_examples=15)
 @pytest.mark.parametrize("message_type", [GridMapMessage, Marker, OccupancyGrid, Odometry])
 @given(data=st.data())
@@ -251,14 +246,14 @@ def test_other_encodings_are_refused_by_name(header, found):
     ("spoil", "text"),
     [
         (lambda raw: raw[:2], "encoding: expected 4 bytes, got 2"),
-        (lambda raw: raw[:10], "header.stamp: expected 8 bytes more, got 6"),
+        (lambda raw: raw[:10], "header.stamp.nanosec: expected 4 bytes more, got 2"),
         (lambda raw: raw.replace(b"\4\0\0\0map", b"\4\0\0\xffmap"),
          "header.frame_id: expected at most 60 values (60 bytes more), got 4278190084"),
         (lambda raw: raw.replace(b"map", b"m\xffp"),
          "header.frame_id: expected a text in UTF-8, got b'm\xffp'"),
         (lambda raw: raw.replace(b"map", b"m\0p"),
          "header.frame_id: expected a text without NUL, got 'm\x00p'"),
-        (lambda raw: raw[:-1], "points[1]: expected 24 bytes more, got 23"),
+        (lambda raw: raw[:-1], "points[1].z: expected 8 bytes more, got 7"),
     ],
 )  # fmt: skip
 def test_errors_name_the_field(spoil, text):

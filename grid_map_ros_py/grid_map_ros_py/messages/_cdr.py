@@ -17,12 +17,12 @@ import array
 import re
 import struct
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from io import SEEK_CUR, BytesIO
-from operator import attrgetter
 from types import SimpleNamespace
-from typing import Any, Protocol, TypeAlias, TypeGuard, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -73,9 +73,6 @@ _TYPE = re.compile(
 )
 """Types other than numbers, as `get_fields_and_field_types` of a message class writes them."""
 
-_OBJECTS = "?c"
-"""Codes of values that messages keep in lists; sequences of all others are arrays."""
-
 _NONE: Mapping[str, npt.NDArray[Any]] = {}
 
 
@@ -95,7 +92,7 @@ def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> b
     for name in arrays:
         getattr(message, name)
     writer = _Writer()
-    _struct(type(message)).write(writer, message, arrays)
+    _struct(message.__class__).write(writer, message, arrays)
     return writer.joined()
 
 
@@ -115,14 +112,7 @@ def view(data: Buffer, message_type: MessageType) -> Any:
             not plain CDR, or the type of a field is not supported (wstring). The error names the
             field.
     """
-    codec = _struct(message_type)
-    try:
-        return codec.read(_Reader(data))
-    except MessageError as error:
-        if error.field:
-            raise
-        # The numbers of a point are read at once, so that none of them can be named.
-        raise _inside(codec.name, error) from None
+    return _struct(message_type).read(_Reader(data))
 
 
 def serialize_view(view: Any, message_type: MessageType) -> bytes:
@@ -150,19 +140,6 @@ class Deferred:
 
     def __len__(self) -> int:
         return self.count
-
-
-class _Packing:
-    """Consecutive numbers of one size; `codes` are format characters of `struct`."""
-
-    def __init__(self, codes: str) -> None:
-        self.alignment = struct.calcsize("<" + codes[0])
-        self.size = struct.calcsize("<" + codes)
-        self.pack = struct.Struct("<" + codes).pack
-        self.unpackers = {order: struct.Struct(order + codes).unpack_from for order in "<>"}
-
-
-_COUNT = _Packing("I")
 
 
 class _Writer:
@@ -200,7 +177,7 @@ class _Writer:
         self._size += padding + len(data)
 
     def count(self, number: int) -> None:
-        self.add(_COUNT.pack(number), _COUNT.alignment)
+        self.add(struct.pack("<I", number), 4)
 
     def defer(self, values: Deferred, dtype: np.dtype[Any]) -> None:
         if values.count:
@@ -224,30 +201,27 @@ class _Reader:
 
     def __init__(self, data: Buffer) -> None:
         buffer = memoryview(data).cast("B")
-        self.order = _order(buffer)
+        if len(buffer) < len(_HEADER):
+            raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
+        number = int.from_bytes(buffer[:2])
+        if number not in _ORDERS:
+            found = f"{_OTHER_ENCODINGS.get(number, 'unknown')} (0x{number:04x})"
+            raise MessageError("encoding", "plain CDR (0x0000 or 0x0001)", found)
+        self.order = _ORDERS[number]
         self._data = buffer[len(_HEADER) :]
         self._size = len(self._data)
         self._end = 0
 
     def take(self, size: int, alignment: int = 1) -> memoryview:
-        begin = self._end + -self._end % alignment
-        if size > self._size - begin:
-            raise self._cut_off(size, begin)
-        self._end = begin + size
+        begin = self._step(size, alignment)
         return self._data[begin : self._end]
 
-    def numbers(self, packing: "_Packing") -> tuple[Any, ...]:
-        begin = self._end + -self._end % packing.alignment
-        try:
-            values: tuple[Any, ...] = packing.unpackers[self.order](self._data, begin)
-        except struct.error:
-            raise self._cut_off(packing.size, begin) from None
-        self._end = begin + packing.size
-        return values
+    def number(self, code: str, size: int) -> Any:
+        return struct.unpack_from(self.order + code, self._data, self._step(size, size))[0]
 
     def count(self, bound: int, smallest: int) -> int:
         """Return the length of a sequence, which must fit its bound and the bytes that remain."""
-        number: int = self.numbers(_COUNT)[0]
+        number: int = self.number("I", 4)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)
         remaining = self._size - self._end
@@ -256,47 +230,30 @@ class _Reader:
             raise MessageError("", fitting, number)
         return number
 
-    def _cut_off(self, size: int, begin: int) -> MessageError:
-        return MessageError("", f"{size} bytes more", max(self._size - begin, 0))
+    def _step(self, size: int, alignment: int) -> int:
+        """Step over `size` bytes and return where they begin."""
+        begin = self._end + -self._end % alignment
+        if size > self._size - begin:
+            raise MessageError("", f"{size} bytes more", max(self._size - begin, 0))
+        self._end = begin + size
+        return begin
 
 
-class _Codec(Protocol):
-    """Reads and writes the values of one type.
-
-    Attributes:
-        smallest: bytes that every value takes at least.
-    """
-
-    @property
-    def smallest(self) -> int: ...
-
-    def read(self, reader: _Reader) -> Any: ...
-
-    def write(self, writer: _Writer, value: Any) -> None: ...
+# Each type has a codec. Its `smallest` is the number of bytes that every value takes at least.
 
 
 class _Number:
-    """A number; `code` is its format character in `struct` and `array`."""
+    """A number; `code` is its format character in `struct` and NumPy."""
 
     def __init__(self, code: str) -> None:
         self.code = code
-        self.codes = code
-        self._packing = _Packing(code)
-        self.smallest = self._packing.size
-
-    @property
-    def is_object(self) -> bool:
-        return self.code in _OBJECTS
+        self.smallest = struct.calcsize("<" + code)
 
     def read(self, reader: _Reader) -> Any:
-        return reader.numbers(self._packing)[0]
+        return reader.number(self.code, self.smallest)
 
     def write(self, writer: _Writer, value: Any) -> None:
-        writer.add(self._packing.pack(value), self.smallest)
-
-    def build(self, values: Iterator[Any]) -> Any:
-        """Return the next of the numbers that were read at once."""
-        return next(values)
+        writer.add(struct.pack("<" + self.code, value), self.smallest)
 
     def read_array(self, reader: _Reader, count: int) -> npt.NDArray[Any]:
         """Return consecutive numbers in native byte order."""
@@ -338,181 +295,98 @@ class _Text:
         writer.add(data)
 
 
-@dataclass(frozen=True)
-class _Sequence:
-    """Values after their number."""
+class _Items:
+    """Values of one type: `count` of them, or at most `bound` after their number."""
 
-    item: _Codec
-    bound: int
-    smallest: int = 4
-
-    def read(self, reader: _Reader) -> Any:
-        count = reader.count(self.bound, self.item.smallest)
-        return _read_items(self.item, reader, count)
-
-    def write(self, writer: _Writer, value: Any) -> None:
-        writer.count(len(value))
-        _write_items(self.item, writer, value)
-
-
-@dataclass(frozen=True)
-class _Array:
-    """A fixed number of values."""
-
-    item: _Codec
-    count: int
-
-    @property
-    def smallest(self) -> int:
-        return self.count * self.item.smallest
+    def __init__(self, item: "_Codec", *, count: int | None = None, bound: int = 0) -> None:
+        self._item = item
+        self._count = count
+        self._bound = bound
+        self.smallest: int = 4 if count is None else count * item.smallest
+        # Messages keep booleans and bytes in lists; sequences of all other numbers are arrays.
+        self._numbers = item if isinstance(item, _Number) and item.code not in "?c" else None
 
     def read(self, reader: _Reader) -> Any:
-        return _read_items(self.item, reader, self.count)
+        count = self._count
+        if count is None:
+            count = reader.count(self._bound, self._item.smallest)
+        if self._numbers:
+            return self._numbers.read_array(reader, count)
+        return [_read(self._item, reader, f"[{index}]") for index in range(count)]
 
     def write(self, writer: _Writer, value: Any) -> None:
-        if len(value) != self.count:
-            raise MessageError("", f"{self.count} values", len(value))
-        _write_items(self.item, writer, value)
+        if self._count is None:
+            writer.count(len(value))
+        elif len(value) != self._count:
+            raise MessageError("", f"{self._count} values", len(value))
+        if self._numbers:
+            self._numbers.write_array(writer, value)
+            return
+        for index, item in enumerate(value):
+            _write(self._item, writer, item, f"[{index}]")
 
 
 class _Struct:
-    """A message.
-
-    Attributes:
-        name: name of its type.
-        fields: names and codecs of its fields.
-        codes: `struct` codes of all its numbers if it consists of numbers of one size, as points
-            and poses do; they are read and written at once. Otherwise empty.
-        paths: paths of its numbers and texts, such as `position.x`.
-    """
+    """A message: names and codecs of its fields."""
 
     def __init__(self, message_type: Any) -> None:
         if isinstance(message_type, str):
-            self.name, types = message_type, FIELDS_BY_TYPE[message_type]
+            self._name, types = message_type, FIELDS_BY_TYPE[message_type]
         else:
-            self.name, types = message_type.__name__, message_type.get_fields_and_field_types()
-        is_known = isinstance(message_type, str)
-        self.fields = tuple(
-            (name, _codec(kind, f"{self.name}.{name}", is_known=is_known))
-            for name, kind in types.items()
-        )
-        self.codes = _common_codes([codec for _, codec in self.fields])
-        self._packing = _Packing(self.codes) if self.codes else None
-        self.paths = [
-            f"{name}.{path}".rstrip(".")
-            for name, codec in self.fields
-            for path in getattr(codec, "paths", [""])
-        ]
-        self._getters = [attrgetter(path) for path in self.paths]
-        self._builders = [
-            (name, codec.build)
-            for name, codec in self.fields
-            if isinstance(codec, (_Number, _Struct))
-        ]
+            self._name, types = message_type.__name__, message_type.get_fields_and_field_types()
+        self._fields = {name: _codec(kind, f"{self._name}.{name}") for name, kind in types.items()}
         # A message without fields takes a byte all the same.
-        self.smallest = sum(codec.smallest for _, codec in self.fields) or 1
+        self.smallest: int = sum(codec.smallest for codec in self._fields.values()) or 1
 
     def read(self, reader: _Reader) -> Any:
-        if self._packing:
-            return self.build(iter(reader.numbers(self._packing)))
-        if not self.fields:
-            reader.take(1)
-        values = {}
-        for name, codec in self.fields:
-            try:
-                values[name] = codec.read(reader)
-            except MessageError as error:
-                raise _inside(name, error) from None
-        return SimpleNamespace(**values)
+        if not self._fields:
+            _read(_Number("B"), reader, self._name)
+        fields = self._fields.items()
+        return SimpleNamespace(**{name: _read(codec, reader, name) for name, codec in fields})
 
     def write(
         self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
     ) -> None:
         """Write the fields of `value`, those in `arrays` from there."""
-        if self._packing:
-            values = [get(value) for get in self._getters]
-            writer.add(self._packing.pack(*values), self._packing.alignment)
-            return
-        if not self.fields:
+        if not self._fields:
             writer.add(b"\0")
-        for name, codec in self.fields:
+        for name, codec in self._fields.items():
             if name in arrays:
                 writer.count(len(arrays[name]))
                 writer.array(arrays[name])
             else:
                 _write(codec, writer, getattr(value, name), name)
 
-    def build(self, values: Iterator[Any]) -> Any:
-        """Return the message made of the next of the numbers that were read at once."""
-        return SimpleNamespace(**{name: build(values) for name, build in self._builders})
+
+_Codec: TypeAlias = _Number | _Text | _Items | _Struct
 
 
-def _common_codes(codecs: Sequence[_Codec]) -> str:
-    """Return the codes of all numbers if there are no other values and all have one size."""
-    codes = [getattr(codec, "codes", "") for codec in codecs]
-    sizes = {struct.calcsize("<" + code) for code in "".join(codes)}
-    return "".join(codes) if all(codes) and len(sizes) == 1 else ""
+@cache
+def _struct(message_type: Any) -> _Struct:
+    return _Struct(message_type)
 
 
-def _struct(message_type: MessageType) -> _Struct:
-    if message_type not in _STRUCTS:
-        _STRUCTS[message_type] = _Struct(message_type)
-    return _STRUCTS[message_type]
-
-
-_STRUCTS: dict[MessageType, _Struct] = {}
-
-
-def _codec(kind: str, field: str, *, is_known: bool) -> _Codec:
-    """Return the codec of a type; `is_known` takes nested messages from `FIELDS_BY_TYPE`."""
+def _codec(kind: str, field: str) -> _Codec:
     if kind in _CODES:
         return _Number(_CODES[kind])
     match = _TYPE.fullmatch(kind)
     if match is None:
         raise MessageError(field, "a type that can be serialized", kind)
     if items := match["items"]:
-        bound = int(match["bound"] or sys.maxsize)
-        return _Sequence(_codec(items, field, is_known=is_known), bound)
+        return _Items(_codec(items, field), bound=int(match["bound"] or sys.maxsize))
     if item := match["item"]:
-        return _Array(_codec(item, field, is_known=is_known), int(match["count"]))
+        return _Items(_codec(item, field), count=int(match["count"]))
     if name := match["name"]:
+        is_known = kind in FIELDS_BY_TYPE
         return _struct(kind if is_known else getattr(messages_of(match["package"]), name))
     return _Text(int(match["length"] or sys.maxsize))
 
 
-def _order(buffer: memoryview) -> str:
-    """Return the byte order from the header of a message."""
-    if len(buffer) < len(_HEADER):
-        raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
-    number = int.from_bytes(buffer[:2])
-    if number not in _ORDERS:
-        found = f"{_OTHER_ENCODINGS.get(number, 'unknown')} (0x{number:04x})"
-        raise MessageError("encoding", "plain CDR (0x0000 or 0x0001)", found)
-    return _ORDERS[number]
-
-
-def _is_numeric(item: _Codec) -> TypeGuard[_Number]:
-    return isinstance(item, _Number) and not item.is_object
-
-
-def _read_items(item: _Codec, reader: _Reader, count: int) -> Any:
-    if _is_numeric(item):
-        return item.read_array(reader, count)
-    items = []
-    for index in range(count):
-        try:
-            items.append(item.read(reader))
-        except MessageError as error:
-            raise _inside(f"[{index}]", error) from None
-    return items
-
-
-def _write_items(item: _Codec, writer: _Writer, items: Any) -> None:
-    if _is_numeric(item):
-        item.write_array(writer, items)
-        return
-    for index, value in enumerate(items):
-        _write(item, writer, value, f"[{index}]")
+def _read(codec: _Codec, reader: _Reader, name: str) -> Any:
+    try:
+        return codec.read(reader)
+    except MessageError as error:
+        raise _inside(name, error) from None
 
 
 def _write(codec: _Codec, writer: _Writer, value: Any, name: str) -> None:
