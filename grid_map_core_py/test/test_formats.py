@@ -74,7 +74,6 @@ def test_all_formats_describe_themselves():
         assert one.description
         assert one.load or one.save
         assert one.load is None or "layers" in options_of(one.load)
-        assert bool(one.needs) == bool(one.install)
 
 
 @pytest.mark.parametrize(

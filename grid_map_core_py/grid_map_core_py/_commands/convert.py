@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Convert, and tell the number of maps."""
-    destination = Destination(options, usual_topic="/grid_map")
+    destination = Destination(options)
     with open_records(options, destination, options.layers) as records, ExitStack() as stack:
         is_long = len(records) > 1 and not options.quiet
         progress = stack.enter_context(ProgressBar()) if is_long else None

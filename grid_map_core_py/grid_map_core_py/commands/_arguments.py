@@ -5,6 +5,7 @@
 import argparse
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 SOURCES = "file or folder of any format, or - for .npz from a pipe"
@@ -68,7 +69,8 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("writing")
     group.add_argument("-f", "--force", action="store_true", help="replace what is there")
     completed(
-        group.add_argument("--to", metavar="FORMAT", help=_FORMAT), lambda **_: _names(writes=True)
+        group.add_argument("--to", metavar="FORMAT", help=_FORMAT),
+        partial(complete_formats, writes=True),
     )
     group.add_argument(
         "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: smaller files"
@@ -92,10 +94,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 # --- completion -----------------------------------------------------------------------------------
 
 
-Completer = Callable[..., list[str]]
-
-
-def completed(action: argparse.Action, completer: Completer) -> None:
+def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
     """Let shells complete an argument; argcomplete asks its `completer`."""
     action.completer = completer  # type: ignore[attr-defined]
 
@@ -105,31 +104,27 @@ def completed(action: argparse.Action, completer: Completer) -> None:
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     """Return the layers of the source."""
-    with suppress(Exception):
-        from ._maps import describe
-
-        facts = describe(parsed_args)
-        maps = [topic["map"] for topic in facts.get("topics", [facts]) if "map" in topic]
-        return [name for one in maps for name in one["layers"]]
-    return []
+    return [name for topic in _topics(parsed_args) for name in topic["map"]["layers"]]
 
 
 def complete_topics(parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     """Return the topics of maps in the source."""
+    parsed_args.topic = None
+    return [topic["name"] for topic in _topics(parsed_args) if "name" in topic]
+
+
+def _topics(parsed_args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return the topics of maps in a bag, or the single map of another file."""
     with suppress(Exception):
         from ._maps import describe
 
-        topics = describe(parsed_args, topic=None)["topics"]
-        return [topic["name"] for topic in topics if "map" in topic]
+        facts = describe(parsed_args)
+        return [topic for topic in facts.get("topics", [facts]) if "map" in topic]
     return []
 
 
-def complete_formats(**_: Any) -> list[str]:
-    """Return the names of the formats that are read."""
-    return _names(writes=False)
-
-
-def _names(*, writes: bool) -> list[str]:
+def complete_formats(*, writes: bool = False, **_: Any) -> list[str]:
+    """Return the names of the formats that are read, or written."""
     with suppress(Exception):
         from ..files import formats
 

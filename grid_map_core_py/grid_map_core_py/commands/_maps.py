@@ -10,8 +10,8 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -46,31 +46,46 @@ _WRITING = {
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
 
-def _given(options: argparse.Namespace, names: Mapping[str, str]) -> dict[str, Any]:
-    """Return the options of formats that were given, by their names in formats."""
-    values = {called: getattr(options, name, None) for name, called in names.items()}
-    return {name: value for name, value in values.items() if value is not None}
+def _choose(
+    options: argparse.Namespace, names: Mapping[str, str], elsewhere: Iterable[str], *, writes: bool
+) -> "tuple[Format, dict[str, Any]]":
+    """Return the format of the source or destination, and the options given for it.
 
+    Args:
+        options: the arguments.
+        names: options that may be given, `_READING` or `_WRITING`.
+        elsewhere: names in formats of options that may be for the other side.
+        writes: choose for the destination.
+    """
+    from ..files import format_to_read, format_to_write, formats, options_of
 
-def _fitting(find: "Callable[..., Format]", path: str, name: str | None, given: Any) -> "Format":
-    """Return the format of a path, one with all options if there is one."""
-    with suppress(GridMapError):
-        return find(Path(path), given, name=name)
-    return find(Path(path), name=name)
+    def known(one: "Format") -> tuple[str, ...]:
+        return options_of(one.save, 2) if writes else options_of(one.load)
 
-
-def _foreign(called: str, names: Mapping[str, str], found: "Format", *, writes: bool) -> UsageError:
-    """Return the error that a format lacks an option, which names the formats that have it."""
-    from ..files import formats, options_of
-
-    name = next(name for name in names if names[name] == called)
-    flag = _FLAGS.get(name, f"--{name.replace('_', '-')}")
-    having = [
-        one.name
-        for one in formats().values()
-        if called in (options_of(one.save, 2) if writes else options_of(one.load))
-    ]
-    return UsageError(f"{flag} is for {', '.join(having)}, and this is {found.name}")
+    path = options.destination if writes else options.source
+    wanted = options.to if writes else getattr(options, "from_format", None)
+    given = {
+        called: value
+        for name, called in names.items()
+        if (value := getattr(options, name, None)) is not None
+    }
+    if path == STANDARD:
+        if wanted not in (None, "npz"):
+            side = "output" if writes else "input"
+            raise UsageError(f"standard {side} takes npz, not {wanted}")
+        found = formats()["npz"]
+    else:
+        find = format_to_write if writes else format_to_read
+        try:
+            found = find(Path(path), given, name=wanted)
+        except GridMapError:
+            found = find(Path(path), name=wanted)
+    for name, called in names.items():
+        if called in given and called not in (*known(found), *elsewhere):
+            flag = _FLAGS.get(name, f"--{name.replace('_', '-')}")
+            having = ", ".join(one.name for one in formats().values() if called in known(one))
+            raise UsageError(f"{flag} is for {having}, and this is {found.name}")
+    return found, {called: given[called] for called in known(found) if called in given}
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -92,12 +107,11 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
 
 
-def describe(options: argparse.Namespace, **changes: Any) -> dict[str, Any]:
+def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, the size and the facts of the source, as JSON has them.
 
     Args:
         options: the arguments of `add_source` and `add_choice_of_map`.
-        changes: values in place of those of `options`.
 
     Raises:
         UsageError: an option is for other formats.
@@ -105,9 +119,13 @@ def describe(options: argparse.Namespace, **changes: Any) -> dict[str, Any]:
     """
     from ..files import map_facts, options_of
 
-    options = argparse.Namespace(**{**vars(options), **changes})
     found, given = _source_format(options)
-    head = {"path": options.source, "format": found.name, "bytes": _size(options.source)}
+    size = None
+    if options.source != STANDARD:
+        path = Path(options.source)
+        files = path.rglob("*") if path.is_dir() else [path]
+        size = sum(file.stat().st_size for file in files if file.is_file())
+    head = {"path": options.source, "format": found.name, "bytes": size}
     with _source(options.source) as path:
         if found.describe is None:
             return head | {"map": map_facts(found.load(path, **given))}  # type: ignore[misc]
@@ -155,7 +173,7 @@ def open_records(
                 raise CommandError(
                     f"{destination.path}: is the source, too; its other topics would be lost"
                 )
-            destination.usual_topic = records.topic  # type: ignore[attr-defined]
+            destination.usual_topic = destination.usual_topic or records.topic  # type: ignore[attr-defined]
         if destination.takes_many and index is None:
             yield records
         else:
@@ -164,22 +182,9 @@ def open_records(
 
 def _source_format(options: argparse.Namespace) -> "tuple[Format, dict[str, Any]]":
     """Return the format of the source and the options for it that were given."""
-    from ..files import format_to_read, formats, options_of
-
-    wanted, given = getattr(options, "from_format", None), _given(options, _READING)
-    if options.source != STANDARD:
-        found = _fitting(format_to_read, options.source, wanted, given)
-    elif wanted in (None, "npz"):
-        found = formats()["npz"]
-    else:
-        raise UsageError(f"standard input takes npz, not {wanted}")
-    known = options_of(found.load)
-    # A destination takes black and white, too, and has complained if neither does.
-    other = ("lower", "upper") if hasattr(options, "destination") else ()
-    for called in given:
-        if called not in known and called not in other:
-            raise _foreign(called, _READING, found, writes=False)
-    return found, {called: value for called, value in given.items() if called in known}
+    # A destination takes black and white, too, and complains if neither does.
+    elsewhere = ("lower", "upper") if hasattr(options, "destination") else ()
+    return _choose(options, _READING, elsewhere, writes=False)
 
 
 @contextmanager
@@ -199,14 +204,6 @@ def _source(path: str) -> Iterator[Path]:
             raise CommandError(str(error).replace(file.name, "standard input")) from error
 
 
-def _size(source: str) -> int | None:
-    path = Path(source)
-    if source == STANDARD:
-        return None
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
-
-
 # --- writing --------------------------------------------------------------------------------------
 
 
@@ -215,40 +212,32 @@ class Destination:
 
     Args:
         options: the arguments.
-        usual_topic: topic of the maps in a bag, unless the arguments name one.
+        usual_topic: topic of the maps in a bag, unless the arguments name one; None means that of
+            a source that is a bag, else `/grid_map`.
 
     Raises:
         UsageError: the format is not known, or an option is for other formats.
         CommandError: there is something already.
     """
 
-    def __init__(self, options: argparse.Namespace, usual_topic: str) -> None:
-        from ..files import format_to_write, formats, options_of
+    def __init__(self, options: argparse.Namespace, usual_topic: str | None = None) -> None:
+        from ..files import options_of
 
         self.path: str = options.destination
         self.usual_topic = usual_topic
-        given = _given(options, _WRITING)
-        if self.path == STANDARD:
-            if options.to not in (None, "npz"):
-                raise UsageError(f"standard output takes npz, not {options.to}")
-            if sys.stdout is None or sys.stdout.isatty():
-                raise CommandError("expected a pipe or a file at standard output, for an .npz file")
-            self.format = formats()["npz"]
-        else:
-            try:
-                self.format = _fitting(format_to_write, self.path, options.to, given)
-            except GridMapError as error:
-                raise UsageError(str(error)) from error
-        known = options_of(self.format.save, 2)
         source, source_given = _source_format(options)
-        for called in given:
-            if called not in known and called not in source_given:
-                raise _foreign(called, _WRITING, self.format, writes=True)
-        given = {called: value for called, value in given.items() if called in known}
-        if source.name == self.format.name and "crs" in known and "crs" not in given:
+        try:
+            self.format, self._given = _choose(options, _WRITING, source_given, writes=True)
+        except UsageError:
+            raise
+        except GridMapError as error:
+            raise UsageError(str(error)) from error
+        if self.path == STANDARD and (sys.stdout is None or sys.stdout.isatty()):
+            raise CommandError("expected a pipe or a file at standard output, for an .npz file")
+        is_alike = source.name == self.format.name
+        if is_alike and "crs" in options_of(self.format.save, 2) and "crs" not in self._given:
             # A GeoTIFF stays in its reference system.
-            given["crs"] = describe(options)["map"].get("crs", "")
-        self._given = given
+            self._given["crs"] = describe(options)["map"].get("crs", "")
         check_free(self.path, force=options.force)
 
     @property
@@ -263,9 +252,8 @@ class Destination:
             GridMapError, OSError: they cannot be written.
         """
         if self.format.save_maps is not None:
-            return self.format.save_maps(
-                self.path, maps, **{"topic": self.usual_topic} | self._given
-            )
+            topic = {"topic": self.usual_topic or "/grid_map"}
+            return self.format.save_maps(self.path, maps, **topic | self._given)
         count = 0
         for _, grid_map in maps:
             if self.path == STANDARD:

@@ -46,8 +46,6 @@ class Format:
         name: short and unique, such as "npz".
         description: a few words for tables and messages.
         endings: endings of file names, in lower case, such as ".npz".
-        needs: packages that must be installed beside the package that adds the format.
-        install: command that installs them.
         reads: returns whether a path can be read, for folders and for endings that several formats
             share; None goes by the endings.
         writes: tells whether a name can be written to; None goes by the endings.
@@ -64,8 +62,6 @@ class Format:
     name: str
     description: str
     endings: tuple[str, ...] = ()
-    needs: tuple[str, ...] = ()
-    install: str = ""
     reads: Callable[[Path], bool] | None = None
     writes: Callable[[Path], bool] | None = None
     load: Callable[..., GridMap] | None = None
@@ -116,8 +112,7 @@ def load(
         MissingPackageError: a package that the format needs is not installed.
         GridMapError: the file cannot be read, its format or an option is not known.
     """
-    file = Path(path)
-    found = format_to_read(file, options, name=format)
+    found = format_to_read(Path(path), options, name=format)
     return found.load(path, **options)  # type: ignore[misc]
 
 
@@ -179,74 +174,58 @@ def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None 
     Raises:
         GridMapError: no format fits, or it lacks an option.
     """
-    if name is not None:
-        found = [_named(name, "read", lambda one: one.load)]
-    else:
-        found = [one for one in formats().values() if one.can_read(path)]
-    if not found:
-        raise _unreadable(path)
-    return _with_options(path, found, options, lambda one: options_of(one.load))
+    return _chosen(path, options, name, writes=False)
 
 
 def format_to_write(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
     """Return the format to write; arguments and errors: see `format_to_read`."""
-    if name is not None:
-        found = [_named(name, "written", lambda one: one.save)]
+    return _chosen(path, options, name, writes=True)
+
+
+def _chosen(path: Path, options: Iterable[str], name: str | None, *, writes: bool) -> Format:
+    """Return the first format that fits and has all options."""
+    usable = {
+        one.name: one
+        for one in formats().values()
+        if (one.save if writes else one.load) is not None
+    }
+    if name is None:
+        fitting = [
+            one for one in usable.values() if (one.can_write if writes else one.can_read)(path)
+        ]
+    elif name in usable:
+        fitting = [usable[name]]
     else:
-        found = [one for one in formats().values() if one.can_write(path)]
-    if not found:
-        _check_packages(path)
-        known = _listed(one for one in formats().values() if one.save)
-        raise GridMapError(f"{path}: expected a name of one of the formats {known}")
-    return _with_options(path, found, options, lambda one: options_of(one.save, 2))
-
-
-def _named(name: str, done: str, function: Callable[[Format], object]) -> Format:
-    known = {one.name: one for one in formats().values() if function(one)}
-    if name not in known:
-        raise GridMapError(f"format: expected one that is {done}, {', '.join(known)}, got {name!r}")
-    return known[name]
-
-
-def _with_options(
-    path: Path,
-    found: list[Format],
-    options: Iterable[str],
-    options_of_format: Callable[[Format], tuple[str, ...]],
-) -> Format:
-    """Return the first format that has all options."""
+        done = "written" if writes else "read"
+        raise GridMapError(
+            f"format: expected one that is {done}, {', '.join(usable)}, got {name!r}"
+        )
+    if not fitting:
+        raise _unknown(path, usable.values(), writes=writes)
     given = [*options]
-    for one in found:
-        if {*given} <= {*options_of_format(one)}:
+    takes = [options_of(one.save, 2) if writes else options_of(one.load) for one in fitting]
+    for one, known in zip(fitting, takes, strict=True):
+        if {*given} <= {*known}:
             return one
-    known = options_of_format(found[0])
-    unknown = next(name for name in given if name not in known)
+    unknown = next(option for option in given if option not in takes[0])
     raise GridMapError(
-        f"{path}: {unknown}: expected an option of the format {found[0].name} "
-        f"({', '.join(known) or 'none'}), got {unknown!r}"
+        f"{path}: {unknown}: expected an option of the format {fitting[0].name} "
+        f"({', '.join(takes[0]) or 'none'}), got {unknown!r}"
     )
 
 
-def _unreadable(path: Path) -> GridMapError:
-    if path.exists() or path.suffix:
-        _check_packages(path)
-    if not path.exists():
-        return GridMapError(f"{path}: cannot be read: No such file or directory")
-    known = _listed(one for one in formats().values() if one.load)
-    return GridMapError(f"{path}: expected a file or folder of one of the formats {known}")
-
-
-def _check_packages(path: Path) -> None:
-    """Raise if the format is known, but in a package that is not installed."""
+def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapError:
+    """Return the error that no format fits; the format may be that of a missing package."""
     endings = {".mcap": "bag", ".db3": "bag", ".bt": "octomap", ".ot": "octomap"}
     kind = "bag" if (path / "metadata.yaml").exists() else endings.get(path.suffix.lower())
     if kind is not None and kind not in formats():
         remedy = "build and source this workspace with ROS 2, or pip install it"
-        raise MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
-
-
-def _listed(known: Iterable[Format]) -> str:
-    return ", ".join(f"{one.name} ({' '.join(one.endings) or one.description})" for one in known)
+        return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
+    if not writes and not path.exists():
+        return GridMapError(f"{path}: cannot be read: No such file or directory")
+    known = ", ".join(f"{one.name} ({' '.join(one.endings) or one.description})" for one in usable)
+    expected = "a name" if writes else "a file or folder"
+    return GridMapError(f"{path}: expected {expected} of one of the formats {known}")
 
 
 def _is_ours(path: Path) -> bool:
@@ -314,8 +293,6 @@ BUILT_IN = {
             name="geotiff",
             description="GeoTIFF, one band per layer",
             endings=(".tif", ".tiff"),
-            needs=("rasterio",),
-            install="pip install rasterio",
             load=load_geotiff,
             save=save_geotiff,
             describe=describe_geotiff,
@@ -332,8 +309,6 @@ BUILT_IN = {
             name="pcd",
             description="point cloud of PCL",
             endings=(".pcd",),
-            needs=("pypcd4",),
-            install="pip install pypcd4",
             load=load_cloud,
             describe=describe_cloud,
         ),
@@ -341,8 +316,6 @@ BUILT_IN = {
             name="mesh",
             description="triangle mesh or its vertices",
             endings=(".ply", ".obj", ".stl"),
-            needs=("trimesh",),
-            install="pip install trimesh",
             load=load_cloud,
             describe=describe_cloud,
         ),

@@ -24,11 +24,10 @@ from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._facts import map_facts
+from ._image_files import from_north_up, to_north_up
 from ._npz import storage_errors
 
 _TAG = "GRID_MAP"
-_FRAME = "map"
-"""Layer name of rasters without band names."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Between the sides of a pixel, as part of them."""
@@ -84,7 +83,7 @@ def save_geotiff(
     ):
         raster.update_tags(**{_TAG: json.dumps(tags)})
         for band, name in enumerate(grid_map, 1):
-            raster.write(_to_raster(grid_map.unwrapped(name)), band)
+            raster.write(to_north_up(grid_map.unwrapped(name)), band)
             raster.set_band_description(band, name)
 
 
@@ -154,11 +153,8 @@ def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
 def _empty_map(raster: Any) -> GridMap:
     """Return the map without its layers."""
     tags = _tags(raster)
-    return GridMap.from_geometry(
-        _geometry(raster),
-        frame_id=str(tags.get("frame_id", _FRAME)),
-        timestamp=int(tags.get("timestamp", 0)),
-    )
+    frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
+    return GridMap.from_geometry(_geometry(raster), frame_id=frame_id, timestamp=timestamp)
 
 
 def _basic_layers(raster: Any) -> list[str]:
@@ -217,13 +213,4 @@ def _read_band(raster: Any, band: int) -> npt.NDArray[np.float32]:
     pixels = values.astype(np.float32).filled(np.nan)
     if (scale, offset) != (1.0, 0.0):
         pixels = (pixels * scale + offset).astype(np.float32)
-    return _from_raster(pixels)
-
-
-def _to_raster(layer: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Return a layer in map order as a raster, without a copy."""
-    return layer[::-1, :].T
-
-
-def _from_raster(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    return pixels.T[::-1, :]
+    return from_north_up(pixels)

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from ..conversions._image_arrays import from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..map._grid_map import GridMap
-from ._atomic import new_file
-from ._image_files import encode_image, from_north_up, read_image, to_north_up
+from ..map._layer_names import select_layers
+from ._image_files import from_north_up, read_image, to_north_up, write_image
 from ._npz import storage_errors
 
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
@@ -68,11 +68,13 @@ def load_height_image(
             f"{path}: lower and upper: expected none, got {lower} and {upper}; "
             "an image of floats holds the heights themselves"
         )
-    bounds = {"lower": lower, "upper": upper}
-    place = {"position": position, "frame_id": frame_id}
-    grid_map = from_image(from_north_up(pixels), height_layer, resolution, **bounds, **place)  # type: ignore[arg-type]
-    for name in [layers] if isinstance(layers, str) else layers or ():
-        grid_map[name]  # raises where there is none
+    grid_map = from_image(
+        from_north_up(pixels),
+        *(height_layer, resolution, lower, upper),
+        position=position,
+        frame_id=frame_id,
+    )
+    select_layers(grid_map, layers)  # raises if it asks for another one
     return grid_map
 
 
@@ -119,9 +121,7 @@ def save_height_image(
     has_holes = bits != 32 and bool(np.isnan(grid_map[name]).any())
     image = to_image(grid_map, name, _TYPES[bits], 4 if has_holes else 1, lower, upper)
     with storage_errors(file, "written"):
-        data = encode_image(to_north_up(image), ending)
-        with new_file(file) as temporary:
-            temporary.write_bytes(data)
+        write_image(file, to_north_up(image))
 
 
 def chosen_layer(grid_map: GridMap, layer: str | None, usual: str) -> str:

@@ -9,13 +9,13 @@ In arrays of `grid_map_core_py.conversions`, up is +x, as in the images of the C
 import re
 import struct
 import zlib
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ..conversions._image_arrays import Image
+from ._atomic import new_file
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _PGM_HEAD = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(\d+)\s")
@@ -24,20 +24,27 @@ _PGM_HEAD = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(
 
 def to_north_up(image: Image) -> Image:
     """Return an image in map order (up is +x, left is +y) with +y up and +x to the right."""
-    return np.ascontiguousarray(image.swapaxes(0, 1)[:, ::-1])
+    return image.swapaxes(0, 1)[:, ::-1]
 
 
 def from_north_up(image: Image) -> Image:
     """Return an image with +y up and +x to the right in map order, the inverse of `to_north_up`."""
-    return np.ascontiguousarray(image[:, ::-1].swapaxes(0, 1))
+    return image[:, ::-1].swapaxes(0, 1)
 
 
 def encode_image(image: Image, ending: str) -> bytes:
     """Return the bytes of an image file with the ending, such as ".png"."""
-    done, data = cv2.imencode(ending, image)
+    done, data = cv2.imencode(ending, np.ascontiguousarray(image))
     if not done:
         raise ValueError(f"OpenCV cannot encode this image as {ending}")
     return data.tobytes()
+
+
+def write_image(file: Path, image: Image) -> None:
+    """Write an image to a file, complete or not at all."""
+    data = encode_image(image, file.suffix.lower())
+    with new_file(file) as temporary:
+        temporary.write_bytes(data)
 
 
 def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
@@ -71,24 +78,20 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
 
 
 def _check_png(data: bytes, size: tuple[int, int] | None) -> None:
-    kinds = []
-    for kind, content in _png_chunks(data):
-        kinds.append(kind)
-        width, height = struct.unpack(">II", content[:8]) if kind == b"IHDR" else (0, 0)
-        if kind == b"IHDR" and size is not None and (height, width) != size:
-            rows, columns = size
-            raise ValueError(f"expected {columns} x {rows} pixels, got {width} x {height}")
-    if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:
-        raise ValueError("a PNG image that is cut off")
-
-
-def _png_chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    start = len(_PNG_MAGIC)
+    """Refuse a PNG image that is cut off, damaged or of another size."""
+    kinds, start = [], len(_PNG_MAGIC)
     while start < len(data):
         length, kind = struct.unpack_from(">I4s", data, start)
         content = data[start + 8 : start + 8 + length]
         (checksum,) = struct.unpack_from(">I", data, start + 8 + length)
         if zlib.crc32(content, zlib.crc32(kind)) != checksum:
             raise ValueError("a damaged PNG image: a checksum is wrong")
-        yield kind, content
+        if kind == b"IHDR" and size is not None:
+            width, height = struct.unpack(">II", content[:8])
+            if (height, width) != size:
+                rows, columns = size
+                raise ValueError(f"expected {columns} x {rows} pixels, got {width} x {height}")
+        kinds.append(kind)
         start += 12 + length
+    if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:
+        raise ValueError("a PNG image that is cut off")

@@ -24,7 +24,6 @@ import yaml
 from ..arrays._statistics import max_of_finites, min_of_finites
 from ..conversions._image_arrays import (
     COLOR_LAYER,
-    Image,
     add_color_layer_from_image,
     add_layer_from_image,
     to_color_image,
@@ -84,19 +83,22 @@ def save_images(
     colors, given = {*color_layers}, ranges or {}
     for name in given:
         grid_map[name]  # An unknown name raises here.
-    pictures = [
-        _color_picture(grid_map, name)
-        if name in colors
-        else _value_picture(grid_map, name, bits, given.get(name) or _range(grid_map, name))
-        for name in names
-    ]
-    entries = [
-        {"name": name, "image": file, **mode}
-        for name, file, (mode, _) in zip(names, _file_names(names), pictures, strict=True)
-    ]
+    entries: list[dict[str, Any]] = []
+    images = []
+    for name, file in zip(names, _file_names(names), strict=True):
+        has_holes = bool(np.isnan(grid_map[name]).any())
+        if name in colors:
+            mode: dict[str, Any] = {"mode": "color"}
+            image = to_color_image(grid_map, name, np.uint8, 4 if has_holes else 3)
+        else:
+            lower, upper = map(float, given.get(name) or _range(grid_map, name))
+            mode = {"mode": "values", "lower": lower, "upper": upper}
+            image = to_image(grid_map, name, _DTYPES[bits], 4 if has_holes else 1, lower, upper)
+        entries.append({"name": name, "image": file, **mode})
+        images.append(to_north_up(image))
     target = Path(folder)
     with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
-        for entry, (_, image) in zip(entries, pictures, strict=True):
+        for entry, image in zip(entries, images, strict=True):
             (temporary / entry["image"]).write_bytes(encode_image(image, ".png"))
         (temporary / YAML_NAME).write_text(_document(grid_map, entries), encoding="utf-8")
     return target / YAML_NAME
@@ -133,20 +135,24 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
         )
         entries = {entry["name"]: entry for entry in found["layers"]}
         wanted = select_layers([*entries], layers)
-    for entry in (entries[name] for name in wanted):
+    for name in wanted:
+        entry = entries[name]
         with storage_errors(file, "read"):
             image = file.parent / Path(entry["image"]).name
         with storage_errors(image, "read"):
-            _add(grid_map, entry, read_image(image, grid_map.size[::-1]))
+            pixels, mode = from_north_up(read_image(image, grid_map.size[::-1])), entry["mode"]
+            if mode == "color":
+                add_color_layer_from_image(grid_map, pixels, name)
+            elif mode == "values":
+                add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
+            else:
+                raise ValueError(f"mode: expected 'values' or 'color', got {mode!r}")
     with storage_errors(file, "read"):
         for name in found["basic_layers"]:
             if name not in entries:
                 raise ValueError(f"basic layer {name!r} is not among the layers")
         grid_map.basic_layers = [name for name in found["basic_layers"] if name in grid_map]
     return grid_map
-
-
-# --- images ---------------------------------------------------------------------------------------
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
@@ -158,36 +164,6 @@ def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
     if low == high:
         high = low + np.float32(1) if abs(low) < 1e6 else np.nextafter(low, np.float32(0))
     return float(low), float(high)
-
-
-def _value_picture(
-    grid_map: GridMap, layer: str, bits: int, bounds: tuple[float, float]
-) -> tuple[dict[str, Any], Image]:
-    """Return how to read the image of a layer, and the image."""
-    lower, upper = bounds
-    channels = 4 if np.isnan(grid_map[layer]).any() else 1
-    image = to_image(grid_map, layer, _DTYPES[bits], channels, lower, upper)
-    mode = {"mode": "values", "lower": float(lower), "upper": float(upper)}
-    return mode, to_north_up(image)
-
-
-def _color_picture(grid_map: GridMap, layer: str) -> tuple[dict[str, Any], Image]:
-    channels = 4 if np.isnan(grid_map[layer]).any() else 3
-    image = to_color_image(grid_map, layer, np.uint8, channels)
-    return {"mode": "color"}, to_north_up(image)
-
-
-def _add(grid_map: GridMap, entry: Mapping[str, Any], image: Image) -> None:
-    name, pixels = entry["name"], from_north_up(image)
-    if entry["mode"] == "color":
-        add_color_layer_from_image(grid_map, pixels, name)
-    elif entry["mode"] == "values":
-        add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
-    else:
-        raise ValueError(f"mode {entry['mode']!r} of layer {name!r}, expected 'values' or 'color'")
-
-
-# --- YAML -----------------------------------------------------------------------------------------
 
 
 def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
@@ -234,15 +210,12 @@ def _check_old(folder: Path) -> None:
     """Raise unless a folder is empty or holds only files that `save_images` has written."""
     if not folder.is_dir():
         raise ValueError("it is a file, and the images go to a folder")
-    foreign = {path.name for path in folder.iterdir()} - _written(folder / YAML_NAME)
+    file = folder / YAML_NAME
+    found = part_of_maps(load_yaml(file)) if file.is_file() else None
+    ours = {file.name, *(entry["image"] for entry in found["layers"])} if found else set()
+    foreign = {path.name for path in folder.iterdir()} - ours
     if foreign:
         raise ValueError(f"it holds {min(foreign)}, which is no part of a saved map")
-
-
-def _written(file: Path) -> set[str]:
-    """Return the names of all files that `save_images` wrote with a YAML file, if it did."""
-    found = part_of_maps(load_yaml(file)) if file.is_file() else None
-    return {file.name, *(entry["image"] for entry in found["layers"])} if found else set()
 
 
 def part_of_maps(document: Any) -> Mapping[str, Any] | None:

@@ -30,9 +30,10 @@ from ..conversions._image_arrays import Image
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._height_image import chosen_layer
-from ._image_files import encode_image, from_north_up, read_image, to_north_up
+from ._image_files import from_north_up, read_image, to_north_up, write_image
 from ._npz import storage_errors
 from ._yaml_files import load_yaml
 
@@ -83,8 +84,7 @@ def load_map_server(
         geometry = GridGeometry.from_size(size, resolution, position)
         layer = {occupancy_layer: from_north_up(occupancy)}
         grid_map = GridMap.from_geometry(geometry, layer, frame_id=frame_id)
-    for name in [layers] if isinstance(layers, str) else layers or ():
-        grid_map[name]  # raises where there is none
+    select_layers(grid_map, layers)  # raises if it asks for another one
     return grid_map
 
 
@@ -146,9 +146,7 @@ def save_map_server(
             "occupied_thresh": occupied,
             "free_thresh": free,
         }
-        data = encode_image(image, ending)
-        with new_file(target) as temporary:
-            temporary.write_bytes(data)
+        write_image(target, image)
         with new_file(file) as temporary:
             temporary.write_text(yaml.safe_dump(document, sort_keys=False), encoding="utf-8")
         if old is not None:

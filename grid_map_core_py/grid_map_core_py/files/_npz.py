@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Layer, Size
+from ..arrays._checks import Layer
 from ..errors import GridMapError, LayerNotFoundError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -56,7 +56,18 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
     for name in grid_map:
         _check_name(name)
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}
-    arrays[_METADATA] = np.array(json.dumps(_metadata(grid_map)))
+    metadata = {
+        "format": FORMAT,
+        "version": VERSION,
+        "size": grid_map.size,
+        "resolution": grid_map.resolution,
+        "position": grid_map.position.tolist(),
+        "frame_id": grid_map.frame_id,
+        "timestamp": grid_map.timestamp,
+        "layers": grid_map.layers,
+        "basic_layers": grid_map.basic_layers,
+    }
+    arrays[_METADATA] = np.array(json.dumps(metadata))
     save = np.savez_compressed if compress else np.savez
     with (
         storage_errors(Path(path), "written"),
@@ -79,26 +90,46 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
         GridMapError: the file is missing, damaged, or not of this format.
         LayerNotFoundError: it lacks a layer.
     """
-    file = Path(path)
-    with storage_errors(file, "read"), zipfile.ZipFile(file) as archive:
-        _check_sizes(archive, file.stat().st_size)
-        metadata = _read_metadata(archive)
-        grid_map = _empty_map(metadata)
-        names = [_text(name) for name in metadata["layers"]]
-        wanted = select_layers(names, layers)
-        found = {name: _read_layer(archive, name, grid_map.size) for name in wanted}
+    with _opened(path) as (archive, metadata, grid_map):
+        wanted = select_layers(metadata["layers"], layers)
+        found: dict[str, Layer] = {
+            name: _read_array(
+                archive,
+                _LAYERS + name,
+                lambda dtype, shape: dtype == np.float32 and shape == grid_map.size,
+            )
+            for name in wanted
+        }
         grid_map = grid_map.with_layers(found)
         grid_map.basic_layers = [name for name in metadata["basic_layers"] if name in found]
-    return grid_map
+        return grid_map
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
     """Return the facts about the map of a file without reading a layer."""
-    grid_map = load_npz(path, layers=())
-    # Now it is sure that the file is one of maps.
-    with np.load(path) as archive:
-        metadata = json.loads(str(archive[_METADATA]))
-    return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
+    with _opened(path) as (_, metadata, grid_map):
+        return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
+
+
+@contextmanager
+def _opened(
+    path: str | PathLike[str],
+) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any], GridMap]]:
+    """Open a file; yield its archive, its metadata, and the map without layers."""
+    file = Path(path)
+    with storage_errors(file, "read"), zipfile.ZipFile(file) as archive:
+        _check_sizes(archive, file.stat().st_size)
+        metadata = _read_metadata(archive)
+        rows, columns = metadata["size"]
+        geometry = GridGeometry.from_size(
+            (rows, columns), metadata["resolution"], metadata["position"]
+        )
+        frame_id, timestamp = metadata["frame_id"], metadata["timestamp"]
+        yield (
+            archive,
+            metadata,
+            GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
+        )
 
 
 @contextmanager
@@ -115,20 +146,6 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         missing = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         text = " ".join(missing.split()) or type(error).__name__
         raise GridMapError(f"{file}: cannot be {doing}: {text}") from error
-
-
-def _metadata(grid_map: GridMap) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "size": grid_map.size,
-        "resolution": grid_map.resolution,
-        "position": grid_map.position.tolist(),
-        "frame_id": grid_map.frame_id,
-        "timestamp": grid_map.timestamp,
-        "layers": grid_map.layers,
-        "basic_layers": grid_map.basic_layers,
-    }
 
 
 def _check_name(name: str) -> None:
@@ -163,28 +180,10 @@ def _read_metadata(archive: zipfile.ZipFile) -> dict[str, Any]:
         raise ValueError("no file of a map: 'metadata' has another format")
     if metadata.get("version") != VERSION:
         raise ValueError(f"version {metadata.get('version')!r}, only {VERSION} is known")
+    for name in metadata["layers"]:
+        if not isinstance(name, str):
+            raise ValueError(f"expected the name of a layer, got {name!r}")
     return metadata
-
-
-def _empty_map(metadata: dict[str, Any]) -> GridMap:
-    rows, columns = metadata["size"]
-    geometry = GridGeometry.from_size((rows, columns), metadata["resolution"], metadata["position"])
-    return GridMap.from_geometry(
-        geometry, frame_id=metadata["frame_id"], timestamp=metadata["timestamp"]
-    )
-
-
-def _text(name: object) -> str:
-    if not isinstance(name, str):
-        raise ValueError(f"expected the name of a layer, got {name!r}")
-    return name
-
-
-def _read_layer(archive: zipfile.ZipFile, name: str, size: Size) -> Layer:
-    layer: Layer = _read_array(
-        archive, _LAYERS + name, lambda dtype, shape: dtype == np.float32 and shape == size
-    )
-    return layer
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, is_expected: Any) -> npt.NDArray[Any]:

@@ -59,7 +59,6 @@ def run(options: argparse.Namespace) -> int:
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
     with open_records(options, destination) as records, ExitStack() as stack:
-        destination.usual_topic = "/filtered_map"
         is_long = len(records) > 1 and not options.quiet
         progress = stack.enter_context(ProgressBar()) if is_long else None
 
