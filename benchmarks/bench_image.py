@@ -31,5 +31,5 @@ def test_change_resolution(measure, cells):
     elevation = grid_map["elevation"]
     quarters = np.stack([elevation[row::2, column::2] for row in (0, 1) for column in (0, 1)])
     whole = np.isfinite(quarters).all(axis=0)
-    # A cell is the mean of the four that it covers, but for the curvature.
+    # Except for curvature, a cell is the mean of the four cells that it covers.
     np.testing.assert_allclose(result[whole], quarters.mean(axis=0)[whole], atol=0.02)

@@ -15,7 +15,7 @@ ROWS = {
     Interpolation.CUBIC_CONVOLUTION: "cubic_conv",
     Interpolation.CUBIC: "cubic",
 }
-# What half a cell, or the curvature of the steepest waves within a cell, makes of the terrain.
+# Error bounds: half a cell of slope, and the curvature of the steepest waves within a cell.
 ERRORS = {Interpolation.NEAREST: 0.03, Interpolation.LINEAR: 2e-3}
 
 

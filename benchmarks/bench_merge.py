@@ -28,7 +28,7 @@ def test_add_data_from(measure, cells, extend):
     quarter, eighth = cells // 4, cells // 8
     assert result.size == ((cells + quarter, cells + eighth) if extend else (cells, cells))
     before, added = grid_map["elevation"], other["elevation"]
-    # The other map begins with as many rows and columns that only it has.
+    # Number of rows and columns at the start of the other map that only it covers.
     after = result["elevation"][-cells:, -cells:]
     overlap = added[quarter:, eighth:]
     expected = before.copy()
@@ -60,7 +60,7 @@ def test_transformed_map(measure, cells, ratio):
         cells, heights = landed(grid_map, transform, step * ratio * grid_map.resolution, result)
         np.maximum.at(highest, cells, heights)
     highest[np.isinf(highest)] = np.nan
-    # Sums that round otherwise may put a point on the other side of a border.
+    # Differently rounded sums may put a point on the other side of a border.
     equal = np.isclose(result["elevation"], highest, equal_nan=True)
     assert equal.mean() > 0.9999
 

@@ -14,7 +14,7 @@ RESULTS = pytest.StashKey[list[Result]]()
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[RESULTS] = []
-    # Its table knows no C++; --benchmark-verbose shows it all the same.
+    # The default table has no C++ column; --benchmark-verbose still shows the default table.
     config.option.benchmark_quiet = True
 
 

@@ -41,7 +41,7 @@ html_title = project
 html_copy_source = False
 
 myst_heading_anchors = 4
-# A code host shows folders; the site does not.
+# GitHub can show a folder as a page; the site cannot.
 nitpick_ignore_regex = [("myst", r".*/")]
 
 OVERVIEWS = {
@@ -89,7 +89,7 @@ def public_names(module: ModuleType) -> list[str]:
     """Return the names that a package, a room or a module exports."""
     names = list(getattr(module, "__all__", ()))
     for name in names:
-        # Autodoc overlooks names that are loaded on first use.
+        # Autodoc does not see names that are loaded on first use.
         setattr(module, name, getattr(module, name))
     return names
 

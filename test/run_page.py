@@ -20,7 +20,7 @@ from typing import Any
 
 
 def run_python(name: str, line: int, text: str, namespace: dict[str, Any]) -> str:
-    # Lines before the block give its own their numbers on the page.
+    # Empty lines before the block, so that tracebacks show line numbers of the page.
     code = compile("\n" * line + text, name, "exec")
     with contextlib.redirect_stdout(io.StringIO()) as output:
         exec(code, namespace)  # noqa: S102

@@ -126,11 +126,11 @@ def test_page_runs_and_prints_its_announced_output(any_page, tmp_path):
 def test_a_python_program_works(block, tmp_path):
     path = tmp_path / "program.py"
     path.write_text(block.text)
-    # One who waits for its output has also waited until the source was ready to be interrupted.
+    # Once its output has arrived, the source is also ready to be interrupted.
     source = source_of_maps() if block.until else nullcontext()
     with source, peer() as listener:
         known = {*listener.node.get_node_names()}
-        # How a program ends is up to rclpy, unless it uses our `spin`, which has tests of its own.
+        # rclpy decides how a program ends, unless it uses our `spin`, which has its own tests.
         process = Process([sys.executable, str(path)])
         try:
             if block.until:
@@ -196,7 +196,7 @@ ENDLESS = [
 FINITE = {script for script, topic in SCRIPTS.items() if not topic}
 
 
-# Four at a time, as most of the time they only start or wait.
+# Four at a time, because they mostly start or wait.
 @pytest.mark.parametrize("group", [ENDLESS[k : k + 4] for k in range(0, len(ENDLESS), 4)])
 def test_commands_publish_until_they_are_interrupted(group):
     with ExitStack() as stack:
@@ -208,7 +208,7 @@ def test_commands_publish_until_they_are_interrupted(group):
 def delivers(script: str, topic: str) -> Iterator[None]:
     """Start a command in a domain of its own; at the end its topic must bring a message."""
     domain, lock = reserve_domain()
-    # Two sources of maps would be taken for each other.
+    # Maps of two sources at once would be mixed up.
     source = nullcontext() if topic == "/grid_map" else source_of_maps(domain)
     command = ["bash", "-c", f"cd {ROOT} && {script}"]
     with lock, source, peer(domain) as listener, running(Process(command, environment(domain))):
@@ -329,7 +329,7 @@ def test_files_that_are_named_exist(any_page):
     )
     files = FILES + [f"/{block.file}" for block in any_page.blocks if block.file]
     for name in names:
-        # Those of `~/.ros` are defaults of parameters.
+        # Paths in `~/.ros` are defaults of parameters.
         written = name.startswith(("demo_output/", "ros/"))
         assert written or any(file.endswith(f"/{name.lstrip('/')}") for file in files), name
 

@@ -44,7 +44,7 @@ INTERFACES = {
     },
 }
 
-# Only what Python needs: with all generators it would take twice as long.
+# Only the Python generators: all generators would take twice as long.
 CMAKE = """
 cmake_minimum_required(VERSION 3.8)
 project({name})
@@ -208,7 +208,7 @@ def test_the_node_converts_the_octomaps_of_a_topic(with_messages, expected, dura
         listener.listen("/grid_map", GridMapMessage)
         assert_maps_equal(from_message(listener.expect("/grid_map")), expected)
         if durability == "volatile":
-            # Broken ones come in between; the node goes on.
+            # Broken messages arrive in between; the node continues.
             text = "cannot use the octomap: data: expected 1 more nodes of the tree"
             listener.wait_until(lambda: text in process.text, "a warning")
             listener.expect("/grid_map", len(listener.received["/grid_map"]) + 1)

@@ -16,7 +16,7 @@ from pages import page, table
 
 from scratch import BASE_PYTHON, PYTHON_PACKAGES, ROOT, fresh_environment, run
 
-pytestmark = pytest.mark.timeout(600)  # for downloads on a busy machine
+pytestmark = pytest.mark.timeout(600)  # allows for downloads on a busy machine
 
 NAMES = [package.name for package in PYTHON_PACKAGES]
 LIBRARIES = {

@@ -45,7 +45,7 @@ def names_not_exported(source: str, package: str) -> list[str]:
 def is_module(name: str) -> bool:
     try:
         return importlib.util.find_spec(name) is not None
-    except ModuleNotFoundError:  # its parent is a module, no package
+    except ModuleNotFoundError:  # its parent is a module, not a package
         return False
 
 

@@ -158,7 +158,7 @@ def _add_to_ros(outer: Mapping[str, str]) -> None:
     if not missing:
         return
     held = VENV / "installed-with-ros.txt"
-    # pip refuses whole files for one version that is not plain, as Debian's sometimes are not.
+    # pip rejects the whole file for one version with a local suffix, as Debian's may have.
     plain = re.compile(r"[\w.-]+==\d+(\.\d+)*")
     lines = [f"{name}=={version}" for name, version in installed.items()]
     held.write_text("\n".join(filter(plain.fullmatch, lines)))
@@ -173,7 +173,7 @@ def _pins_of(names: Iterable[str]) -> list[str]:
 
 def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
     """Return what to build in, and with `install/local_setup.*` on top what to run in."""
-    if ros:  # What ROS brings comes first, ours fills the gaps.
+    if ros:  # Packages of ROS come first; ours fill the gaps.
         ours = {
             "PATH": _path_list(outer.get("PATH"), VENV / "bin"),
             "PYTHONPATH": _path_list(outer.get("PYTHONPATH"), SITE_PACKAGES),

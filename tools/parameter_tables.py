@@ -95,7 +95,7 @@ def attributes(cls: type) -> dict[str, str]:
         for names, text in re.findall(
             r"^    (\w[\w, ]*): (.*(?:\n {8}.*)*)", section[0] if section else "", re.MULTILINE
         ):
-            # Docstrings quote values, pages set them as code.
+            # Docstrings put values in quotes, pages format them as code.
             plain = re.sub(r'"([\w/]+)"', r"`\1`", " ".join(text.split()).rstrip("."))
             found |= dict.fromkeys(names.split(", "), plain)
     return found
@@ -157,13 +157,13 @@ def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:
         with contextlib.redirect_stdout(io.StringIO()):
             create_node().destroy_node()
     except MissingPackageError:
-        pass  # A node looks for what it can do without only after all its parameters.
+        pass  # A node imports its optional packages only after it has declared all parameters.
     finally:
         rclpy.shutdown()
     return 0
 
 
-# --- what stands in the tables --------------------------------------------------------------------
+# --- cells of the tables --------------------------------------------------------------------------
 
 
 def kind(hint: Any) -> str:
@@ -218,10 +218,12 @@ def outdated(pages: Sequence[Path]) -> Iterator[tuple[Path, str]]:
 def main() -> int:
     """Write or check the tables; return the exit code."""
     parser = argparse.ArgumentParser(description="Write the tables of parameters, from the code.")
-    parser.add_argument("--check", action="store_true", help="write nothing")
-    parser.add_argument("pages", type=Path, nargs="*", help="all of docs/ by default")
+    parser.add_argument(
+        "--check", action="store_true", help="report outdated tables, write nothing"
+    )
+    parser.add_argument("pages", type=Path, nargs="*", help="pages (default: all of docs/)")
     options = parser.parse_args()
-    # The nodes are for themselves.
+    # Nodes must not discover others.
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
     differing = list(outdated(options.pages or sorted((ROOT / "docs").rglob("*.md"))))
     for page, text in differing:

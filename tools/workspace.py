@@ -44,7 +44,7 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
         return
     BUILT.parent.mkdir(exist_ok=True)
     write_atomically(BUILT, json.dumps(current))
-    # From scratch, because colcon leaves installed what has gone from the sources.
+    # From scratch, because colcon does not uninstall files that the sources no longer contain.
     for name in (wanted | built).keys() - current.keys():
         shutil.rmtree(ROOT / "build" / name, ignore_errors=True)
         shutil.rmtree(ROOT / "install" / name, ignore_errors=True)
@@ -119,6 +119,6 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     exit_code = main(sys.argv[1:])
-    # From here on there is nothing to interrupt.
+    # From here on no process is left to interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(exit_code)

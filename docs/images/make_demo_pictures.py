@@ -75,7 +75,7 @@ def move_demo() -> Figure:
     figure, axes = new_figure(1, 3, (9.0, 2.9))
     grid_map = move.make_map()
     x, y = grid_map.axes()
-    # Instead of noise, a pattern whose motion is visible.
+    # A regular pattern instead of noise, so that motion is visible.
     grid_map["layer"] = np.sin(12.0 * np.hypot(x[:, None] - 0.1, y))
     moved, carried = grid_map.copy(), grid_map.copy()
     moved.move((0.2, 0.1))
@@ -156,7 +156,7 @@ def normal_filter_comparison_demo() -> Figure:
     comparison.disturb(grid_map, 0.015, 0.0, np.random.default_rng(1))
     grid_map = FilterChain.from_config(comparison.FILTERS)(grid_map)
     comparison.add_errors(grid_map)
-    # A part is enough: nothing compresses less than noise.
+    # A part of the picture is enough; noise would make the whole file large.
     grid_map = grid_map.get_submap((0.6, 0.0), (1.0, 1.2))
     figure, axes = new_figure(1, 3, (7.0, 2.5))
     draw(grid_map, "elevation_noisy", axes[0], "elevation_noisy", limits=(-0.3, 0.2))

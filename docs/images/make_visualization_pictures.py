@@ -74,7 +74,7 @@ def draw_occupancy_grid(axes: Axes, message: OccupancyGrid) -> None:
     info = message.info
     cells = np.array(message.data, np.float64).reshape(info.height, info.width)
     shown = np.where(cells < 0, np.nan, cells)
-    axes.set_facecolor((0.44, 0.54, 0.53))  # what RViz shows for unknown
+    axes.set_facecolor((0.44, 0.54, 0.53))  # RViz's color for unknown cells
     axes.imshow(shown, cmap="gray_r", origin="lower", vmin=0, vmax=100, interpolation="nearest")
 
 

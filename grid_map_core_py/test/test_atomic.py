@@ -214,7 +214,7 @@ def test_folder_made_by_another_process_meanwhile_is_replaced(tmp_path):
             folder.mkdir()
             (folder / "theirs").touch()
 
-    # What listens to such events does so as long as its process lives.
+    # An audit hook cannot be removed; it stays until its process ends.
     child = os.fork()
     if child == 0:
         ended_well = False

@@ -86,7 +86,7 @@ def test_block_is_cut_off_at_the_border(grid_map, size, data):
     seen[first[0] : first[0] + size[0], first[1] : first[1] + size[1]] = True
     start_index = (np.add(first, grid_map.start_index) % grid_map.size).tolist()
     cells = submap_cells(grid_map, start_index, size)
-    # Row after row of the map, which is the order of `argwhere`.
+    # Row by row in map order, like `np.argwhere`.
     in_world = (np.array(pairs(cells)).reshape(-1, 2) - grid_map.start_index) % grid_map.size
     np.testing.assert_array_equal(in_world, np.argwhere(seen))
     np.testing.assert_array_equal(grid_map["elevation"][cells], world["elevation"][seen])
@@ -188,7 +188,7 @@ def spiral_by_hand(grid_map, center, radius):
 def test_spiral_cells_are_the_disc_sorted_from_the_inside_out(grid_map, fraction, cells):
     center, radius = point(grid_map, fraction), cells * grid_map.resolution
     steps = (grid_map.geometry.corner - center) / grid_map.resolution
-    # Beyond the map, the cell of a position on the border of two is a matter of rounding.
+    # Outside of the map, rounding decides the cell of a position on a cell border.
     assume(grid_map.is_inside(center) or (np.abs(steps - np.round(steps)) > 1e-6).all())
     found = pairs(spiral_cells(grid_map, center, radius))
     assert found == spiral_by_hand(grid_map, center, radius)
@@ -286,7 +286,7 @@ def test_polygon_cells_take_vertices_too():
     assert pairs(cells) == [[1, 1], [1, 2], [2, 1], [2, 2]]
 
 
-# What holds for all shapes
+# Properties of all shapes
 
 
 SHAPES = {

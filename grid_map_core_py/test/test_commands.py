@@ -302,7 +302,7 @@ def test_control_characters_in_names_are_escaped(command):
         assert "\\x1b[31mred" in text
 
 
-# --- being a good program -------------------------------------------------------------------------
+# --- pipes and exit codes -------------------------------------------------------------------------
 
 
 def test_a_closed_pipe_ends_it_silently(files):
@@ -335,7 +335,7 @@ def test_a_signal_ends_it_without_traceback_or_remains(number, tmp_path):
     with subprocess.Popen(command, env=environ, **pipes) as process:
         process.stdin.write(bytes(10**6))
         process.stdin.flush()
-        # It copies standard input to a file.
+        # The command copies standard input to a file first.
         while not any(path.stat().st_size for path in tmp_path.glob("standard-input-*")):
             assert process.poll() is None
         process.send_signal(number)

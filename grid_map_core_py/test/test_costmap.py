@@ -108,7 +108,7 @@ def test_a_value_becomes_the_nearest_cost(table):
     values = table.to_values(ALL_COSTS[:255]).astype(np.float64)
     queries = np.random.default_rng(1).uniform(values[0] - 1, values[-1] + 1, 2000)
     nearest = np.abs(queries[:, None] - values).argmin(axis=1)
-    # In the middle between two costs rounding decides.
+    # Halfway between two costs, rounding decides.
     distances = np.abs(queries[:, None] - values)
     costs = table.to_costs(queries)
     rows = np.arange(queries.size)
@@ -178,7 +178,7 @@ def test_a_costmap_begins_at_the_smallest_x_and_y():
     grid_map["cost"][grid_map.get_index((11.9, 19.1))] = 100
     costmap = to_costmap(grid_map, "cost", CENTURY)
     assert (costmap.origin_x, costmap.origin_y) == (9.0, 19.0)
-    column, row = 2, 0  # as PyCostmap2D counts: x, y from the origin
+    column, row = 2, 0  # in PyCostmap2D's order: x, y from the origin
     assert costmap.costmap[row * costmap.size_x + column] == 254
     assert np.count_nonzero(costmap.costmap) == 1
 

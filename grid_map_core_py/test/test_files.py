@@ -11,7 +11,7 @@ from grid_map_core_py import GridMapError, color_value_to_vector
 from grid_map_core_py.conversions import from_mesh, from_points
 from grid_map_core_py.files import load_mesh, load_points
 
-# A ROS machine need not have them: no rosdep key leads to them. `make test` installs both.
+# Optional under ROS, because rosdep has no key for them; `make test` installs both.
 pytest.importorskip("pypcd4")
 pytest.importorskip("trimesh")
 

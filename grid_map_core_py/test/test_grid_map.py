@@ -364,7 +364,7 @@ class TestMove:
         grid_map.move(home)
         np.testing.assert_allclose(grid_map.position, home, atol=1e-9)
         after, expected = grid_map.unwrapped("elevation"), before.unwrapped("elevation").copy()
-        # Moving towards +x drops the rows at the end, towards -x those at the beginning; y alike.
+        # A move towards +x drops the last rows, towards -x the first; y likewise.
         i, j = np.indices(expected.shape)
         n, m = expected.shape
         stayed = (i < n - rows) & (i >= -rows) & (j < m - columns) & (j >= -columns)

@@ -79,7 +79,7 @@ def test_only_the_wanted_layers_are_written(tmp_path):
     assert (loaded.layers, loaded.basic_layers) == (("c", "b"), ("b",))
 
 
-# --- what map_server sees -------------------------------------------------------------------------
+# --- as read by map_server ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("start_index", [(0, 0), (2, 1)])
@@ -104,7 +104,7 @@ def test_map_server_sees_occupancies_and_unknown_cells(tmp_path):
     path = save_images(grid_map, tmp_path / "images")
     document = yaml.safe_load(path.read_text())
     image = cv2.imread(str(path.parent / document["image"]), cv2.IMREAD_UNCHANGED)
-    # As nav2_map_server computes them in mode scale.
+    # computed like nav2_map_server in mode `scale`
     shade = image[0, :, 0] / 65535
     occupancy = shade if document["negate"] else 1 - shade
     free, occupied = document["free_thresh"], document["occupied_thresh"]

@@ -49,7 +49,7 @@ class Oracle:
         result = []
         for x, cell, axis in zip(position, self.cell_at(position), self.axes, strict=True):
             t = (x - axis[cell]) / self.grid_map.resolution
-            # A bicubic square is closed where the squares of the other methods are open.
+            # Bicubic squares include the borders that the squares of the other methods exclude.
             above = x > axis[cell] if method is CUBIC else x >= axis[cell]
             result.append((cell, t) if above else (cell + 1, t + 1.0))
         return result
@@ -207,7 +207,7 @@ def test_values_and_stages_equal_cpp_where_it_reads_right_cells(method):
             if grid_map.is_inside(position) and cpp.is_right(position, method):
                 found = grid_map.at_position(layer, position, method)
                 assert same(found, value, 1e-6), (name, position)
-                # Whatever gives our value has the value of that stage of C++.
+                # The method that gave our value also gives the C++ value of that stage.
                 assert same(found, oracle.stage(position, Interpolation(stage)), 1e-9)
                 assert oracle.chain(position, method)[0] is Interpolation(stage)
                 compared += 1
@@ -405,7 +405,7 @@ def test_values_along_a_line_equal_computation_by_hand(axis, method, coordinate,
         (CUBIC, -2.25, 10.0),
         (LINEAR, -1.25, 4.0),
         (CUBIC, -1.25, 4.0),
-        # The weight of the missing cell is zero here, but the method needs it all the same.
+        # The missing cell has weight 0 here, but the method still requires it.
         (CUBIC_CONVOLUTION, -2.0, 8.0),
         (LINEAR, -1.0, 4.0),
     ],

@@ -81,7 +81,7 @@ def test_a_line_between_cells_is_connected_straight_and_complete(grid_map, data)
     centers = grid_map.get_positions(cells) / grid_map.resolution
     steps = np.abs(np.diff(centers, axis=0))
     if start != end:
-        # One step along the longer axis per cell, and never more than half a cell off the line.
+        # One cell per step along the longer axis, at most half a cell beside the line.
         along = np.abs(centers[-1] - centers[0])
         np.testing.assert_allclose(steps[:, along.argmax()], 1.0)
         assert (steps < 1.001).all()

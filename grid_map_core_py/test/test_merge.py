@@ -104,7 +104,7 @@ class TestExtendToInclude:
         compared = 0
         for case in self.CASES:
             expected = golden.to_map(case["result"])
-            # C++ often leaves a part of the other map out; see the next test.
+            # C++ often omits a part of the other map; see the next test.
             if covers(expected, self.other(case)):
                 grown = self.run(case)
                 assert_maps_equal(grown, expected)
@@ -194,7 +194,7 @@ class TestAddDataFrom:
         return {**{key: case[key] for key in ("extend_map", "overwrite_data")}, "layers": layers}
 
     def is_wrong_in_cpp(self, case):
-        # C++ asks the basic layers whether it may overwrite, and grows as in the class above.
+        # C++ decides by the basic layers which cells to overwrite, and grows as in the class above.
         overwrites = not case["overwrite_data"] and not case["map"]["basic_layers"]
         result, other = golden.to_map(case["result"]), golden.to_map(case["other"])
         return overwrites or (case["extend_map"] and not covers(result, other))

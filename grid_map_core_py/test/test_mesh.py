@@ -41,7 +41,7 @@ def height_at(point, corners) -> float | None:
 def meshes(draw):
     """A map, and triangles whose corners are at or between its cell centers, or anywhere near."""
     grid_map = draw(grid_maps(max_side=7))
-    # Quarters of cells: the oracle and we agree on whether a center is on an edge.
+    # Quarters of cells are exact, so that both agree on centers that lie on an edge.
     quarters = arrays.arrays(np.int64, (draw(st.integers(3, 9)), 2), elements=st.integers(-8, 36))
     corner = grid_map.geometry.corner - 0.5 * grid_map.resolution
     xy = corner - 0.25 * grid_map.resolution * draw(quarters)
@@ -193,7 +193,7 @@ def test_the_input_is_not_changed_and_other_layers_are_shared():
     assert result["elevation"].flags.f_contiguous
 
 
-# Maps made to fit
+# Maps fitted to meshes
 
 
 @pytest.mark.parametrize("resolution", [0.1, 0.3, 1.0, 5.0])

@@ -111,7 +111,7 @@ def test_arrays_of_any_shape_pack_like_single_colors(shape, dtype):
     values = color_vector_to_value(rgb)
     assert values.shape == shape[:-1]
     singles = [bits(color_vector_to_value(color.tolist())) for color in rgb.reshape(-1, 3)]
-    if dtype != np.float32:  # a list of its numbers would be packed in double precision
+    if dtype != np.float32:  # a list would be packed in double precision
         assert np.ravel(bits(values)).tolist() == singles
     assert color_value_to_vector(values).shape == shape
 

@@ -234,7 +234,7 @@ def test_colors_have_no_order(reduction):
         )
 
 
-# Maps made to fit
+# Maps fitted to clouds
 
 
 @given(

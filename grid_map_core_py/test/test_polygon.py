@@ -287,7 +287,7 @@ def test_triangles_of_a_convex_polygon_add_up_to_it(vertices):
         assert sum(triangle.area for triangle in triangles) == pytest.approx(hull.area)
 
 
-# Single facts
+# Single cases
 
 
 def test_edges_on_the_left_and_below_belong_to_a_polygon():

@@ -41,8 +41,8 @@ def test_terminal_shows_one_line_that_is_overwritten():
             bar(done, 100)
     assert terminal.getvalue().count("\n") == 1
     shown = terminal.getvalue().rstrip("\n").split("\r")
-    # At most ten in a second; the last state is always shown.
+    # At most ten updates per second; the last state is always shown.
     assert 45 <= len(shown) <= 55
     assert shown[-1].strip() == f"[{'#' * 30}] 100/100 maps, 16.0 maps/s"
-    # What was longer before is wiped out.
+    # Spaces overwrite the rest of the longer line.
     assert all(len(after) >= len(before.rstrip()) for before, after in pairwise(shown))

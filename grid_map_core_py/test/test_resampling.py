@@ -107,7 +107,7 @@ def test_layers_with_holes_equal_cpp_away_from_holes():
         if case["cv_interpolation"] == cv2.INTER_NEAREST:
             clean = np.ones(expected.shape, dtype=bool)
         else:
-            # C++ takes holes for the lowest value, which shows in all cells that a kernel reaches.
+            # C++ replaces holes by the lowest value, which changes all cells within the kernel.
             clean = ~near_holes(description, case)[:rows, :columns]
         source = golden.matrix(description["layers"]["elevation"])
         values = np.clip(values, np.nanmin(source), np.nanmax(source))
@@ -159,7 +159,7 @@ def kernel(center: np.ndarray) -> tuple[slice, slice]:
     return rows, columns
 
 
-# --- what the numbers mean ------------------------------------------------------------------------
+# --- properties ---------------------------------------------------------------------------------
 
 
 @INTERPOLATIONS
@@ -187,7 +187,7 @@ def test_a_cell_is_missing_where_its_nearest_cell_is(flag, resolution):
     found = np.isnan(change_resolution(grid_map, resolution, flag)["elevation"])
     for row, column in np.ndindex(*found.shape):
         center = (np.array([row, column]) + 0.5) * resolution / 0.05 - 0.5
-        # Half-way between two cells either is the nearest.
+        # Halfway between two cells, either one may be the nearest.
         candidates = {
             tuple(np.clip(np.rint(center + nudge).astype(int), 0, (23, 30)))
             for nudge in (-1e-6, 1e-6)
@@ -219,7 +219,7 @@ def test_holes_do_not_bleed(flag, resolution):
     result = change_resolution(grid_map, resolution, flag)
     level = result["level"]
     np.testing.assert_allclose(level[np.isfinite(level)], 1e3, rtol=1e-5)
-    # Infinities stay where they are.
+    # Infinities do not spread.
     np.testing.assert_array_equal(result["infinite"] == np.inf, np.isnan(level))
     infinite = result["infinite"]
     np.testing.assert_allclose(infinite[np.isfinite(infinite)], 1e3, rtol=1e-5)

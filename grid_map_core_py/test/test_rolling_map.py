@@ -144,7 +144,7 @@ def test_limited_mean_follows_new_points() -> None:
     rolling = RollingMap(GridGeometry(np.array([1.0, 1.0]), 1.0), fusion="mean", max_count=10)
     for height in [0.0] * 100 + [1.0] * 10:
         rolling.fuse([(0, 0, height)])
-    # Each of the last ten leaves ten elevenths of what the past says.
+    # Each of the last ten updates keeps 10/11 of the previous value.
     assert rolling.grid_map["elevation"].item() == pytest.approx(1 - (10 / 11) ** 10, rel=1e-5)
     assert rolling.grid_map["count"].item() == 11
 

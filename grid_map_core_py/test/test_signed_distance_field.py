@@ -228,7 +228,7 @@ def test_nodes_equal_cpp_if_nearest_point_is_not_oblique():
                 np.testing.assert_allclose(cpp[number], ours[number], **ROUND_OFF)
                 compared += 1
             else:
-                # C++ looks along the level and along the column only, so it finds a point further.
+                # C++ searches along level and column only, and gets larger distances.
                 assert abs(cpp[number]) > abs(ours[number])
                 oblique += 1
     assert (compared, oblique) == (753, 151)

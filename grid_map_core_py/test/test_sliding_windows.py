@@ -78,7 +78,7 @@ def test_windows_are_slices_of_the_world(edges, grid_map, size):
     assert [index for index, _ in found] == [index for index, _ in expected]
     for (_, values), (_, wanted) in zip(found, expected, strict=True):
         assert values.dtype == np.float32
-        # Values of 1000 that cancel out leave what double precision rounds off.
+        # Values near 1000 that cancel out leave the rounding error of double precision.
         np.testing.assert_allclose(values, wanted, rtol=1e-6, atol=1e-9)
 
 

@@ -54,7 +54,7 @@ def test_reductions_equal_cpp():
     for case in compared:
         values = np.array(case["matrix"], dtype=np.float32)
         for name, function in FUNCTIONS.items():
-            # C++ adds up in float32.
+            # C++ sums in float32.
             tolerance = 1e-5 if name in ("sumOfFinites", "meanOfFinites") else 0
             expected = np.float32(case[name])
             np.testing.assert_allclose(function(values), expected, tolerance, err_msg=name)
@@ -83,7 +83,7 @@ def test_elementwise_functions_equal_numpy():
 @given(arrays(st.sampled_from([np.float32, np.float64]), array_shapes(), elements=anything))
 def test_reductions_skip_values_that_are_not_finite(values):
     expected = oracle(values)
-    # The sum of large numbers of both signs is as exact as its largest addends.
+    # A sum of large numbers of both signs has the rounding error of its largest terms.
     finite = values[np.isfinite(values)].astype(np.float64)
     error = 1e-12 * np.abs(finite).sum()
     for name, function in FUNCTIONS.items():

@@ -15,7 +15,7 @@ from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFound
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 
 GOLDEN = golden.load("transformed_map")
-# Not 0.5: such points are on the borders of cells, where rounding decides which side they are on.
+# Not 0.5: such points lie on cell borders, where rounding decides the cell.
 RATIOS = st.sampled_from([0.0, 0.2, 0.25, 0.45, 1.3, -1.0])
 
 
@@ -41,7 +41,7 @@ TRANSFORMS = st.builds(rigid, ANGLES, ANGLES, ANGLES, st.tuples(SHIFTS, SHIFTS, 
 def terrains(draw, layers=("elevation", "extra")):
     """Draw maps whose heights are small enough for slopes to stay above the footprint."""
     grid_map = draw(grid_maps(layers, max_side=8))
-    # The smallest one makes all of them equal.
+    # After rounding, the smallest factor makes all heights equal.
     grid_map["elevation"] *= draw(st.sampled_from([1e-30, 1e-4, 1e-3]))
     grid_map["elevation"] = np.round(grid_map["elevation"], 2)
     return grid_map
@@ -207,7 +207,7 @@ def test_maps_of_many_cells_are_complete_and_in_order(size):
     result = grid_map.get_transformed_map(rigid(translation=(0, 0, 5)), "elevation", "new")
     np.testing.assert_array_equal(result["number"], values)
     assert (result["elevation"] == 5).all()
-    # Seen along the rows, all cells of a column are equally high: the last one stays.
+    # Turned edge-on, all cells of a column fall into one cell; the highest one stays.
     edge = grid_map.get_transformed_map(rigid(pitch=np.pi / 2), "elevation", "new")
     assert edge.size == (1, size[1])
     lowest = grid_map.get_transformed_map(rigid(pitch=-np.pi / 2), "elevation", "new")

@@ -101,7 +101,7 @@ class ImagePublisherNode(Node):
         try:
             self._publish(read_image(self._path))
         except ConfigError as error:
-            # The file may just be written by another program.
+            # Another program may be writing the file.
             if self._throttle.allow(str(error)):
                 self.get_logger().warning(str(error))
 

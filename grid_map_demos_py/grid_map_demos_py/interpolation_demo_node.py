@@ -147,7 +147,7 @@ class InterpolationDemoNode(Node):
         )
         truth = _read_geometry(self, "groundtruth_resolution", length, 0.02, "the truth")
         data = _read_geometry(self, "interpolation.data_resolution", length, 0.1, "the data")
-        # The data consists of whole cells; the interpolated map must not reach beyond it.
+        # The samples cover whole cells; the interpolated map must stay within them.
         fine = _read_geometry(
             self, "interpolation.interpolated_resolution", data.length, 0.02, "the interpolated map"
         )

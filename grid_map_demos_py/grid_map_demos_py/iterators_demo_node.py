@@ -102,7 +102,7 @@ def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
     grid_map["type"] = 0.0
     grid_map["type"][polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
-    # Windows contain the means of earlier cells, because the layer changes on the way.
+    # Windows contain means of earlier cells, because the loop writes into the layer.
     for cell, window in sliding_windows(grid_map, "type", "crop", WINDOW):
         grid_map["type"][cell] = mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))

@@ -43,7 +43,7 @@ class ProcessGroup:
     def __exit__(self, *_: object) -> None:
         for process in self._processes.values():
             if process.poll() is None:
-                # Unlike an interrupt, this is silent in a Python that has just begun to start.
+                # Unlike SIGINT, this prints nothing while Python is still starting.
                 process.terminate()
         deadline = time.monotonic() + PATIENCE
         for process in self._processes.values():
@@ -87,6 +87,6 @@ def _die_with_parent(parent: int) -> None:
 
     set_parent_death_signal = 1
     ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
-    # The parent may have ended before. It can be process 1, for example in a container.
+    # The parent may have ended already. It may also be process 1, for example in a container.
     if os.getppid() != parent:
         os._exit(0)

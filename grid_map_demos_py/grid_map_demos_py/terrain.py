@@ -53,7 +53,7 @@ def _load_posts(path: Path) -> npt.NDArray[np.float32]:
     try:
         with np.load(path) as model:
             posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
-    except Exception as error:  # For a damaged file NumPy raises whatever its decoders raise.
+    except Exception as error:  # For a damaged file NumPy may raise any exception.
         raise ConfigError(
             f"elevation model {str(path)!r}: expected an .npz file with 'elevation', "
             f"got {type(error).__name__}: {error}"

@@ -28,7 +28,7 @@ DEPTH = 16
 def main(folder: Path) -> None:
     """Write all files."""
     folder.mkdir(exist_ok=True)
-    # Four by four cells of the terrain make a pixel.
+    # One pixel per 4 x 4 cells of the terrain.
     terrain = change_resolution(load_terrain(DATA / "jacksboro_fault_dem.npz"), 0.12)
     cv2.imwrite(str(folder / "terrain_16bit.png"), to_image(terrain, "elevation", np.uint16, 4))
     gray = to_image(terrain, "elevation", np.uint8, 4)

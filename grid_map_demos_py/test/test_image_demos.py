@@ -56,7 +56,7 @@ def test_a_message_holds_the_pixels_of_the_file(encoding, tmp_path):
 @pytest.mark.parametrize("channels", [1, 3])
 def test_floats_stay_floats(channels, tmp_path):
     values = np.linspace(-1e3, 1e3, 6 * channels, dtype=np.float32).reshape(2, 3, channels)
-    # Without compression, as older versions of OpenCV compress colors with loss.
+    # Uncompressed, because older versions of OpenCV compress colors with loss.
     uncompressed = [cv2.IMWRITE_TIFF_COMPRESSION, 1]
     assert cv2.imwrite(str(tmp_path / "image.tiff"), values, uncompressed)
     message = to_message(read_image(tmp_path / "image.tiff"))
@@ -123,7 +123,7 @@ def test_image_shows_every_cell_at_its_position(bits, start):
     largest = 2**bits - 1
     grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation"])
     grid_map.start_index = start
-    # One cell after the other: brighter to the front, a little darker to the right.
+    # Brightness increases by cell towards the front, and decreases a little to the right.
     for x in (-0.15, -0.05, 0.05, 0.15):
         for y in (-0.1, 0.0, 0.1):
             grid_map["elevation"][grid_map.get_index((x, y))] = x + y / 10

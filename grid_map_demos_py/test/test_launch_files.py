@@ -29,7 +29,7 @@ def node_name(node: LaunchedNode) -> str:
 
 def test_every_demo_has_an_installed_launch_file():
     demos = {name for name in entry_points(DEMOS) if name.endswith("_demo")}
-    # This one ends by itself.
+    # This demo ends by itself.
     demos.remove("grid_map_to_image_demo")
     assert {path.name for path in LAUNCH_FILES} == {demo + ENDING for demo in demos}
     assert 'glob("launch/*")' in (WORKSPACE / DEMOS / "setup.py").read_text()

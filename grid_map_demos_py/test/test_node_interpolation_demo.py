@@ -28,7 +28,7 @@ TOPICS = ("/ground_truth", "/data_sparse", "/interpolated")
         ("Sine", (math.pi, math.pi / 4), -1.0),
         ("Poly", (1.0, 2.0), 3.0),
         ("Poly", (2.0, -1.0), -5.0),
-        # Worked out beforehand, beside each of the hills.
+        # Positions next to each hill, computed by hand.
         ("Gauss", (1.5, -0.7), -1.519150),
         ("Gauss", (1.3, 1.3), -0.606814),
         ("Gauss", (-0.8, 1.5), 3.122311),
@@ -58,7 +58,7 @@ def test_nearest_errs_on_a_slope_and_linear_does_not():
     fine = GridGeometry(np.array([2.0, 1.0]), 0.02)
     data = sampled(slope, GridGeometry(fine.length, 0.1))
     nearest = measure(slope, data, fine, Interpolation.NEAREST)
-    # Five cells to a sample: 0, 0.02 or 0.04 m beside it, less two at each border.
+    # Five cells per sample, 0, 0.02 or 0.04 m from it; two fewer at each border.
     assert nearest.max_error == pytest.approx(0.04, rel=1e-5)
     assert nearest.mean_error == pytest.approx((20 * 0.12 - 2 * 0.06) / 96, rel=1e-5)
     assert nearest.microseconds > 0.0

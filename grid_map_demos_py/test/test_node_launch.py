@@ -63,7 +63,7 @@ def launched(path: Path, domain: int) -> Iterator[None]:
         for process in processes:
             lives(process)
         for process in processes:
-            # As Ctrl-C in a terminal, which reaches all processes in it.
+            # Like Ctrl-C in a terminal, which reaches all its processes.
             os.killpg(process.pid, signal.SIGINT)
         for process in processes:
             assert process.wait() == 0, process.text
@@ -81,7 +81,7 @@ def publishes_everything_that_rviz_shows(path: Path) -> Iterator[None]:
     domain, lock = reserve_domain()
     with lock, peer(domain) as other:
         for topic, message_type in topics.items():
-            # Raw, because conversion to Python takes longer than making a marker.
+            # Raw, because deserialization takes longer than making a marker.
             received = other.received.setdefault(topic, [])
             other.node.create_subscription(
                 message_type, topic, received.append, map_qos(), raw=True

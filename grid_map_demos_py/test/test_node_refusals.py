@@ -107,7 +107,7 @@ def test_invalid_parameters_end_demos_with_one_message():
         for demo, refused in REFUSED.items()
         for given, message in refused
     ]
-    # All in one process, because a start takes longer than the rest.
+    # All in one process, because starting Python takes longest.
     calls = json.dumps([(demo, parameters(*given)) for demo, given, _ in cases])
     mains = Process([sys.executable, "-c", CALL_MAINS, calls])
     try:

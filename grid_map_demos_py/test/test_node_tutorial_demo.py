@@ -96,7 +96,7 @@ def test_noise_is_even_and_outliers_are_infinite():
     )
     add_outliers(grid_map, 500, random)
     outliers = np.argwhere(~np.isfinite(grid_map["elevation_noisy"]))
-    # All that hit the 1.2 x 1.905 m of the map on a square of 2 x 2 m, less those that hit twice.
+    # Points on 2 x 2 m that hit the map of 1.2 x 1.905 m, less those that hit a cell twice.
     assert 220 < len(outliers) < 310
     assert np.ptp(outliers, axis=0).min() > 30
     assert np.isfinite(grid_map["elevation"]).all()
@@ -142,7 +142,7 @@ def test_the_parameters_of_the_tutorial_demo_take_effect():
         maps = [from_message(message) for message in other.received["/grid_map"]]
     for grid_map in maps:
         assert not grid_map["noise"].any()
-        # Discs of one cell.
+        # Discs with a radius of one cell.
         np.testing.assert_allclose(grid_map["error"], 0.0, atol=1e-8)
-    # On a busy machine a late message is followed soon by the next one.
+    # On a busy machine, the next message soon follows a late one.
     assert np.diff([grid_map.timestamp for grid_map in maps]).mean() > 0.15e9

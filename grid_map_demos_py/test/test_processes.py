@@ -29,13 +29,13 @@ def started(preparation: str) -> str:
 
 
 def test_a_group_in_process_1_works_like_any_other():
-    # As in a container that runs nothing else.
+    # Like process 1 of a container that runs nothing else.
     output = started("os.getpid = os.getppid = lambda: 1")
     assert "The Zen of Python" in output
     assert output.endswith("('this', 0)\n")
 
 
 def test_a_process_whose_parent_has_gone_before_ends_at_once():
-    # Who takes the place of the parent is process 1 or a process that asked for orphans.
+    # The new parent is process 1 or a subreaper.
     output = started("os.getppid = lambda: 4711")
     assert output == "('this', 0)\n"

@@ -159,7 +159,7 @@ def _build(config: StepConfig) -> Filter:
             if field.name.endswith("_layer") and field.default is MISSING:
                 value = getattr(made, field.name)
                 check(value != "", field.name, "the name of a layer", value)
-    # The message must name the filter, whatever a class of another package raises.
+    # The message must name the filter; classes of other packages may raise anything.
     except Exception as error:
         raise FilterConfigError(f"{config}: {message_of(error)}") from error
     return cast(Filter, made)
@@ -185,7 +185,7 @@ def _own_layers(result: GridMap, given: GridMap, own: dict[str, Layer]) -> dict[
     for name in result:
         layer = result[name]
         array = behind.get(id(layer), layer if layer.flags.writeable else None)
-        # A second layer with the same array would share it with the first.
+        # Otherwise two layers could share one array.
         behind[id(layer)] = None
         if array is not None:
             found[name] = array

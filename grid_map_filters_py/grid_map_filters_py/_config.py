@@ -99,7 +99,7 @@ class _Loader(yaml.SafeLoader):
     """YAML as ROS reads it: `1e-3` is a number, and a repeated key is an error."""
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        # Later, keys that `<<` merges into a mapping cannot be told from its own.
+        # After construction, keys merged with `<<` look like the mapping's own keys.
         node: yaml.MappingNode = super().compose_mapping_node(anchor)
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
         for key in keys:

@@ -83,7 +83,7 @@ def filter_maps(
     total = len(items) if isinstance(items, Sized) else None
     index = -1
     for item in items:
-        # `enumerate` would hold on to an item until it has the next one.
+        # `enumerate` would keep an item in memory until the next one is read.
         index += 1  # noqa: SIM113
         grid_map = result = None
         try:

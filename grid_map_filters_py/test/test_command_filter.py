@@ -87,7 +87,7 @@ def test_chain_may_come_from_a_pipe(command, monkeypatch):
     words += ["filter", "-", "site.npz", "-", "--timing"]
     done = subprocess.run(words, input=CHAIN.encode(), capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
-    # The table makes room for the map on standard output.
+    # The table goes to standard error if the map goes to standard output.
     assert b"twice" in done.stderr
     Path("out.npz").write_bytes(done.stdout)
     assert (load("out.npz")["double"] == 8).all()

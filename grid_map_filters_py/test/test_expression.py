@@ -412,7 +412,7 @@ def test_expressions_can_be_pickled():
 # --- errors ---------------------------------------------------------------------------------------
 
 AT_CONSTRUCTION = [
-    # expression, place that the caret points at, message
+    # expression, column of the caret, message
     ("", 0, "the expression is empty"),
     ("(a", 2, "ends too early, expected ')'"),
     ("[1, 2", 5, "expected ']' or ',' or ';'"),

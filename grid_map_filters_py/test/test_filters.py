@@ -266,7 +266,7 @@ def test_missing_values_do_not_spread(type_name, params):
     )
     finite = np.isfinite(heights)
     if type_name.endswith("SlopeFilter") and not params:
-        # Slopes to the four neighbors do not exist at the border.
+        # Border cells lack some of their four neighbors.
         finite[[0, -1]] = finite[:, [0, -1]] = False
     assert np.isfinite(result[finite]).all()
     if (type_name, params) in HEIGHTS_TO_HEIGHTS:

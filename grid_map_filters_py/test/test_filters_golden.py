@@ -197,7 +197,7 @@ def test_deviations_are_the_same_on_moved_maps(case):
         np.testing.assert_array_equal(result.unwrapped(name), expected[name])
 
 
-# --- where C++ is wrong: the very cases of the golden data against loops over cells ---------------
+# --- where C++ is wrong: cases of the golden data compared with loops over cells ------------------
 
 
 def deviating(reason: str, name: str) -> list[Any]:

@@ -82,7 +82,7 @@ def peak_above_result(operation, layer_bytes):
     """Return the peak memory beside the result, and that of the result, in layers."""
     operation()  # memory that is allocated once is not counted
     gc.collect()
-    gc.disable()  # memory must be freed at once, not by garbage collection
+    gc.disable()  # memory must be freed by reference counts, not by garbage collection
     tracemalloc.start()
     try:
         result = operation()

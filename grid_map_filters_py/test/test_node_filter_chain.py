@@ -105,7 +105,7 @@ def test_results_equal_the_library(parameters, other_side):
                 sent = to_message(moved_in_buffer(world, start))
                 result = filtered(other_side, sent, count)
                 assert_maps_equal(result, expected)
-                # The first filter normalizes.
+                # The first filter makes a copy in map order.
                 assert other_side.received["/filtered_map"][-1].outer_start_index == 0
                 assert result.layers == ("elevation", "filled", "smooth", "roughness")
 
@@ -298,12 +298,12 @@ def test_new_parameter_value_applies_to_the_next_map(parameters, other_side):
     message = to_message(terrain())
     with running_node(MODULE, *parameters()):
         before = filtered(other_side, message, 1)
-        # The value in the file was an integer.
+        # The file gives this value as an integer.
         assert set_one(other_side, "filters.filter3.params.radius", 2.25) == OK
         after = filtered(other_side, message, 2)
         assert_maps_equal(after, with_changes(filter3={"radius": 2.25})(terrain()))
         assert not np.array_equal(before["smooth"], after["smooth"])
-        # A parameter that is not in the file.
+        # This parameter is not in the file.
         assert set_one(other_side, "filters.filter3.params.radius", 1) == OK
         assert_maps_equal(filtered(other_side, message, 3), before)
 

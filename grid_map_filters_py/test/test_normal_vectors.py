@@ -58,7 +58,7 @@ def test_normals_of_a_plane_are_its_normal(params, slope, height):
     grid_map["elevation"] = z + height
     expected = np.array([-slope[0], -slope[1], 1.0]) / np.linalg.norm([*slope, 1.0])
     result = normals(grid_map, **params)[2:-2, 2:-2]
-    # Heights are float32: at 2000 m they are exact to 0.1 mm, over 0.2 m.
+    # At 2000 m, float32 heights are exact to 0.1 mm; the cells span 0.2 m.
     np.testing.assert_allclose(result, np.broadcast_to(expected, result.shape), atol=2e-3)
 
 

@@ -102,7 +102,7 @@ def test_three_points_define_a_plane_and_two_do_not():
     layer[0, 1], layer[1, 1] = 0.3, 0.2
     assert normal_at(area_normals(layer, 0.15, RESOLUTION), 1, 1).tolist() == [0, 0, 1]
     layer[1, 0] = 0.2
-    # z rises by 1 along x, and not along y.
+    # z rises by 1 along x and is constant along y.
     tilted = np.array([-1, 0, 1]) / np.sqrt(2)
     normal = normal_at(area_normals(layer, 0.15, RESOLUTION), 1, 1)
     np.testing.assert_allclose(normal, tilted, atol=1e-6)

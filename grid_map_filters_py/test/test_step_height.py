@@ -52,7 +52,7 @@ def test_spikes_are_no_steps_but_curbs_are():
     spike, curb = np.zeros((11, 11)), np.zeros((11, 11))
     spike[5, 5] = curb[5:] = 0.2
     params = {"radius": 0.1, "second_window_radius": 0.1, "critical_value": 0.15}
-    # Five discs contain the spike, two cells of every column see the curb.
+    # Five discs contain the spike; in every column, the discs of two cells contain the curb.
     for heights, number, expected in [(spike, 10, 0.1), (spike, 5, 0.2), (curb, 4, 0.2)]:
         result = step_height(ground(heights), critical_cell_number=number, **params)
         assert result.max() == pytest.approx(expected)

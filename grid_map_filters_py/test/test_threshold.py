@@ -34,7 +34,7 @@ def test_output_may_differ_from_the_condition_layer():
 
 def test_threshold_is_compared_in_double_precision():
     grid_map = terrain((1, 2), a=[[0.1, 0.2]])
-    # The float32 nearest to 0.1 is above it.
+    # The float32 nearest to 0.1 is larger than 0.1.
     above = threshold(grid_map, layer="a", upper_threshold=0.1, set_to=5)["a"]
     assert above[0, 0] == 5
     huge = threshold(grid_map, layer="a", lower_threshold=1e300, set_to=-1e300)["a"]

@@ -69,7 +69,7 @@ def test_chain_separates_flat_ground_curb_and_steep_slope():
         result[grid_map.get_index((place, 0.0))] for place in (2.0, 0.5, -1.5)
     )
     assert on_flat == pytest.approx(1.0)
-    assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, steps in every disc, but even.
+    assert on_ramp == pytest.approx(1 / 3, abs=1e-5)  # Steep, with steps, not rough.
     assert at_curb < 0.5
 
 

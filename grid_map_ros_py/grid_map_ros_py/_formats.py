@@ -27,7 +27,7 @@ def _describe_bag(
     """Return the topics of a bag, each topic of maps with the facts of one map."""
     chosen = [one for one in bag_topics(path) if topic in (None, one.name)]
     if topic is not None and not chosen:
-        BagReader(path, topic)  # raises: there is no such topic
+        BagReader(path, topic)  # raises: the topic does not exist
     topics = []
     for one in chosen:
         facts = asdict(one)

@@ -65,7 +65,7 @@ def reserve_domain() -> tuple[int, socket.socket]:
     The lock is a TCP port, as in ROS's own test tools; it is released when the process ends.
     """
     for k in range(DOMAINS):
-        # The number depends on the process, so that a domain is not used again at once.
+        # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
         lock = socket.socket()
         try:

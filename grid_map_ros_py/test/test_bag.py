@@ -175,7 +175,7 @@ def test_single_file_of_a_bag_is_read_too(bag):
     assert number_of(load_from_bag(bag / "bag_0.mcap", TOPIC)) == 3
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- refused input --------------------------------------------------------------------------------
 
 
 def test_wrong_topic_is_refused_with_a_list_of_topics():
@@ -534,7 +534,7 @@ def test_split_bag_is_read_in_time_order(tmp_path, old):
     names = ["bag_0.mcap", "bag_1.mcap"]
     write_mcap(folder / names[0], [1, 4])
     write_mcap(folder / names[1], [3, 2, 5])
-    # The first versions named the folder, too.
+    # The first versions of rosbag2 included the folder.
     paths = [f"bag/{name}" if old else name for name in names]
     information = {"version": 3 if old else 9, "relative_file_paths": paths}
     text = yaml.safe_dump({"rosbag2_bagfile_information": information})

@@ -70,7 +70,7 @@ def test_empty_file_is_refused(path):
         load_from_bag(path)
 
 
-# --- lengths that lie -----------------------------------------------------------------------------
+# --- wrong lengths --------------------------------------------------------------------------------
 
 
 def with_chunk(path: Path, compression: bytes, data: bytes, size: int, checksum: int = 0) -> Path:
@@ -108,7 +108,7 @@ def test_decompression_stops_at_the_claimed_size(path, compression):
     packed = package.compress(bytes(1000))
     with_chunk(path, compression.encode(), packed, LARGEST_CHUNK)
     assert_refused_without_memory(path, f"chunk of {LARGEST_CHUNK} bytes holds 1000")
-    # A hundred megabytes of zeros, as a chunk that claims to hold a thousand.
+    # 100 MB of zeros in a chunk that declares 1000 MB.
     packed = package.compress(bytes(100_000_000))
     with_chunk(path, compression.encode(), packed, 1000)
     assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")

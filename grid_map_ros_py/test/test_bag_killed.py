@@ -80,7 +80,7 @@ def test_error_of_caller_leaves_the_old_bag(tmp_path):
 
 def test_file_size_limit_is_one_error_and_leaves_old_bag(tmp_path):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
-    # Chunks that pack well, so that the buffer of the file holds some when there is no more room.
+    # Chunks that compress well, so that some are still in the file's buffer when the disk is full.
     maps = itertools.repeat(GridMap((45, 45), 0.1, layers={"a": 1.0}))
     with limited_file_size(20_000), pytest.raises(BagError, match="cannot be written: File too"):
         save_to_bag(maps, tmp_path / "bag", TOPIC, compression="zstd")

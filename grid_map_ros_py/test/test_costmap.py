@@ -80,7 +80,7 @@ def test_maps_equal_cpp(read: Any) -> None:
     assert len(FROM_COSTMAP) == 16
     for case in FROM_COSTMAP:
         grid_map, expected = from_costmap(read(to_message(case["costmap"])), "cost"), case["result"]
-        # The C++ library goes on with 0.1 as float32; ours has 0.1 again.
+        # The C++ library continues with 0.1 rounded to float32; this one restores 0.1.
         assert grid_map.resolution == round(expected["resolution"], 6)
         expected = to_map(expected)
         np.testing.assert_allclose(grid_map.position, expected.position, atol=1e-7)
@@ -138,7 +138,7 @@ def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
     sent = GridMap((3, 2), 1.0, layers={"occupancy": values})
     grid = to_occupancy_grid(sent, "occupancy", 0, 100)
     costs = to_costmap(from_occupancy_grid(grid, "o"), "o", codec=OCCUPANCIES)
-    # x grows fastest from the smallest x and y on.
+    # Starts at the smallest x and y; x changes fastest.
     assert costs.data.tolist() == [3, 254, 128, 255, 253, 0]
     back = from_costmap(costs, "occupancy", OCCUPANCIES)
     assert to_occupancy_grid(back, "occupancy", 0, 100).data[3] == -1

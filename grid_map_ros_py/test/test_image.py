@@ -79,7 +79,7 @@ def test_images_become_the_maps_of_cpp() -> None:
     assert len(IMAGES) == 24
     for grid_map, case in IMAGES:
         bounds = case["lower"], case["upper"]
-        # Sent by us, so that frame and time are there, with the bytes that C++ sent.
+        # Our message, which has frame and time, with the bytes that C++ sent.
         message = to_image(grid_map, case["layer"], case["encoding"], *bounds)
         position = case["back"]["position"]
         result = from_image(message, "img", grid_map.resolution, *bounds, position=position)
@@ -155,7 +155,7 @@ def test_layer_survives_an_image_up_to_quantization(grid_map: GridMap, encoding:
     step = (high - low) * {1: 1 / 255, 2: 1 / 65535}.get(kind.dtype.itemsize, 1e-6)
     missing = np.isnan(sent)
     if kind.dtype.kind == "u" and kind.channels < 4:
-        # Without alpha, there is no way to tell that something is missing.
+        # Without alpha, an image cannot mark missing values.
         sent[missing] = low
     np.testing.assert_allclose(received["elevation"], sent, atol=1.1 * step)
     assert received.size == grid_map.size
@@ -184,7 +184,7 @@ def test_colors_survive_the_way_through_an_image(encoding: str) -> None:
     expected = grid_map.unwrapped("color")
     if ENCODINGS[encoding].channels == 3 and ENCODINGS[encoding].dtype.kind == "u":
         expected[np.isnan(expected)] = 0.0
-    # As texts, because most colors are too small numbers to tell them apart otherwise.
+    # Compared as texts, because most colors are numbers too small for a tolerance.
     assert received["color"].view(np.uint32).tolist() == expected.view(np.uint32).tolist()
 
 
@@ -204,7 +204,7 @@ def test_frame_time_and_position_come_from_message_and_arguments() -> None:
     assert received.size == (1, 2)
 
 
-# --- what senders do ------------------------------------------------------------------------------
+# --- other senders --------------------------------------------------------------------------------
 
 
 def rows_of(message: Image) -> list[bytes]:

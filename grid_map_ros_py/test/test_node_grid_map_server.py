@@ -132,7 +132,7 @@ def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path)
         node = start_node(MODULE, *options)
         try:
             assert_maps_equal(from_message(client.peer.expect("/kept")), map_of(1))
-            # To those who knew it, a server that was killed seems to be there for a while.
+            # For a while, discovery still lists a server that was killed.
             with peer() as newcomer:
                 Client(newcomer).call("set_grid_map", map=to_message(map_of(2)))
             assert_maps_equal(from_message(client.peer.expect("/kept", 2)), map_of(2))

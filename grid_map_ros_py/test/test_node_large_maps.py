@@ -24,7 +24,7 @@ def test_no_large_map_is_lost_with_the_profile() -> None:
         wait_until(lambda: len(receiver.lines) == 5, "all five maps")
         wait_until(lambda: sender.lines, "the sender to say so")
     assert [json.loads(line) for line in receiver.lines] == [[k, 8, 1000, 1000] for k in range(5)]
-    # The profile is in use, not merely ignored.
+    # The profile is applied, not ignored.
     assert json.loads(sender.lines[0])["largest segment"] >= segment_size()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from conftest import Start
 from grid_map_ros_py.testing import Process, wait_until
 
-# The map moved by two cells along x: they left the buffer's last rows to new cells without data.
+# The map moved by two cells along x; the buffer's last rows hold new cells without data.
 EXPECTED = {
     "frame_id": "odom",
     "stamp": [5, 6],

@@ -136,7 +136,7 @@ def test_mapping_survives_a_killed_node_and_broken_clouds(
     other_side: Peer, arguments: Arguments
 ) -> None:
     options = arguments(
-        # `auto` finds that there is no tf, where that is so.
+        # Where tf is not installed, `auto` must detect that.
         pose_source="odometry" if has_tf() else "auto",
         resolution=SIDE,
         length=[12, 6],
@@ -225,7 +225,7 @@ def test_wrong_parameters_end_the_node_with_one_message(arguments: Arguments) ->
     with ExitStack() as stack:
         nodes = {}
         for message, parameters in wrong.items():
-            # What is wrong is not to hang on whether there is tf.
+            # The error must not depend on whether tf is installed.
             nodes[message] = start_node(
                 MODULE, *arguments(**{"pose_source": "odometry", **parameters})
             )

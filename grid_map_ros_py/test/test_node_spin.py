@@ -45,7 +45,7 @@ def wait_until_alive(process: Process) -> None:
 def interrupt_until_it_ends(process: Process) -> None:
     def interrupt() -> None:
         process.send(signal.SIGINT)
-        time.sleep(0.01)  # Python itself complains when they come in thousands.
+        time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
 
     wait_until(lambda: not process.is_running, "its end", step=interrupt)
 

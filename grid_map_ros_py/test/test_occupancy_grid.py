@@ -55,7 +55,7 @@ def test_maps_equal_cpp(case: dict[str, Any]) -> None:
     grid_map, expected = from_occupancy_grid(to_grid(case["grid"]), "occ"), to_map(case["result"])
     assert (grid_map.size, grid_map.start_index) == (expected.size, (0, 0))
     assert (grid_map.frame_id, grid_map.timestamp) == (expected.frame_id, expected.timestamp)
-    # The C++ library goes on with 0.1 as float32; ours has 0.1 again.
+    # The C++ library continues with 0.1 rounded to float32; this one restores 0.1.
     np.testing.assert_allclose(grid_map.position, expected.position, atol=1e-7)
     assert grid_map.resolution == round(expected.resolution, 6)
     np.testing.assert_array_equal(grid_map["occ"], expected["occ"])

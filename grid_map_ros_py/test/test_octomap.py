@@ -186,7 +186,7 @@ def test_leaves_of_all_depths_are_found_in_both_forms(leaves: dict[tuple[int, ..
 
 
 def test_large_leaf_is_as_high_as_its_highest_voxel() -> None:
-    # From the root to the positive octant, then down to a leaf of 8 voxels a side at the origin.
+    # From the root to the positive octant, then down to a leaf of 8 x 8 x 8 voxels at the origin.
     leaf = (7, *([0] * 12))
     grid_map = from_octomap(message(write_binary({leaf: True}), resolution=0.5))
     assert grid_map.size == (8, 8)

@@ -120,7 +120,7 @@ def test_messages_of_other_libraries_hold_their_data_as_they_like(
 @settings(max_examples=60)
 @given(grid_maps(layers=("elevation", "variance")))
 def test_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
-    # Coordinates are float32 in the cloud: where cells are too small for them points go astray.
+    # Coordinates in the cloud are float32: if cells are too small, points fall into wrong cells.
     reach = np.float32(np.max(np.abs(grid_map.position) + grid_map.length))
     assume(np.spacing(reach) < 0.1 * grid_map.resolution)
     result = from_point_cloud(to_point_cloud(grid_map, "elevation"), onto=grid_map.geometry)
@@ -279,7 +279,7 @@ def test_field_with_name_of_height_layer_must_be_left_out() -> None:
     assert from_point_cloud(cloud, "height", 1.0).layers == ("height", "elevation")
 
 
-# --- what is wrong --------------------------------------------------------------------------------
+# --- bad messages ---------------------------------------------------------------------------------
 
 
 def test_grid_is_given_once() -> None:

@@ -69,7 +69,7 @@ def test_pose_maps_axes_of_robot_into_map() -> None:
 
 
 def test_roll_pitch_and_yaw_follow_urdf() -> None:
-    # First about the fixed x axis, then y, then z.
+    # Rotation about the fixed x axis, then y, then z.
     turn = from_xyz_rpy((0, 0, 1), (math.pi / 2, 0, math.pi / 2))
     np.testing.assert_allclose(turn @ (0, 1, 0, 1), (0, 0, 2, 1), atol=1e-12)
     np.testing.assert_allclose(turn @ (1, 0, 0, 1), (0, 1, 1, 1), atol=1e-12)

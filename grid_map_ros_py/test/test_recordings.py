@@ -39,7 +39,7 @@ def only_map(file: str, topic: str) -> GridMap:
 
 
 def assert_is_recorded(message: Any, published: Recorded) -> None:
-    # The same fields in the same number of bytes: no byte differs but those that pad.
+    # Same fields, same number of bytes: only padding bytes may differ.
     assert bits(message) == bits(published.message)
     assert len(serialize_message(message)) == len(published.raw)
 
@@ -140,7 +140,7 @@ def test_image_becomes_the_map_that_cpp_made_of_it() -> None:
     assert (made.size, made.frame_id) == (expected.size, expected.frame_id)
     np.testing.assert_allclose(made["elevation"], expected["elevation"], atol=1e-6)
     assert np.isnan(made["elevation"]).any()
-    # The image is gray, so that its order of colors does not matter; C++ ignores its alpha there.
+    # The image is gray, so that the order of colors does not matter; C++ ignores alpha here.
     add_color_layer_from_image(made, published.message)
     known = np.isfinite(made["elevation"])
     np.testing.assert_array_equal(made["color"][known], expected["color"][known])

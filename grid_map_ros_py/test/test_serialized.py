@@ -189,7 +189,7 @@ def test_received_map_is_checked_on_access() -> None:
             look()
 
 
-# --- what is wrong --------------------------------------------------------------------------------
+# --- bad messages ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", MALFORMED)

@@ -48,7 +48,7 @@ def test_process_keeps_its_domain() -> None:
 def test_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(testing, "DOMAINS", 1)
     with socket.socket() as taken:
-        # If another process has the port, the domain is taken as well.
+        # A domain is also in use if another process has its port.
         with suppress(OSError):
             taken.bind(("", testing.LOCK_PORTS + 1))
         with pytest.raises(RuntimeError, match="all 1 ROS domains are taken by other tests"):

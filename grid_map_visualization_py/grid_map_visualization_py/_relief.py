@@ -69,7 +69,7 @@ def _draw(
     low, high = float(heights.min()), float(heights.max())
     base = low - 0.03 * diagonal
 
-    # Camera: `depth` is the distance along the ground in the direction in which it looks.
+    # `depth`: distance from the camera, along its viewing direction on the ground.
     forward = -np.array([np.cos(azimuth), np.sin(azimuth)])
     right = np.array([forward[1], -forward[0]])
     middle = _DISTANCE * diagonal
@@ -137,7 +137,7 @@ def _light(heights: Floats, sun_azimuth: float) -> Floats:
     shadow = ndimage.gaussian_filter(np.clip(blocked / 1.5, 0.0, 1.0), 1.0)
     sunlight *= 1 - 0.75 * shadow
 
-    # Ground below its surroundings sees less of the sky.
+    # Ambient occlusion: ground below its surroundings gets less light from the sky.
     skylight = np.ones_like(heights)
     for radius in (3, 8, 20):
         depth = ndimage.gaussian_filter(heights, radius) - heights

@@ -110,7 +110,7 @@ class ColorScale:
         factor = _STEPS / (upper - lower) if upper > lower else 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             steps = (values - np.float32(lower)) * np.float32(factor)
-        # Unlike minimum and maximum, these two replace NaN by the bound.
+        # Unlike np.minimum and np.maximum, these two replace NaN by the bound.
         steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
         table = _table(self.color_map)
         if self.invert:

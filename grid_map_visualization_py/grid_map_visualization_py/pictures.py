@@ -219,7 +219,7 @@ def plot_relief(
         ConfigError: the color map is unknown, or another option is invalid.
     """
     _check_options(color_mode, exaggeration)
-    # Near pi / 2 the picture of a camera that looks level is stretched beyond recognition.
+    # Near pi / 2, the picture of a level camera is stretched beyond recognition.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
     check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)
@@ -273,7 +273,7 @@ def save_picture(
     elif style == "surface":
         plot_3d(grid_map, layer, figure.add_subplot(projection="3d"), **options)
     else:
-        # One pixel of the relief is one of the picture.
+        # One pixel of the relief per pixel of the picture.
         figure.set_layout_engine("none")
         width, height = options.get("size", _RELIEF_SIZE)
         figure.set_size_inches(width / dpi, height / dpi)
@@ -354,7 +354,7 @@ def _extent(grid_map: GridMap) -> tuple[float, float, float, float]:
 
 
 def _pyplot() -> Any:
-    # Its import looks for a screen.
+    # Imported late, because the import looks for a display.
     from matplotlib import pyplot
 
     return pyplot

@@ -158,7 +158,7 @@ class Surface:
         rows, columns = self.grid_map.size
         if self.max_cells == 0 or rows * columns <= self.max_cells:
             return 1
-        # Every n-th line stays, and up to two border lines.
+        # Keeps every n-th line, and up to two border lines.
         return next(n for n in count(2) if _lines(rows, n) * _lines(columns, n) <= self.max_cells)
 
     @cached_property
@@ -204,7 +204,7 @@ def _lines(cells: int, step: int) -> int:
 
 def _every(step: int, axis: Positions, resolution: float) -> npt.NDArray[np.int64]:
     """Return the cells of an axis that stay: every n-th in the map frame, the first, the last."""
-    # The usual centers are at whole or half cells; a quarter keeps them clear of rounding.
+    # Centers usually lie at whole or half cells; the offset of a quarter avoids rounding.
     first = int(np.floor(axis[0] / resolution + 0.25))
     kept = (first - np.arange(len(axis))) % step == 0
     kept[[0, -1]] = True

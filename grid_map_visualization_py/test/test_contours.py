@@ -39,7 +39,7 @@ def test_contour_of_a_slope_is_straight_and_exact():
     found = pieces(marker)
     np.testing.assert_allclose(found[..., 0], 0.25, atol=1e-6)
     assert (found[..., 2] == 0.25).all()
-    # Four pieces between the five columns, each once.
+    # Four segments between the five columns, each once.
     ends = sorted(tuple(sorted(piece)) for piece in found[..., 1].tolist())
     assert ends == [(-2, -1), (-1, 0), (0, 1), (1, 2)]
     assert (marker.type, marker.ns, marker.header.frame_id) == (
@@ -75,7 +75,7 @@ def test_lines_end_at_holes():
     grid_map = slope()
     grid_map["elevation"][3, 2] = np.nan
     ends = pieces(drawn(grid_map, levels=[0.4]))[..., 1]
-    # The line runs between rows 2 and 3, and on one side of the hole through no square of four.
+    # The line runs between rows 2 and 3; at the hole no square has four corners.
     assert ends.max() == 2
     assert ends.min() == -2
     assert not ((ends > -0.5) & (ends < 0.5)).any()
@@ -106,7 +106,7 @@ def test_interpolated_values_on_a_contour_equal_its_level(grid_map):
     for px, py, _ in pieces(drawn(grid_map, levels=[level])).reshape(-1, 3):
         row, column = (x[0] - px) / grid_map.resolution, (y[0] - py) / grid_map.resolution
         (r, fr), (c, fc) = (divmod(round(v, 9), 1) for v in (row, column))
-        # A point between two cells, straight or (beside a hole) across.
+        # A point between two cells, along an axis or (beside a hole) on a diagonal.
         assert min(fr, fc, abs(fr - fc), abs(fr + fc - 1)) < 1e-6
         near = values[int(r) : int(r) + 2, int(c) : int(c) + 2]
         assert np.nanmin(near) <= level <= np.nanmax(near)

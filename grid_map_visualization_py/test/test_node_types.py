@@ -126,7 +126,7 @@ def assert_as_computed_by_hand(last: dict[str, Any]) -> None:
         assert message.header.frame_id == "odom", name
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (5, 6), name
     one, two, three, four = (10.5, 0.5, 0.0), (9.5, 0.5, 2.0), (10.5, -0.5, 1.0), (9.5, -0.5, 3.0)
-    # Buffer order begins with the cell of the smallest x and y.
+    # The buffer starts with the cell at the smallest x and y.
     in_buffer = [four, three, two, one]
 
     cloud, flat = fields_of(last["point_cloud"]), fields_of(last["flat_point_cloud"])
@@ -152,7 +152,7 @@ def assert_as_computed_by_hand(last: dict[str, Any]) -> None:
     assert (image.height, image.width, image.step, image.encoding) == (2, 2, 6, "rgb8")
     assert list(image.data) == [shade for z in (0.0, 1.0, 2.0, 3.0) for shade in [gray[z]] * 3]
     found = points(last["contours"])
-    # Height 1 runs from the third cell to the middle of the first edge, 2 the other way round.
+    # The line at height 1 runs from the third cell to the middle of the first edge; 2 vice versa.
     expected_ends = {(10.5, -0.5, 1.0), (10.0, 0.5, 1.0), (9.5, 0.5, 2.0), (10.0, -0.5, 2.0)}
     assert (len(found), set(found)) == (4, expected_ends)
     assert rgba(last["contours"]).tolist() == [[1, 0, 0, 1]] * 4
@@ -166,7 +166,7 @@ def test_every_type_equals_cpp_and_a_manual_calculation(peer, tmp_path):
         for name, message_type in MESSAGES.items():
             peer.listen(name, message_type)
         peer.publish("/grid_map", to_message(grid_map))
-        # The map lacks the layers of the vectors; the others go on.
+        # The map lacks the layers of the vectors; the other outputs continue.
         for name in without_normals:
             peer.expect(name)
         assert not peer.received["vectors"]

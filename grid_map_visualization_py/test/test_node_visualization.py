@@ -157,7 +157,7 @@ def test_late_listener_gets_the_map_published_before(peer, parameters, transient
         peer.listen("grid", OccupancyGrid, qos)
         peer.expect("grid")
         assert cells_of(peer.received["grid"][0]) == {50}
-        # And for the second listener of an output it has.
+        # Likewise for the second subscriber of an output that has been made.
         forget(peer)
         peer.listen("grid", OccupancyGrid, qos)
         peer.expect("grid")
@@ -186,7 +186,7 @@ def test_map_is_published_once_per_listener(peer, parameters):
         peer.expect("region")
         peer.wait_until(lambda: peer.node.count_publishers("grid"), "the other output")
         for _ in range(4):
-            # To whom nothing old is delivered, a check must have come in between.
+            # A volatile subscriber gets no old message, so the node must have checked in between.
             peer.received.get("grid", []).clear()
             peer.listen("grid", OccupancyGrid, map_qos(transient_local=False))
             peer.expect("grid")
@@ -199,7 +199,7 @@ def test_outputs_without_listeners_are_not_made(peer, parameters):
     with running_node(MODULE, *parameters(**order)) as node:
         peer.listen("region", Marker)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
-        # The other output would complain about this map.
+        # The other output would warn about this map.
         publisher.publish(elevation_map(0.5, layer="height"))
         peer.expect("region")
     assert len(node.lines) == 1, node.text
@@ -215,7 +215,7 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
         for count, message in enumerate([unshowable, unshowable, *malformed], start=1):
             publisher.publish(message)
-            # The next map would take the place of one that has not been looked at yet.
+            # The next map would replace one that has not been processed yet.
             peer.wait_until(lambda n=count: node.lines.count("a map\n") == n, f"map {count}")
         peer.expect("region")
         assert not peer.received["grid"]

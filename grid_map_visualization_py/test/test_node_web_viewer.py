@@ -308,7 +308,7 @@ def test_overlays_and_history_are_shown(page, publish):
 def test_the_choice_of_layers_follows_the_maps(page, publish):
     grid_map = slope(rough=1.0)
     publish(grid_map)
-    # What is chosen stays while it exists.
+    # The selected layer stays selected while it exists.
     page.choose("Layer", "rough")
     grid_map["new"] = 2.0
     publish(grid_map)
@@ -368,7 +368,7 @@ def test_page_says_that_a_large_map_is_thinned(page, publish):
 def test_page_continues_after_node_and_publisher_restart(chromium):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    # On the usual topic the maps of the other tests are still to be had.
+    # On the default topic, maps of other tests are still available.
     topic = "/ground"
     settings = {"host": "0.0.0.0", "port": port, "color_layer": "side", "grid_map_topic": topic}
     browser = Browser(chromium.new_page(viewport=VIEWPORT))

@@ -116,7 +116,7 @@ def test_any_map_gives_pictures(size, value):
 def test_surface_in_three_dimensions_has_the_triangles_of_the_map(corner_map):
     axes = plot_3d(corner_map, "a", flat_axes(projection="3d"), color_layer="ground", label="g")
     (surface,) = axes.collections
-    # 3 x 5 squares, of which two have three heights.
+    # 3 x 5 squares; two of them have three heights.
     assert len(surface.get_facecolor()) == 2 * 13 + 2
     assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
     assert axes.figure.axes[1].get_ylabel() == "g"
@@ -167,7 +167,7 @@ def test_relief_wall_casts_its_shadow_away_from_the_sun():
         grid_map, color_layer="white", color_map="gray", lower=0.0, upper=1.5, **view
     )[..., 1]
     level = np.median(image[(image > 100) & (image < 255)])
-    # The cut sides are darker still.
+    # The cut sides are even darker.
     _, shadow = np.nonzero((image > 100) & (image < 0.85 * level))
     assert len(shadow) > 50
     assert np.median(shadow) > 60

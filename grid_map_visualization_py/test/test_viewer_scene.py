@@ -128,7 +128,7 @@ def test_colors_are_linear_light_which_a_screen_bends_back():
     )
     _, (_, colors, _) = read_glb(to_glb(mesh))
     light = colors[:, 0] / 0xFFFF
-    # What a screen does, as in IEC 61966-2-1.
+    # sRGB to linear light, IEC 61966-2-1.
     shown = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     np.testing.assert_array_equal(np.rint(255 * shown), rgb)
 
@@ -181,7 +181,7 @@ def test_a_large_map_is_thinned_out_and_reaches_as_far():
 
 def test_grid_lines_lie_between_neighbors_with_heights(hill):
     scene = make_scene(hill, Settings(height_layer="elevation", grid_lines=True))
-    # 4 x 3 along x and 5 x 2 along y, but two at the hole.
+    # 4 x 3 along x and 5 x 2 along y, minus two at the hole.
     assert len(scene.grid_lines) == 4 * 3 + 5 * 2 - 2
     lengths = np.linalg.norm(np.diff(scene.grid_lines[..., :2], axis=1), axis=-1)
     np.testing.assert_allclose(lengths, 0.1, rtol=1e-5)
@@ -229,7 +229,7 @@ def test_the_legend_has_the_values_of_the_colors(hill):
     assert (black, white) == ((0, 0, 0), tuple(on_screen(np.full(3, 255, np.uint8)).tolist()))
     inverted = legend(ColorScale(color_map="gray", invert=True), scene.bounds)
     assert legend_colors(inverted) == legend_colors(text)[::-1]
-    # A layer that was chosen before does not matter any more.
+    # A layer that was selected before has no effect.
     flat = Settings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
     assert make_scene(hill, flat).bounds is None
 
@@ -419,5 +419,5 @@ def test_map_never_shown_is_dropped_first():
     slot = slots.load(replaces=False)
     assert slots.load(replaces=True) == slot
     slots.turn(2)
-    # The second was a map of its own, however often it was drawn.
+    # The second map counts once, however often it was drawn.
     assert slots.shown == [0, slot]

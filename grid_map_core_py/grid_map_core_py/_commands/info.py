@@ -56,7 +56,7 @@ def _print_topics(topics: list[dict[str, Any]], which: str) -> None:
 
 
 def _print_cloud(facts: dict[str, Any]) -> None:
-    # Beyond the micrometer there is the noise of float32.
+    # Digits below a micrometer are float32 rounding noise.
     lower, upper = (
         ", ".join(coordinate(round(value, 6)) for value in facts[side])
         for side in ("lower", "upper")

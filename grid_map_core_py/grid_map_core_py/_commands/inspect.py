@@ -63,7 +63,7 @@ def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dic
 
     is_color = name.endswith("color")
     nan = int(np.isnan(layer).sum())
-    # In double precision neither sums nor the widths of bins overflow.
+    # Double precision, so that neither sums nor bin widths overflow.
     finite = layer[np.isfinite(layer)].astype(np.float64)
     found: dict[str, Any] = {
         "name": name,
@@ -77,7 +77,7 @@ def statistics_of(name: str, layer: "npt.NDArray[np.float32]", bins: int) -> dic
     if is_color or not finite.size:
         return found
     lowest, highest = float(finite.min()), float(finite.max())
-    # A single value, however large, is in the middle of its histogram.
+    # A layer with a single value shows it in the middle of the histogram, however large it is.
     margin = max(0.5, 1e-3 * abs(lowest)) if lowest == highest else 0.0
     counts, edges = np.histogram(finite, bins, (lowest - margin, highest + margin))
     mean, deviation = float(finite.mean()), float(finite.std())

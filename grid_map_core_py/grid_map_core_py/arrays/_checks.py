@@ -71,7 +71,7 @@ def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(np.float64), np.nan)
         numbers = np.asarray(values)
-        # NumPy would take None for NaN and the real part of complex numbers.
+        # NumPy would convert None to NaN and drop the imaginary part of complex numbers.
         if numbers.dtype.kind not in "biuf" and numbers.size:
             raise TypeError(numbers.dtype)
     except (TypeError, ValueError) as error:
@@ -83,7 +83,7 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArr
     """Return `values` as an array of this type."""
     if type(values) is np.ndarray and values.dtype == dtype:
         return values
-    # Values beyond float32 become infinities, as a cast in C++ makes them.
+    # Values beyond float32 become infinite, as with a cast in C++.
     with np.errstate(over="ignore"):
         return as_numbers(values, name).astype(dtype, copy=False)
 

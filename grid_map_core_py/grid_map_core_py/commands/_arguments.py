@@ -99,7 +99,7 @@ def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> N
     action.completer = completer  # type: ignore[attr-defined]
 
 
-# A completer returns nothing if anything goes wrong: the command itself will tell what.
+# On any error the completer returns nothing; the command itself reports the error.
 
 
 def complete_layers(parsed_args: argparse.Namespace, **_: Any) -> list[str]:

@@ -61,7 +61,7 @@ def make_parser(words: Sequence[str]) -> Parser:
         if name == wanted:
             try:
                 module = entry.load()
-            # Any error of a plug-in names it.
+            # Any error raised by a plug-in is reported with the plug-in's name.
             except Exception as error:
                 text = f"{name}: the command of {entry.value} cannot be loaded: {error}"
                 raise CommandError(text) from error
@@ -109,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _INTERRUPTED
     except OSError as error:
-        # Only standard output is left; Python would try once more when it ends.
+        # Standard output is broken; without this Python would try to flush it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:

@@ -271,7 +271,7 @@ class Destination:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
 
     def _write_to_standard_output(self, grid_map: "GridMap") -> None:
-        # An archive is not written from its beginning to its end.
+        # Writing an archive needs seeking, which a pipe cannot do.
         with tempfile.TemporaryDirectory(prefix="grid-map-") as folder:
             path = Path(folder, "map.npz")
             self.format.save(grid_map, path, **self._given)  # type: ignore[misc]

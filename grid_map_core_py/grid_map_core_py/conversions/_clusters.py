@@ -39,7 +39,7 @@ def euclidean_clusters(
     """
     if not len(points):
         return np.zeros(0, np.int64)
-    # A search tree cannot split points at the same place, and sensors may give thousands of them.
+    # A search tree cannot split points at the same place, of which sensors may deliver thousands.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
     clusters = _distinct_clusters(
         distinct[:, :3], distinct[:, 3].astype(np.int64), tolerance, workers
@@ -56,12 +56,12 @@ def _distinct_clusters(
     _, neighbors = cKDTree(separated).query(
         separated, k=_NEIGHBORS + 1, distance_upper_bound=reach, workers=workers
     )
-    # SciPy marks a missing neighbor by the index after the last.
+    # SciPy marks a missing neighbor with the index `len(points)`.
     found = neighbors < len(points)
     linked, _ = np.nonzero(found)
     edges: Edges = [(linked, neighbors[found])]
     clusters = _components(len(points), edges)
-    # Only a point with the maximum of neighbors may have more than it was linked to.
+    # Only points that reached the maximum number of links may have further neighbors.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
     return clusters if len(edges) == 1 else _components(len(points), edges)

@@ -205,7 +205,7 @@ def to_costmap(grid_map: GridMap, layer: str, codec: CostCodec) -> Costmap:
     costs = np.roll(costs, np.negative(grid_map.start_index), axis=(0, 1))
     origin = grid_map.position - 0.5 * grid_map.length
     return Costmap(
-        # A costmap begins at the smallest x and y, a map at the largest.
+        # A costmap starts at the smallest x and y, a grid map at the largest.
         costmap=costs.ravel("F")[::-1].copy(),
         size_x=grid_map.size[0],
         size_y=grid_map.size[1],

@@ -155,7 +155,7 @@ def _encoder(
     extent = high - low if high != low else np.float32(1)
 
     def gray(values: Layer) -> Layer:
-        # The order of operations of the C++ library gives the same numbers.
+        # Same order of operations as the C++ library, so that the results are equal bit by bit.
         share: Layer = second(first(values, low), high)
         share -= low
         share /= extent
@@ -327,7 +327,7 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
     share = as_number(alpha_threshold, "alpha_threshold")
     _check(0 <= share <= 1, "alpha_threshold", "a number from 0 to 1", alpha_threshold)
     threshold = pixels.dtype.type(share * _LARGEST[pixels.dtype.name])
-    # A float64 beyond the range of float32 becomes infinite, and so may sums.
+    # Values and sums beyond the range of float32 become infinite.
     with np.errstate(over="ignore", invalid="ignore"):
         for part in slices(rows, piece_of(rows * columns) // columns):
             block = np.ascontiguousarray(pixels[part])

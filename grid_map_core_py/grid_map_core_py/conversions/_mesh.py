@@ -188,7 +188,7 @@ class _Triangles:
         Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
         and 0 along the edge opposite.
         """
-        # Offsets from a corner lose no digits far from the first cell.
+        # Offsets from a corner keep their precision far from the first cell.
         row, column = rows - self._rows[0][triangles], columns - self._columns[0][triangles]
         weights = [
             row * self._by_row[n][triangles] + column * self._by_column[n][triangles]
@@ -199,7 +199,7 @@ class _Triangles:
         heights, total = np.zeros(len(triangles)), np.zeros(len(triangles))
         for weight, slack, z in zip(weights, self._slack, self._z, strict=True):
             hit &= weight >= -slack[triangles]
-            # Extrapolated beyond an edge, a steep triangle would be far off.
+            # Extrapolation of a steep triangle beyond its edge would be far off.
             np.maximum(weight, 0.0, out=weight)
             heights += weight * z[triangles]
             total += weight

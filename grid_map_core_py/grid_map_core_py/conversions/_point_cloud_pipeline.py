@@ -309,9 +309,9 @@ def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArr
     """Return the mean distance (N,) of each point to its nearest neighbors."""
     from scipy.spatial import cKDTree  # slow to import
 
-    # A search tree cannot split points at the same place, and sensors may give thousands of them.
+    # A search tree cannot split points at the same place, of which sensors may deliver thousands.
     places, numbers, copies = np.unique(cloud, axis=0, return_inverse=True, return_counts=True)
-    # SciPy marks a neighbor at infinite distance by the index after the last.
+    # SciPy marks a missing neighbor with infinite distance and the index `len(points)`.
     copies = np.append(copies, neighbors)
     tree, means = cKDTree(places), np.empty(len(places))
     nearest_ones = np.arange(1, min(neighbors + 1, len(places)) + 1)

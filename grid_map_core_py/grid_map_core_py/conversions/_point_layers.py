@@ -152,7 +152,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
         return (given.astype(np.uint32) & _RGB).view(np.float32)
     floats = np.ascontiguousarray(_as_floats(values, name), np.float32)
     colors = floats.view(np.uint32) & _RGB
-    # The bits of opaque colors are NaN as well, but other ones.
+    # Opaque colors are NaN too, but with other bits.
     missing = np.isnan(floats) & (colors == _NO_COLOR)
     return np.where(missing, np.float32(np.nan), colors.view(np.float32))
 

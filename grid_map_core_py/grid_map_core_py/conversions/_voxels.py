@@ -46,7 +46,7 @@ def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:
         voxels += (np.floor(xyz[:, axis] / sides[axis]) - first[axis]).astype(np.int64)
     _, numbers = np.unique(voxels, return_inverse=True)
     sizes = np.bincount(numbers)
-    # Relative to a point of the cloud: large coordinates would cost the sums digits.
+    # Relative to a point of the cloud, because sums of large coordinates lose precision.
     offsets = (xyz - xyz[0]).T
     means: Positions = np.column_stack([np.bincount(numbers, along) for along in offsets])
     means /= sizes[:, None]

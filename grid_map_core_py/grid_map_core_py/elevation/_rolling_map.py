@@ -73,7 +73,7 @@ class RollingMap:
         self._fusion = FUSIONS[fusion]
         self._max_count = max_count or np.inf
         self._min_height, self._max_height = min_height, max_height
-        # Rasterizing no points checks all arguments and makes all layers.
+        # Rasterizing an empty cloud checks all arguments and creates all layers.
         self._map = self._rasterized(geometry, np.empty((0, 3)), {})
         self._map.frame_id = frame_id
         self._map.basic_layers = [layer]

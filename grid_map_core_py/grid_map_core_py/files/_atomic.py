@@ -75,7 +75,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
         except OSError as error:
             if error.errno not in _TAKEN:
                 raise
-            # Another process may have made it since.
+            # Another process may have created it in the meantime.
             check_old(target)
             _replace(temporary, target)
         _sync(target.parent)

@@ -90,14 +90,14 @@ def _read_pcd(file: Path) -> Fields:
     pypcd4 = _reader("pypcd4", file)
     try:
         cloud = pypcd4.PointCloud.from_path(file)
-        # A single point of a text file comes without its axis.
+        # For a file with a single point the reader returns a 1-D array.
         rows = np.atleast_1d(cloud.pc_data)
         if len(rows) != cloud.points:
             raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
     # A file may be damaged in any way, and the reader fails in as many.
     except Exception as error:
         raise GridMapError(f"{file}: cannot be read: {_first_line(error)}") from error
-    # The reader gives unique names, which begin so, to the padding that PCL calls "_".
+    # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
     return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
 
 
@@ -184,7 +184,7 @@ def _with_packed_colors(fields: Fields) -> Fields:
         fields.pop("alpha", None)
         fields["rgb"] = color_vector_to_value(rgb)
     for name in COLOR_FIELDS:
-        # With alpha, what looks like a float may be NaN.
+        # Packed colors with alpha may be NaN when read as float.
         if name in fields and fields[name].dtype.itemsize == 4:
             fields["rgb"] = as_colors(fields.pop(name))
     return fields

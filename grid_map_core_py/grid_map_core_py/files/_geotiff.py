@@ -65,7 +65,7 @@ def save_geotiff(
         "nodata": np.nan,
         "transform": rasterio.Affine(step, 0.0, west, 0.0, -step, north),
         "crs": crs or None,
-        # Four gigabytes are the end of what others can write.
+        # A classic TIFF holds at most 4 GB.
         "BIGTIFF": "IF_SAFER",
     }
     if compress:

@@ -95,7 +95,7 @@ def _mesh(
     try:
         return load_mesh(path)
     except GridMapError:
-        # Without faces there are still points; reading these reports any other problem.
+        # A file without faces may still hold points; reading the points reports any other problem.
         if required:
             raise
         return None

@@ -70,7 +70,7 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
         raise ValueError("no image, or a damaged one")
     head = _PGM_HEAD.match(data)
     if head:
-        # OpenCV leaves the values as they are, whatever the file calls white.
+        # OpenCV returns the values unscaled, whatever maximum value the file declares.
         white, largest = int(head[1]), 255 if pixels.dtype == np.uint8 else 65535
         if white != largest:
             pixels = np.rint(pixels * (largest / white)).astype(pixels.dtype)

@@ -167,12 +167,12 @@ def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
 
 
 def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
-    # YAML can escape half a character, but no reader takes it.
+    # YAML can escape half of a surrogate pair, but readers reject it.
     "".join([grid_map.frame_id, *(entry["name"] for entry in entries)]).encode()
     stored = {entry["name"] for entry in entries}
     origin = (grid_map.position - 0.5 * grid_map.length).tolist()
     document = {
-        # What map_server reads.
+        # The keys that map_server reads.
         "image": entries[0]["image"],
         "mode": "scale",
         "resolution": grid_map.resolution,

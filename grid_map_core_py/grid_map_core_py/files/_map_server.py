@@ -222,7 +222,7 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
         gray = _as_bytes(np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5)))
         return np.dstack([gray, gray, gray, _as_bytes(255 * known)])
-    # Between the thresholds, which the usual pixel of unknown cells need not be.
+    # Between the thresholds; the usual pixel of unknown cells may lie outside of them.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)

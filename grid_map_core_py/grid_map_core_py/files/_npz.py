@@ -141,7 +141,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise
     except OSError as error:
         raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
-    # A file may be damaged in any way, and what reads it fails in as many.
+    # Depending on the damage, zipfile, zlib and NumPy raise any kind of exception.
     except Exception as error:
         missing = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         text = " ".join(missing.split()) or type(error).__name__

@@ -31,7 +31,7 @@ def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:
         return yaml.load(text, _Loader)
     except OSError as error:
         raise GridMapError(f"{file}: cannot be read: {error.strerror}") from error
-    # Dates that do not exist are a ValueError.
+    # PyYAML raises ValueError for a date that does not exist.
     except (yaml.YAMLError, ValueError) as error:
         problem = " ".join(str(error).split())
         raise GridMapError(f"{file}: no valid YAML: {problem}") from error

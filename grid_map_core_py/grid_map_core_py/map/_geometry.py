@@ -153,7 +153,7 @@ class GridGeometry:
                 pairs = points[part].reshape(-1)
                 steps = self._from_corner(pairs, half, center, out=steps[: pairs.size])
                 steps /= -self.resolution
-                # A check of all is faster than a search for the few outside.
+                # Checking all cells at once is faster than searching for the few outside.
                 if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
                     inside[part] = self._contains(pairs, half, center)
                     self._bound(steps)
@@ -218,7 +218,7 @@ class GridGeometry:
         """
         cells = as_cells(cells, name)
         if not cells[0].size or all(
-            # Without sign, negative numbers are too large as well.
+            # As unsigned integers, negative numbers are too large as well.
             int(numbers.view(np.uint64).max()) < count
             for numbers, count in zip(cells, self.size, strict=True)
         ):
@@ -328,7 +328,7 @@ class GridGeometry:
         """Return the slice of cells along an axis that an interval overlaps; it may be empty."""
         half, center, size = self._half[axis], self.position[axis], self.size[axis]
         tolerance = BORDER_TOLERANCE / self.resolution
-        # Far away, counts of cells may be infinite.
+        # For far positions, the number of cells may be infinite.
         near = max((upper - half - center) / -self.resolution + tolerance, -1.0)
         far = min((lower - half - center) / -self.resolution - tolerance, size + 1.0)
         first = math.floor(min(near, size + 1.0))

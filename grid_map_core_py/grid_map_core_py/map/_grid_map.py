@@ -107,7 +107,7 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> GridMap:
         """Return a map over `geometry`; the other arguments are as in the constructor."""
-        # The geometry has been checked where it was made.
+        # The constructor of the geometry has already checked it.
         grid_map = cls.__new__(cls)
         grid_map._set_up(geometry, layers, basic_layers, frame_id, timestamp)
         return grid_map
@@ -264,7 +264,7 @@ class GridMap(MutableMapping[str, Layer]):
         return len(self._layers)
 
     def __bool__(self) -> bool:
-        # A map without layers has a place and a size, and `if grid_map:` asks for neither.
+        # A map without layers is still a map: `if grid_map:` must not depend on layers.
         return True
 
     def __eq__(self, other: object) -> bool:
@@ -687,7 +687,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     def _repr_html_(self) -> str:
         """Return a table of the layers for notebooks."""
-        # Importing it with the map would be a cycle, and would double the time of the import.
+        # At the top it would be an import cycle, and would double the import time.
         from ._notebook import to_html
 
         return to_html(self)

@@ -76,7 +76,7 @@ def interpolate(
     positions = as_positions(positions)
     points = positions.reshape(-1, 2)
     values, scratch = np.empty(len(points)), _Scratch(min(len(points), CHUNK))
-    # An infinite cell of weight 0 gives NaN; the simpler method then takes over.
+    # An infinite cell with weight 0 gives NaN; the simpler method is then used.
     with np.errstate(invalid="ignore"):
         for part in chunks(points):
             xy = surface.coordinates(points[part])
@@ -207,7 +207,7 @@ class _Surface:
         length, resolution = self._geometry.length[:, np.newaxis], self._geometry.resolution
         cells = self._cells(xy)
         np.trunc(cells, out=cells)
-        # Rounded as the map's own centers, so that at a center t is exactly 0.
+        # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
         t = cells * -resolution
         t += self._center + 0.5 * (length - resolution)
         np.subtract(xy, t, out=t)
@@ -236,7 +236,7 @@ def _set_weights(weights: Numbers, t: Numbers) -> None:
     outer *= rest
     np.multiply(outer, rest, out=lowest)
     np.multiply(outer, t, out=highest)
-    # With these inner ones constants and straight lines are reproduced.
+    # With these inner weights, constants and straight lines are reproduced exactly.
     bend = np.subtract(highest, lowest, out=outer)
     np.subtract(rest, lowest, out=below)
     below += bend

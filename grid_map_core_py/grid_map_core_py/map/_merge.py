@@ -92,7 +92,7 @@ def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions,
         after: (2,) likewise towards -x, -y.
     """
     ahead = outer.corner - inner.corner
-    # Far from the origin, coordinates are less precise than the usual tolerance.
+    # Far from the origin, rounding of coordinates exceeds the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
     behind = (inner.corner - inner.length) - (outer.corner - outer.length)
     before, after = (

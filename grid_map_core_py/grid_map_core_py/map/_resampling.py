@@ -67,7 +67,7 @@ class Axis:
         if self.picks:
             return self._resized(np.arange(self.sources)[:, None])[:, 0].astype(np.intp)
         centers = (np.arange(self.targets) + 0.5) / self.factor
-        # In the middle between two cells, the first is the nearest.
+        # Halfway between two cells, the first one counts as the nearest.
         cells = np.ceil(centers - 1.0 - _TIE)
         return np.asarray(np.clip(cells, 0, self.sources - 1), dtype=np.intp)
 
@@ -181,7 +181,7 @@ def _interpolate(block: Layer, rows: Weights, columns: Weights) -> Layer:
     result = _product(rows.matrix, block, columns.matrix)
     if not missing.any():
         return result
-    # Beside holes, negative weights could make the sum of weights vanish: a mean replaces it.
+    # Beside holes, the sum of weights could vanish; there a mean with positive weights is used.
     holes = _product(rows.magnitudes, missing.astype(np.float32), columns.magnitudes)
     known = np.outer(rows.sums, columns.sums) - holes
     with np.errstate(divide="ignore", invalid="ignore"):

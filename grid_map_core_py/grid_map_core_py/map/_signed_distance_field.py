@@ -273,7 +273,7 @@ class _Trilinear:
             for axis, slope in enumerate(slopes):
                 self._average_at_kinks(slope, axis, places, cells)
                 np.divide(slope, self.steps[axis], out=gradients[part, axis])
-        gradients += 0.0  # Steps are negative along x and y, but no user wants to read -0.
+        gradients += 0.0  # Steps are negative along x and y; adding 0 turns -0 into 0.
         gradients[np.isnan(values)] = np.nan
         return values, gradients
 
@@ -299,7 +299,7 @@ class _Trilinear:
             # Most often all points are inside, and the check is faster than clamping.
             if not (cell.min() >= 0 and cell.max() <= last):
                 place[~np.isfinite(place)] = np.nan
-                # Unlike `np.clip` this turns NaN into a number, which is the index of a node.
+                # Unlike `np.clip` this also turns NaN into a valid node index.
                 np.fmax(np.fmin(cell, last, out=cell), 0, out=cell)
             places.append(place)
             cells.append(cell)
@@ -448,7 +448,7 @@ def _squared_gaps(upper: ArrayLike, lower: ArrayLike) -> Layer:
     gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
     np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")
     np.maximum(gaps, 0, out=gaps)
-    # A square beyond float32 becomes infinite: that column is out of reach.
+    # A squared distance beyond float32 becomes infinite, so that the column is never the nearest.
     with np.errstate(over="ignore"):
         return np.multiply(gaps, gaps, out=gaps)
 

@@ -71,7 +71,7 @@ def transformed_map(
 def _as_rigid(transform: ArrayLike) -> _Numbers:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
     try:
-        # Objects prevent silent conversions, such as of complex numbers.
+        # dtype=object prevents silent conversions, for example of complex numbers.
         matrix = np.asarray(transform, dtype=object).astype(np.float64)
     except (TypeError, ValueError):
         matrix = np.empty(0)
@@ -94,7 +94,7 @@ def _as_rigid(transform: ArrayLike) -> _Numbers:
 def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
     """Return the smallest grid around the moved corners at height 0."""
     x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
-    # In this order, the mean rounds as in the C++ library.
+    # Summed in this order, the mean is rounded as in the C++ library.
     center = np.array([_moved(row, x, y, row[3]).T.reshape(-1).mean() for row in matrix[:2]])
     # Differences of corners would lose digits far from the origin.
     length = np.abs(matrix[:2, :2]) @ geometry.length

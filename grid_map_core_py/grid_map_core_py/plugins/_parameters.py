@@ -103,7 +103,7 @@ def _try_cast_scalar(value: object, hint: Any) -> object:
     is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
     if hint is float and is_number:
         return float(typing.cast("float", value))
-    # NumPy's integers, too.
+    # also accepts NumPy's integers
     if hint is int and isinstance(value, numbers.Integral) and is_number:
         return int(value)
     if hint is int and isinstance(value, float) and value.is_integer():

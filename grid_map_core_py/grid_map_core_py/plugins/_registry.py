@@ -68,6 +68,6 @@ class Registry(Generic[T]):
 def _load(entry: EntryPoint) -> type[Any]:
     try:
         loaded: type[Any] = entry.load()
-    except Exception as error:  # Whatever a plugin's module raises, the user must learn which one.
+    except Exception as error:  # the message must name the plugin
         raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
     return loaded

@@ -51,7 +51,7 @@ def cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) ->
     for band in _bands(mask):
         (found,) = mask[band].ravel().nonzero()
         row, column = (numbers[done : done + found.size] for numbers in cells)
-        # NumPy divides faster unsigned, and multiplies faster than it computes remainders.
+        # NumPy divides unsigned integers faster, and multiplication is faster than `%`.
         np.floor_divide(found.view(np.uint64), np.uint64(width), out=row.view(np.uint64))
         np.multiply(row, -width, out=column)
         column += found

@@ -47,7 +47,7 @@ def half_chords(radius: float, distances: NDArray[np.float64]) -> NDArray[np.flo
             on the rim, as `circle_cells` does.
         distances: (...) from the center of the disc to the chords, in the unit of the radius.
     """
-    # In units of the radius, squares cannot overflow.
+    # Dividing by the radius first keeps the squares from overflowing.
     across = distances / radius
     rest = (1.0 - across) * (1.0 + across)
     halves: NDArray[np.float64] = radius * np.copysign(np.sqrt(np.abs(rest)), rest)

@@ -85,7 +85,7 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
     if enters <= leaves:
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
         cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
-        # The borders on -x and -y are not on the map: the middle of a line along them is outside.
+        # The borders at -x and -y are outside, and so is the middle of a line along them.
         if found.any():
             return cells[0][:2], cells[1][:2]
     start, end = map(as_text, ends)
@@ -101,7 +101,7 @@ def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float,
     lower = (geometry.position - 0.5 * geometry.length).tolist()
     upper = geometry.corner.tolist()
     for a, b, low, high in zip(*ends.tolist(), lower, upper, strict=True):
-        # The difference of two large numbers could overflow; that of halves cannot.
+        # The difference of two large numbers could overflow; the difference of their halves cannot.
         extent = 0.5 * b - 0.5 * a
         if extent:
             cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))

@@ -98,7 +98,7 @@ class Polygon:
             return cls.from_circle(first, radius, n)
         x, y = radius * _normalized(second - first)
         half = (n + 1) // 2
-        # A quarter turn from the line between the centers, half a circle begins.
+        # Each half circle begins a quarter turn from the line between the centers.
         return cls(
             np.concatenate([first + _arc((-y, x), half, 0.5), second + _arc((y, -x), half, 0.5)])
         )
@@ -288,7 +288,7 @@ class Polygon:
             abs(_doubled_areas(corners).sum()) > 1e-12 * np.ptp(corners, axis=0).max() ** 2
         ):
             raise GeometryError(f"expected a polygon with an area, got {self!r}")
-        # Vertices before the first of these repeat the last one, whose index is -1.
+        # Vertices before the first of these map to index -1, the last one.
         return corners, np.cumsum(begins) - 1
 
 

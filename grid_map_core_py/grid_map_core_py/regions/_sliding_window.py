@@ -53,7 +53,7 @@ def sliding_windows(
     _check_edge_handling(edge_handling, get_args(EdgeHandling))
     size = _window_cells(grid_map.resolution, window_size, window_length)
     if edge_handling in ("inside", "crop"):
-        # A larger window shows no more of the map, but its margin would take memory.
+        # A larger window would show no further cells, but its margin would take memory.
         size = min(size, 2 * max(grid_map.size) + 1)
     padded = _padded(grid_map.unwrapped(layer), size // 2)
     return _windows(padded, grid_map.start_index, grid_map.size, edge_handling, size)
@@ -158,7 +158,7 @@ def _mean_padded(windows: Layer) -> Layer:
     rows, columns, size, _ = windows.shape
     beyond = _view(_padded(np.zeros((rows, columns), dtype=np.float32), size // 2), size)
     filled = windows.copy()
-    # Row by row, the temporaries stay small beside the result.
+    # Row by row, so that temporaries stay small compared to the result.
     for row, outside in zip(filled, beyond, strict=True):
         np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
     filled.flags.writeable = False

@@ -64,7 +64,7 @@ def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
 
 def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
     """Return the map cell under a position, which may be beyond the map."""
-    # In plain Python numbers: arrays of two would take longer than the spiral.
+    # Plain Python numbers: for a pair, NumPy would take longer than the whole spiral.
     steps = [
         (p - 0.5 * length - middle) / -geometry.resolution
         for p, length, middle in zip(
@@ -140,7 +140,7 @@ def _kept_spiral() -> tuple[Integers, list[int]]:
 
 def _spiral_order(rows: Integers, columns: Integers) -> Integers:
     """Return the order of (N,) offsets from the center cell: by ring, then clockwise."""
-    # The angle is less than 8.
+    # 8 exceeds the range of the angle, 2 pi.
     key = 8.0 * _rings(rows, columns)
     key += np.arctan2(columns, -rows)
     return np.argsort(key)

@@ -80,7 +80,7 @@ class FilterChainNode(Node):
     """Subscribes to maps, filters them and publishes the results."""
 
     def __init__(self) -> None:
-        # A filter that is added while the node runs brings parameters that are not declared.
+        # A filter added at run time has parameters that are not declared.
         super().__init__(NODE_NAME, allow_undeclared_parameters=True)
         topic = self._read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self._read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
@@ -94,7 +94,7 @@ class FilterChainNode(Node):
         about = "time between two reports on `/diagnostics` [s]"
         period = read_positive(self, "diagnostics_period", 1.0, description=about)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # A steady clock reports also while a simulation is paused.
+        # A steady clock, so that reports continue while a simulation is paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(period, self._publish_diagnostics, clock=steady)
         self.add_on_set_parameters_callback(self._prepare_chain)

@@ -43,7 +43,7 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
         cells: (rows, cols) bool in Fortran order; the chosen cells.
         half_width: the square has 2 half_width + 1 cells along a side; it is cropped at the border.
     """
-    # Wider squares than this hold no further cell.
+    # Wider squares contain no further cells.
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
     padded, ranks = _padded(layer.T, half_width), _middle_ranks(np.isfinite(layer.T), side)

@@ -139,7 +139,7 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
         planes = _planes(layer, offset, tile)
-        # Deviations of the largest floats may overflow.
+        # Differences of very large floats may overflow.
         with np.errstate(over="ignore"):
             distances = resolution * tile.cells(_deviations(planes))
             deviations[tile.rows, tile.columns] = distances
@@ -183,7 +183,7 @@ def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
     behind, ahead = (tile.neighbors(heights, s * rows, s * columns) for s in (-1, 1))
     slope = ahead - behind
     slope *= 0.5 / tile.disc.resolution
-    # Only cells beside a hole are computed again; they are few.
+    # Only the few cells beside a hole are computed again.
     places = np.flatnonzero(np.isnan(slope))
     center = tile.neighbors(heights)[places]
     from_behind, to_ahead = center - behind[places], ahead[places] - center
@@ -205,7 +205,7 @@ def _planes(layer: Layer, offset: float, tile: Tile) -> Planes:
 
 
 def _moments(known: Flat, z: Flat, tile: Tile) -> Moments:
-    # The smallest integers that hold all moments of a whole disc are the fastest.
+    # The smallest integer type that holds the moments of a whole disc is the fastest.
     largest = np.count_nonzero(tile.disc.kernel) * max(tile.disc.reach) ** 2
     one = known.astype(np.min_scalar_type(-largest - 1))
     sum_z, xz = _moments_across(tile, z, 1, (0, 1))
@@ -262,7 +262,7 @@ def _normals_of(
     lone = count < 3
     doubtful &= known & ~lone
     places = np.flatnonzero(doubtful)
-    # LAPACK takes long even for no matrices.
+    # Calling LAPACK is slow even for an empty array.
     if places.size:
         exact = _eigenvectors_or_upright(_as_matrices(matrices, places), spread[places])
         for component, values in zip(vectors, exact, strict=True):
@@ -329,7 +329,7 @@ def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
     x -= xz * b
     y -= yz * a
     z -= xy * xy
-    # The factor is the trace of the adjugate. A column of rounding errors is short compared to it.
+    # The factor is the trace of the adjugate. Columns of rounding errors are short compared to it.
     factor = (a + b) * c
     factor -= xz * xz
     factor -= yz * yz

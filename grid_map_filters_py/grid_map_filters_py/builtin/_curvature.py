@@ -48,13 +48,13 @@ class Curvature:
 
 def _of_lines(layer: Layer, lines: slice, resolution: float) -> Layer:
     """Return the curvature in some lines of a C-contiguous layer."""
-    # The lines with a margin of one cell, which repeats the border of the map.
+    # Rows with a margin of one cell that repeats the map's border.
     first, last = max(lines.start - 1, 0), min(lines.stop + 1, len(layer))
     above, below = first - lines.start + 1, lines.stop + 1 - last
     border = above, below, 1, 1
     heights = cv2.copyMakeBorder(layer[first:last], *border, cv2.BORDER_REPLICATE)
     width, flat = heights.shape[1], heights.ravel()
-    # Every cell, with those of the margin, and its four neighbors.
+    # Every cell, margin included, and its four neighbors.
     shifts = 0, -width, width, -1, 1
     neighbors = [flat[width + shift : flat.size - width + shift] for shift in shifts]
     return _curvature(neighbors, (-1 / resolution**2,)).reshape(-1, width)[:, 1:-1]

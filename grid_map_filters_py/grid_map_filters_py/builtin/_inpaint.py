@@ -69,7 +69,7 @@ class Inpaint:
         if self.enclosed_holes_only:
             for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
                 wanted[side] = False
-        # Label 0 is that of all cells outside of holes.
+        # Label 0 marks all cells outside of holes.
         wanted[0] = False
         return np.asarray(wanted[labels].T)
 
@@ -79,7 +79,7 @@ def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
     lowest, highest = min_of_finites(layer), max_of_finites(layer)
     if lowest == highest:
         return np.full_like(layer, lowest)
-    # OpenCV weighs by gradients, with thresholds for 8-bit gray values.
+    # OpenCV weights by gradients, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
     gray = elementwise(
         lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer

@@ -30,7 +30,7 @@ class MeanInRadius(DiscFilter):
         layer = grid_map[self.input_layer]
         offset = typical_value(layer)
         disc = self.disc(grid_map)
-        # The sum of a few values in single precision is as exact as the layer.
+        # For a few values, sums in single precision are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean = np.empty_like(layer, order="F")
         for tile in tiles(disc):

@@ -93,7 +93,7 @@ class MedianFill:
 
     def _compute_mask(self, known: Mask) -> tuple[Mask, dict[str, Layer]]:
         """Return the mask of cells to fill, and the layers to add."""
-        # After as many steps as the map has cells along a side, a mask cannot grow further.
+        # After max(rows, cols) steps the mask cannot grow further.
         iterations = min(self.num_erode_dilation_iterations, max(known.shape))
         solid = cv2.morphologyEx(known.T.view(np.uint8), cv2.MORPH_OPEN, _BLOCK)
         grown = cv2.dilate(solid, _BLOCK, iterations=iterations)

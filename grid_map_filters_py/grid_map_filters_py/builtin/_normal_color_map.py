@@ -44,5 +44,5 @@ def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
 
 @helper
 def _channel(normal: Value) -> Value:
-    # The same bits as 255 * (0.5 * normal + 0.5).
+    # Gives the same bits as 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

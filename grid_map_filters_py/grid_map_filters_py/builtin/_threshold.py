@@ -44,7 +44,7 @@ class Threshold:
         result = grid_map[output_layer].copy("F")
         lower, upper = self.lower_threshold, self.upper_threshold
         compare, threshold = (np.greater, upper) if lower is None else (np.less, lower)
-        # Without the signature, the threshold would be rounded to the float32 of the layer.
+        # Without the signature, the threshold would be rounded to float32.
         passes = compare(condition, np.asarray(threshold), signature="dd->?")
         with np.errstate(over="ignore"):
             result[passes & np.isfinite(condition)] = self.set_to

@@ -240,7 +240,7 @@ def _axis(algebra: Algebra[V], axis: V | None) -> int | None:
     return int(np.max(value))
 
 
-# --- shapes and makers ----------------------------------------------------------------------------
+# --- shapes and creation --------------------------------------------------------------------------
 
 
 def _size(algebra: Algebra[V], value: V, axis: V | None = None) -> V:

@@ -15,7 +15,7 @@ def skips_missing(root: Node, name: str) -> bool:
 
     It returns False, too, if this simple analysis cannot tell.
     """
-    # A layer that is called like a function turns calls into indices.
+    # If a layer has the name of a function, its parentheses mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)
 
 

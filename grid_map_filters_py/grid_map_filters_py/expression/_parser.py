@@ -27,7 +27,7 @@ _HINTS = {
     "{": "unexpected '{': matrices are written [1, 2; 3, 4]",
 }
 
-# Names of terminals in error messages; others are not listed there.
+# Names of terminals in error messages; unnamed terminals are not listed.
 _EXPECTED = {
     "NUMBER": "a value",
     "OPEN_INDEX": "an operator",
@@ -41,7 +41,7 @@ _EXPECTED = {
 
 _VALUE = ", expected a value"
 
-# Likely mistakes, by the terminal that follows a complete value.
+# Hints for likely mistakes, by the unexpected terminal after a complete value.
 _MISPLACED = {
     "COMPARE": "comparisons cannot be chained: write (a < b) .* (b < c)",
     "COLON": "a range has at most first:step:last",

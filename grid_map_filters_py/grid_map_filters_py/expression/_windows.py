@@ -20,10 +20,10 @@ from ._window_matrices import PaddedWindow, SlidingWindow, Value, WindowMatrices
 
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
-# Cells that are computed together: fields of this size stay in the cache of one core.
+# Cells per block: arrays of this size stay in the cache of one core.
 _BLOCK = 32768
 
-# Cells by which a window may be longer than the layer; it limits the memory.
+# Cells by which a window may exceed the layer; this limits memory.
 _LARGEST_MARGIN = 1000
 
 _ALGEBRA = WindowMatrices()

@@ -154,7 +154,7 @@ def _numba() -> Any:
     except Exception as error:
         warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
         return None
-    # With DISABLE_JIT, loops would run in Python.
+    # With NUMBA_DISABLE_JIT, the loops would run in pure Python.
     if getattr(numba.config, "DISABLE_JIT", False):
         return None
     _compile_choose(overload)
@@ -166,7 +166,7 @@ def _numba() -> Any:
 @functools.cache
 def _compile_choose(overload: Callable[..., Any]) -> None:
     """Give `choose` a version for single cells."""
-    # Numba compares the signatures with that of `choose`, without annotations.
+    # Numba compares each signature with that of `choose`, ignoring annotations.
     one_of_both = lambda condition, yes, no: yes if condition else no  # noqa: E731
     overload(choose)(lambda condition, yes, no: one_of_both)  # noqa: ARG005
 

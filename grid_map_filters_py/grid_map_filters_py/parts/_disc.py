@@ -178,7 +178,7 @@ class Tile:
         line = np.zeros_like(inner) if moments else inner.copy()
         width = 0
         for distance in reversed(range(len(widths))):
-            # Towards the center, lines get longer: only their ends are added.
+            # Lines get longer towards the center, so only their new ends are added.
             for width in range(width + 1, widths[distance] + 1):  # noqa: B020
                 ahead = values[margin + width * along :][: line.size]
                 behind = values[margin - width * along :][: line.size]
@@ -214,7 +214,7 @@ def tiles(disc: Disc, side: int = 256) -> Iterator[Tile]:
         side: maximum side of a tile [cells]. The arrays of a tile should fit the cache of one core;
             the margins of larger tiles overlap less.
     """
-    # With large discs, margins of small tiles would take most of the time.
+    # With large discs, margins of small tiles would dominate the computation time.
     side = max(side, 8 * max(disc.reach))
     lengths = [math.ceil(length / math.ceil(length / side)) for length in disc.size]
     for rows, columns in product(*map(slices, disc.size, lengths)):
@@ -231,5 +231,5 @@ def typical_value(layer: Layer) -> float:
     known = sample[np.isfinite(sample)]
     if not known.size:
         known = flat[np.isfinite(flat)]
-    # In single precision, the mean of two huge numbers would be infinite.
+    # Double precision, so that the mean of two huge numbers stays finite.
     return float(np.median(known.astype(np.float64))) if known.size else 0.0

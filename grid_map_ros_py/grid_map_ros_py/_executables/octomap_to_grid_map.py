@@ -60,7 +60,7 @@ class OctomapToGridMapNode(Node):
         self._answer: Any = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(period, self._ask, clock=steady)
-        # The service need not be there when the node starts.
+        # The service may start after the node.
         self._first = self.create_timer(min(1.0, period), self._ask_first, clock=steady)
         return service
 

@@ -129,7 +129,7 @@ def path_inside(directory: Path, path: str) -> Path:
     root = directory.resolve()
     try:
         target = (root / path).resolve()
-        # The files of a bag may be links, too.
+        # The files of a bag may also be symbolic links.
         found = [target, *(file.resolve() for file in target.iterdir())] if target.is_dir() else []
     except (OSError, RuntimeError, ValueError) as error:
         raise RequestError(f"file_path {path!r}: {error}") from error

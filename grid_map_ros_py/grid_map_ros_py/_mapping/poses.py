@@ -178,7 +178,7 @@ def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]
     """Return (N, 3) points in another frame, as float64 unless nothing changes."""
     if np.array_equal(transform, np.eye(4)):
         return points
-    # Points that are not finite stay so.
+    # Points that are not finite stay unchanged.
     with np.errstate(invalid="ignore", over="ignore"):
         moved: npt.NDArray[np.float64] = points @ transform[:3, :3].T
         moved += transform[:3, 3]

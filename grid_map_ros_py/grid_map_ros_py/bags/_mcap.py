@@ -89,7 +89,7 @@ class McapFile:
         """Return the messages on a topic in time order, without reading them."""
         channels = [key for key, channel in self._channels.items() if channel.topic == topic]
         found = [entry for key in channels for entry in self._entries_of(key)]
-        # Messages of one time stay in the order of the file.
+        # Messages with equal times keep the order of the file.
         return sorted(found, key=lambda entry: (entry.time, entry.place))
 
     def read(self, entry: Entry) -> bytes:
@@ -107,7 +107,7 @@ class McapFile:
         """Close the file."""
         self._file.close()
 
-    # What the file says of itself
+    # Summary of the file
 
     def _check_ends(self) -> tuple[int, int]:
         """Return where the summary begins, 0 without one, and where it ends."""
@@ -123,7 +123,7 @@ class McapFile:
         if (code, size) != (_FOOTER_CODE, _FOOTER.size - _RECORD.size) or not 0 <= start <= end:
             raise BagError(self._path, "its footer is damaged")
         if start and checksum:
-            # All but the checksum itself.
+            # Everything except the checksum itself.
             summary = self._source.at(start, end + _FOOTER.size - 4 - start)
             self._check_sum(summary, checksum, "summary")
         return start, end
@@ -154,7 +154,7 @@ class McapFile:
         schema = self._schemas.get(channel.schema_id)
         return channel.topic, Topic(schema.name if schema else "", channel.message_encoding)
 
-    # Where the messages are: (offset of the chunk in the file, or -1, offset in there)
+    # Places of messages: (offset of the chunk in the file or -1, offset in the chunk)
 
     def _entries_of(self, channel: int) -> list[Entry]:
         if self._scanned is None:

@@ -24,7 +24,7 @@ GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 _UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
 QOS_PROFILES = [
     {
-        # A recorder does not know the history either.
+        # rosbag2 does not record the history either.
         "history": "unknown",
         "depth": 0,
         "reliability": "reliable",
@@ -136,7 +136,7 @@ def load_files(folder: Path) -> list[Path]:
         raise BagError(path, "relative_file_paths: expected a list of names")
     if not names:
         raise BagError(path, "the bag has no files")
-    # Old versions name the folder, too; a path to anywhere else is not followed.
+    # Old versions include the folder; paths to other folders are not followed.
     return [folder / Path(name).name for name in names]
 
 

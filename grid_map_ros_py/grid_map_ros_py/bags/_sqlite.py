@@ -86,7 +86,7 @@ class SqliteFile:
 
     def entries(self, topic: str) -> list[Entry]:
         """Return the messages on a topic in time order, without reading them."""
-        # The rows themselves, since a damaged index would hide some of them.
+        # Reads the table itself, because a damaged index would hide rows.
         query = """
             SELECT timestamp, messages.id FROM messages NOT INDEXED
             WHERE topic_id IN (SELECT id FROM topics WHERE name = ?)
@@ -119,7 +119,7 @@ class SqliteFile:
             raise BagError(self._path, "is cut off: the copy is not complete")
 
     def _check_tables(self) -> None:
-        # Damaged or malicious files may hold views of those names, which can be endless.
+        # Damaged or malicious files may hold views of these names, which may never end.
         query = "SELECT name FROM sqlite_master WHERE type = 'table'"
         tables = {name for (name,) in self._database.execute(query)}
         if not {"topics", "messages"} <= tables:

@@ -53,7 +53,7 @@ def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
         raise
     except OSError as error:
         raise BagError(path, f"cannot be {doing}: {error.strerror or error}") from error
-    # Depending on the damage, the packages that read files raise all kinds of exceptions.
+    # Depending on the damage, the reading packages raise any kind of exception.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error

@@ -104,7 +104,7 @@ def occupancies(values: npt.ArrayLike, data_min: float, data_max: float) -> npt.
             raise MessageError("data_min, data_max", expected, (data_min, data_max))
         cells = np.asarray(values, dtype=np.float32)
         flat, found = cells.ravel("F"), np.empty(cells.size, np.int8)
-        # Work on pieces that fit the cache.
+        # Work on pieces that fit into the cache.
         for piece in slices(flat.size, PIECE):
             share = (flat[piece] - low) / extent
             scaled = np.clip(share, np.float32(0), np.float32(1)) * np.float32(OCCUPIED)

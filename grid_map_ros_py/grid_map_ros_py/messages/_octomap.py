@@ -79,7 +79,7 @@ def from_octomap(
     highest = highest_voxels(leaves, first, last)
     heights = _meters(highest.astype(np.float32), message.resolution)
     heights[highest < 0] = np.nan
-    # A map begins at the largest x and y.
+    # The first cell of a map is at the largest x and y.
     grid_map = GridMap.from_geometry(
         _geometry(first, last, message.resolution),
         {layer: heights[::-1, ::-1]},

@@ -258,7 +258,7 @@ def _count_within(leaves: Leaves, first: Voxel, last: Voxel) -> int:
     start = leaves.keys.compress(leaves.occupied, axis=1) * np.int32(leaves.side)
     end = np.minimum(start + np.int32(leaves.side), last[:, None] + 1)
     overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
-    # In floats, where no product overflows.
+    # Floats, because products of integers could overflow.
     return int(overlap.prod(axis=0, dtype=np.float64).sum())
 
 

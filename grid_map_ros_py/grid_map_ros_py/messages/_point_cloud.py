@@ -72,7 +72,7 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
     if not abs(height) <= np.finfo(np.float32).max:
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
-    # A layer that the map calls so itself makes way, as if it had been added last.
+    # Replaces a layer of the same name, as if the new one had been added last.
     others = [name for name in grid_map.layers if name != FLAT_LAYER]
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]

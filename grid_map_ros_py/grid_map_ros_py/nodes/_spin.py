@@ -87,7 +87,7 @@ def _run(create_node: Callable[[], Node], args: list[str] | None, signals: _Sign
     except GridMapError as error:
         return _failed(error)
     except NameValidationException as error:
-        # The last line only points at a character of the line before.
+        # The last line is only a caret below the line before.
         message, _, _ = str(error).rpartition("\n")
         return _failed(" ".join(message.split()))
     try:
@@ -108,7 +108,7 @@ def _spin(node: Node, signals: _Signals) -> None:
     finally:
         signals.ignore()
         node.destroy_node()
-        # If the garbage collector does it, its parts may be gone, which prints a traceback.
+        # In the garbage collector its parts may already be gone, which would print a traceback.
         executor.shutdown()
 
 

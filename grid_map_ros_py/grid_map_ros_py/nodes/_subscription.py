@@ -85,7 +85,7 @@ class LatchedSubscription:
             )
         elif kind not in self._given_up and executor is not None:
             self._given_up.add(kind)
-            # Not now: this is a callback of the subscription that will be destroyed.
+            # Deferred, because this is a callback of the subscription that will be destroyed.
             executor.create_task(self._subscribe_without, kind)
 
     def _subscribe_without(self, kind: QoSPolicyKind) -> None:

@@ -50,7 +50,7 @@ class TfPoses:
             transform = self._look_up(frame_id, stamp)
             robot = self._look_up(self._robot_frame or frame_id, stamp)
         except self._tf.TransformException as error:
-            # tf2 does not tell whether the transform will ever be available.
+            # tf2 cannot tell whether the transform will become available.
             self.waits_for = str(error)
             return None
         return Placement(transform, robot[:2, 3])

@@ -148,7 +148,7 @@ def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> Non
         style.setdefault("color_mode", "color")
     title = f"{layer} in {grid_map.frame_id!r}" if options.title is None else options.title
     for name in {layer, options.color_layer, options.shade_by} - {None}:
-        grid_map[name]  # raises where there is none
+        grid_map[name]  # raises if the layer does not exist
     try:
         save_picture(grid_map, layer, picture, title=title, **style)
     except OSError:

@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    # The viewer takes maps as they come from topics.
+    # The viewer expects messages, as received from topics.
     received = ReceivedMap(to_serialized_message(read_map(options)))
     page = _page(options, received.layers)
     try:

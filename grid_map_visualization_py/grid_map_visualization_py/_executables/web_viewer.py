@@ -42,7 +42,7 @@ class WebViewerNode(Node):
         self._viewer = Viewer(self._page, max_cells)
         self._throttle = LogThrottle()
         self._maps = MapSubscription(self, topic, self._viewer.receive)
-        # A steady clock updates the page also while a simulation is paused.
+        # A steady clock, so that the page is updated while a simulation is paused.
         self.create_timer(period, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(f"shows {topic} at {self._page.url}")
 

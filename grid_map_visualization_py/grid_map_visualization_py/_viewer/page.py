@@ -250,7 +250,7 @@ class Page:
         scene = self._server.scene
         scene.configure_default_lights(enabled=False)
         scene.configure_environment_map(None)
-        # Both add up to pi on level ground, because viser divides light by pi.
+        # On level ground both lights sum to pi, because viser divides light by pi.
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)

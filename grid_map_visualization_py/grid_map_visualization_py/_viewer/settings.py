@@ -64,5 +64,5 @@ def follow(chosen: str, layers: Sequence[str], preferred: Sequence[str] = ()) ->
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
     """Return the common prefixes of three layers that end in x, y and z."""
     ending_in_x = (name.removesuffix("x") for name in layers if name.endswith("x"))
-    # Layers called just x, y and z are more likely positions.
+    # Layers called x, y and z are more likely positions than vector components.
     return [name for name in ending_in_x if name and all(name + axis in layers for axis in AXES)]

@@ -37,7 +37,7 @@ class MapRegionVisualization:
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
-        # In single precision as in the C++ node, so that the points are equal bit by bit.
+        # Single precision as in the C++ node, so that the points are equal bit by bit.
         half_length = (grid_map.length / 2).astype(np.float32).astype(np.float64)
         points = np.zeros((len(_CORNERS), 3))
         points[:, :2] = grid_map.position + _CORNERS * half_length
