@@ -158,10 +158,7 @@ OF_THEIR_LAYERS = [
         "gridMapFilters/MeanInRadiusFilter",
         {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
     ),
-    (
-        "gridMapFilters/NormalColorMapFilter",
-        {"input_layers_prefix": "n_", "output_layer": "color"},
-    ),
+    ("gridMapFilters/NormalColorMapFilter", {"input_layers_prefix": "n_", "output_layer": "color"}),
     (
         "gridMapFilters/NormalVectorsFilter",
         {
@@ -206,10 +203,7 @@ HEIGHTS_TO_HEIGHTS = [
     ("gridMapFilters/GaussianBlurFilter", {"sigma": 0.1, "compute_empty_cells": True}),
     ("gridMapFilters/DilationFilter", {"radius": 0.3}),
     ("gridMapFilters/ErosionFilter", {"radius": 0.3, "compute_empty_cells": True}),
-    (
-        "gridMapCv/InpaintFilter",
-        {"radius": 0.3, "enclosed_holes_only": True, "max_hole_area": 0.3},
-    ),
+    ("gridMapCv/InpaintFilter", {"radius": 0.3, "enclosed_holes_only": True, "max_hole_area": 0.3}),
 ]
 """Filters from `input_layer` to `output_layer`, with their other parameters."""
 

@@ -389,10 +389,7 @@ def with_params(type_name, **params):
             [{**GOOD, "parms": {}}],
             "filter 1: unknown entry 'parms'; expected name, type and params",
         ),
-        (
-            [{**GOOD, "params": [1]}],
-            "filter 1 'n': params: expected a mapping, got [1] (list)",
-        ),
+        ([{**GOOD, "params": [1]}], "filter 1 'n': params: expected a mapping, got [1] (list)"),
         ([GOOD, GOOD], "filter 2: the name 'n' is already that of filter 1"),
         (
             with_params("gridMapFilters/TresholdFilter"),
@@ -420,10 +417,7 @@ def with_params(type_name, **params):
                 "expected a string (quote it), got 3 (int)"
             ),
         ),
-        (
-            with_params(MATH, expression="1 +", output_layer="b"),
-            f"filter 1 'n' ({MATH}): ",
-        ),
+        (with_params(MATH, expression="1 +", output_layer="b"), f"filter 1 'n' ({MATH}): "),
     ],
 )
 def test_wrong_configurations_are_refused_with_the_place(config, message):

@@ -37,16 +37,8 @@ def test_ramp_is_linear_and_constant_beyond_its_ends():
 @pytest.mark.parametrize(
     "spelling",
     [
-        {
-            "min": {"value": -1, "color": [0, 1, 0.25]},
-            "max": {"value": 3, "color": [1, 0, 0.5]},
-        },
-        {
-            "min/value": -1,
-            "min/color": [0, 1, 0.25],
-            "max/value": 3.0,
-            "max/color": [1, 0, 0.5],
-        },
+        {"min": {"value": -1, "color": [0, 1, 0.25]}, "max": {"value": 3, "color": [1, 0, 0.5]}},
+        {"min/value": -1, "min/color": [0, 1, 0.25], "max/value": 3.0, "max/color": [1, 0, 0.5]},
         {"min.value": -1, "min": {"color": [0, 1, 0.25]}, "max_value": 3}
         | {"max/color": [1, 0, 0.5]},
     ],

@@ -96,9 +96,7 @@ layers = array_shapes(min_dims=2, max_dims=2, max_side=6).flatmap(
 @pytest.mark.parametrize("text", EXPRESSIONS)
 @settings(max_examples=12)
 @given(
-    layer=layers,
-    window_size=st.sampled_from([1, 3, 3, 5, 7]),
-    edge_handling=st.sampled_from(EDGES),
+    layer=layers, window_size=st.sampled_from([1, 3, 3, 5, 7]), edge_handling=st.sampled_from(EDGES)
 )
 def test_windows_equal_a_loop_over_cells(text, layer, window_size, edge_handling):
     if edge_handling == "inside" and window_size > min(layer.shape):

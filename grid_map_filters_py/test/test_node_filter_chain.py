@@ -155,11 +155,7 @@ def test_a_late_node_gets_the_last_map(parameters, other_side):
 MALFORMED = [
     ("data", [], "data: expected 1 arrays, one for each of layers"),
     ("outer_start_index", 12, "outer_start_index: expected 0 to 11, got 12"),
-    (
-        "basic_layers",
-        ["nothing"],
-        "basic_layers[0]: expected one of ['elevation'], got 'nothing'",
-    ),
+    ("basic_layers", ["nothing"], "basic_layers[0]: expected one of ['elevation'], got 'nothing'"),
 ]
 """Fields, wrong values and the errors; the tests of messages have all kinds."""
 

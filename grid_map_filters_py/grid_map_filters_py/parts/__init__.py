@@ -6,14 +6,7 @@
 of the values of one cell into one of whole layers, which numba compiles where it is installed.
 """
 
-from ._cell_function import (
-    CellFunction,
-    cell_function,
-    choose,
-    clamp,
-    helper,
-    is_finite,
-)
+from ._cell_function import CellFunction, cell_function, choose, clamp, helper, is_finite
 from ._disc import Disc, Tile, tiles, typical_value
 
 __all__ = [
