@@ -2,12 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_loader`: publishes the last map of a bag, latched."""
 
-import math
 import sys
 
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -35,20 +33,16 @@ class GridMapLoaderNode(Node):
         topic = read_parameter(self, "publish_topic", str, "/grid_map", description=about)
         check_topic(self, "publish_topic", topic)
         about = "time for which late subscribers get the map [s]; 0 means while the node runs"
-        qos = _qos(read_parameter(self, "duration", float, 0.0, description=about))
+        duration = read_parameter(self, "duration", float, 0.0, description=about)
+        # NaN is not between the bounds either.
+        check(0 <= duration <= LONGEST, "duration", f"0 to {LONGEST:g} s", duration)
+        qos = map_qos()
+        if duration:
+            qos.lifespan = Duration(nanoseconds=round(duration * 1e9))
         grid_map = load_from_bag(path, bag_topic or None, unwrap=False)
         self._publisher = self.create_publisher(GridMapMessage, topic, qos)
         self._publisher.publish(to_serialized_message(grid_map))
         self.get_logger().info(f"publishes {grid_map} from {path} on {topic}")
-
-
-def _qos(duration: float) -> QoSProfile:
-    expected = f"0 to {LONGEST:g} s"
-    check(math.isfinite(duration) and 0 <= duration <= LONGEST, "duration", expected, duration)
-    qos = map_qos()
-    if duration:
-        qos.lifespan = Duration(nanoseconds=round(duration * 1e9))
-    return qos
 
 
 def main() -> int:

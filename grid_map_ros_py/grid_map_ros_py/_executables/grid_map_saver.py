@@ -7,7 +7,6 @@ import sys
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
 
 from ..bags._bag import BagWriter
@@ -49,20 +48,18 @@ class GridMapSaverNode(Node):
 
     def _on_map(self, received: ReceivedMap) -> None:
         try:
-            self._save(received.decode(unwrap=False))
+            grid_map = received.decode(unwrap=False)
+            with self._bag() as bag:
+                bag.write(self._topic, grid_map)
+            self.get_logger().info(f"saved {grid_map}")
+            if not self._continuous:
+                try_shutdown()
         except GridMapError as error:
             if not (self._continuous or isinstance(error, MessageError)):
                 raise NodeFailedError(str(error)) from error
             text = f"did not save a map: {error}"
             if self._throttle.allow(text):
                 self.get_logger().error(text)
-
-    def _save(self, grid_map: GridMap) -> None:
-        with self._bag() as bag:
-            bag.write(self._topic, grid_map)
-        self.get_logger().info(f"saved {grid_map}")
-        if not self._continuous:
-            try_shutdown()
 
 
 def main() -> int:

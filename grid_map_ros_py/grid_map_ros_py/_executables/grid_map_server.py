@@ -45,14 +45,24 @@ class GridMapServerNode(Node):
         about = "file format of saved bags: `mcap` or `sqlite3`"
         storage = read_parameter(self, "storage", str, "mcap", description=about)
         check(storage in STORAGES, "storage", f"one of {', '.join(STORAGES)}", storage)
-        self._server = MapServer(_read_directory(self), storage)
+        about = "directory below which requests load and save bags; empty refuses them"
+        path = read_parameter(self, "directory", str, "", description=about)
+        check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
+        self._server = MapServer(Path(path) if path else None, storage)
         self._throttle = LogThrottle()
         about = "topic of the map, published whenever it changes"
         topic = _read_topic(self, "output_topic", "/grid_map", about)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         self._begin()
         self._subscribe()
-        self._offer()
+        for kind, name, callback in (
+            (GetGridMap, "get_grid_map", self._on_get_grid_map),
+            (GetGridMapInfo, "get_grid_map_info", self._on_get_grid_map_info),
+            (SetGridMap, "set_grid_map", self._on_set_grid_map),
+            (ProcessFile, "load_map", self._on_load_map),
+            (ProcessFile, "save_map", self._on_save_map),
+        ):
+            self.create_service(kind, f"~/{name}", callback)
         self.get_logger().info(f"serves {self._publisher.topic_name}")
 
     def _begin(self) -> None:
@@ -70,16 +80,6 @@ class GridMapServerNode(Node):
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
         self._subscription = MapSubscription(self, topic, self._on_map)
-
-    def _offer(self) -> None:
-        for kind, name, callback in (
-            (GetGridMap, "get_grid_map", self._on_get_grid_map),
-            (GetGridMapInfo, "get_grid_map_info", self._on_get_grid_map_info),
-            (SetGridMap, "set_grid_map", self._on_set_grid_map),
-            (ProcessFile, "load_map", self._on_load_map),
-            (ProcessFile, "save_map", self._on_save_map),
-        ):
-            self.create_service(kind, f"~/{name}", callback)
 
     def _take(self, grid_map: GridMap) -> None:
         # Serialize first: a map that cannot be published must not replace the last one.
@@ -137,13 +137,6 @@ class GridMapServerNode(Node):
 
         response.success = self._attempt("save_map", save)
         return response
-
-
-def _read_directory(node: Node) -> Path | None:
-    about = "directory below which requests load and save bags; empty refuses them"
-    path = read_parameter(node, "directory", str, "", description=about)
-    check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
-    return Path(path) if path else None
 
 
 def _read_topic(node: Node, name: str, default: str, description: str) -> str:

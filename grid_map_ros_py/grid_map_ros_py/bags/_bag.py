@@ -12,9 +12,9 @@ The time of a message in a new bag is the time of its map by default.
 import bisect
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -105,8 +105,13 @@ class BagWriter:
         self._path = Path(path)
         self._overwrite = overwrite
         self._storage, self._compression = storage, compression
-        self._check_one_of("storage", storage, STORAGES)
-        self._check_one_of("compression", compression, COMPRESSIONS)
+        for name, value, known in (
+            ("storage", storage, STORAGES),
+            ("compression", compression, COMPRESSIONS),
+        ):
+            if value not in known:
+                expected = f"one of {', '.join(known)}"
+                raise BagError(self._path, f"{name}: expected {expected}, got {value!r}")
         if storage == "sqlite3" and compression != "none":
             expected = "'none' with storage 'sqlite3'"
             raise BagError(self._path, f"compression: expected {expected}, got {compression!r}")
@@ -114,8 +119,6 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
             self._check_parent()
-            if self._storage == "mcap":
-                bag_mcap.package("mcap.writer", self._path)
             self._folder = stack.enter_context(new_folder(self._path, self._check_old))
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
@@ -124,7 +127,7 @@ class BagWriter:
                 McapWriter(file, self._compression) if is_mcap else SqliteWriter(file)
             )
             stack.callback(self._writer.abandon)
-            self._contents = bag_metadata.Contents({})
+            self._times: dict[str, list[int]] = {}
             self._stack = stack.pop_all()
         return self
 
@@ -138,9 +141,9 @@ class BagWriter:
             self._stack.__exit__(kind, error, traceback)
             return
         with bag_errors(self._path, "written"), self._stack:
-            if not self._contents.count:
+            if not self._times:
                 raise BagError(self._path, "no maps to write")
-            document = bag_metadata.information(self._contents, self._file, self._storage)
+            document = bag_metadata.information(self._times, self._file, self._storage)
             self._writer.finish(document)
             bag_metadata.save(self._folder, document)
 
@@ -176,12 +179,7 @@ class BagWriter:
         data = to_serialized_message(grid_map, layers)
         with bag_errors(self._path, "written"):
             self._writer.write(topic, stamp, data)
-        self._contents.add(topic, stamp)
-
-    def _check_one_of(self, parameter: str, value: str, known: Iterable[str]) -> None:
-        if value not in known:
-            expected = f"one of {', '.join(known)}"
-            raise BagError(self._path, f"{parameter}: expected {expected}, got {value!r}")
+        self._times.setdefault(topic, []).append(stamp)
 
     def _check_topic(self, topic: str) -> None:
         if not _TOPIC_NAME.fullmatch(topic):
@@ -290,25 +288,17 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
     """
     with bag_errors(Path(path)):
         files = _files(Path(path))
-    topics: dict[str, BagTopic] = {}
+    types: dict[str, str] = {}
+    times: dict[str, list[int]] = {}
     for file in files:
         with bag_errors(file), closing(_open(file)) as storage:
             for name, kind in storage.topics.items():
-                before = topics.get(name, BagTopic(name, kind.type))
-                topics[name] = _counted(before, storage.entries(name))
-    return [topics[name] for name in sorted(topics)]
-
-
-def _counted(topic: BagTopic, entries: list[Entry]) -> BagTopic:
-    """Return a topic with the messages of one more file added."""
-    times = [time for time in (topic.first, topic.last) if time is not None]
-    times += [entry.time for entry in entries]
-    return replace(
-        topic,
-        count=topic.count + len(entries),
-        first=min(times, default=None),
-        last=max(times, default=None),
-    )
+                types.setdefault(name, kind.type)
+                times.setdefault(name, []).extend(entry.time for entry in storage.entries(name))
+    return [
+        BagTopic(name, types[name], len(found), min(found, default=None), max(found, default=None))
+        for name, found in sorted(times.items())
+    ]
 
 
 class BagRecord(NamedTuple):
@@ -360,7 +350,10 @@ class BagReader:
             self._path = Path(path)
             self._files = _files(self._path)
         try:
-            self.topics = self._read_topics()
+            self.topics: dict[str, Topic] = {}
+            for number, file in enumerate(self._files):
+                with bag_errors(file):
+                    self.topics |= self._storage(number).topics
             self.topic = self._chosen(topic)
             self._entries = self._read_entries()
         except BaseException:
@@ -388,7 +381,13 @@ class BagReader:
         file, entry = self._entries[index]
         path = self._files[file]
         with bag_errors(path):
-            data = _unpacked(self._storage(file).read(entry), path)
+            data = self._storage(file).read(entry)
+            if data.startswith(_ZSTD_MAGIC):
+                # rosbag2 has compressed the message by itself.
+                data = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
+                if len(data) > bag_mcap.LARGEST_CHUNK:
+                    most = bag_mcap.LARGEST_CHUNK
+                    raise BagError(path, f"a message of more than {most} bytes, unpacked")
         number = index % len(self)
         return BagRecord(entry.time, data, f"{path}: map {number} on {self.topic}")
 
@@ -410,13 +409,6 @@ class BagReader:
             self.close()
             self._open = file, _open(self._files[file])
         return self._open[1]
-
-    def _read_topics(self) -> Mapping[str, Topic]:
-        topics: dict[str, Topic] = {}
-        for number, path in enumerate(self._files):
-            with bag_errors(path):
-                topics |= self._storage(number).topics
-        return topics
 
     def _read_entries(self) -> list[tuple[int, Entry]]:
         found = []
@@ -477,16 +469,6 @@ def _open(path: Path) -> Storage:
     if magic.startswith(_ZSTD_MAGIC):
         raise BagError(path, "is compressed as a whole; 'zstd -d' unpacks it")
     raise BagError(path, "neither an MCAP file nor a sqlite3 database" if magic else "is empty")
-
-
-def _unpacked(data: bytes, path: Path) -> bytes:
-    """Return a message, decompressed if rosbag2 has compressed it by itself."""
-    if not data.startswith(_ZSTD_MAGIC):
-        return data
-    message = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
-    if len(message) > bag_mcap.LARGEST_CHUNK:
-        raise BagError(path, f"a message of more than {bag_mcap.LARGEST_CHUNK} bytes, unpacked")
-    return message
 
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:

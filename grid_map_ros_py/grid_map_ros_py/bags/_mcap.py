@@ -80,7 +80,11 @@ class McapFile:
             self._channels: dict[int, Any] = {}
             self._scanned: dict[int, list[Entry]] | None = None
             self._read_summary(self._check_ends())
-            self.topics = dict(map(self._topic, self._channels.values()))
+            self.topics = {}
+            for channel in self._channels.values():
+                schema = self._schemas.get(channel.schema_id)
+                kind = Topic(schema.name if schema else "", channel.message_encoding)
+                self.topics[channel.topic] = kind
         except BaseException:
             self.close()
             raise
@@ -149,10 +153,6 @@ class McapFile:
             self._schemas[record.id] = record
         elif code == _CHANNEL:
             self._channels[record.id] = record
-
-    def _topic(self, channel: Any) -> tuple[str, Topic]:
-        schema = self._schemas.get(channel.schema_id)
-        return channel.topic, Topic(schema.name if schema else "", channel.message_encoding)
 
     # Places of messages: (offset of the chunk in the file or -1, offset in the chunk)
 
@@ -253,13 +253,11 @@ def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
     else:
         stream = package("zstandard", path).ZstdDecompressor().stream_reader(data)
     with stream:
-        return b"".join(_pieces(stream, size + 1))
-
-
-def _pieces(stream: IO[bytes], size: int) -> Iterator[bytes]:
-    while size > 0 and (piece := stream.read(min(size, 2**20))):
-        size -= len(piece)
-        yield piece
+        pieces, room = [], size + 1
+        while room > 0 and (piece := stream.read(min(room, 2**20))):
+            pieces.append(piece)
+            room -= len(piece)
+        return b"".join(pieces)
 
 
 class _Source:

@@ -4,7 +4,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -39,45 +39,35 @@ QOS_PROFILES = [
 """Quality of service of map topics, which makes `ros2 bag play` publish them latched."""
 
 
-@dataclass
-class Contents:
-    """Number of messages by topic in a new bag, and their first and last time [ns]."""
-
-    counts: dict[str, int]
-    first: int = 2**63 - 1
-    last: int = 0
-
-    @property
-    def count(self) -> int:
-        """Number of messages on all topics."""
-        return sum(self.counts.values())
-
-    def add(self, topic: str, time: int) -> None:
-        """Count a message."""
-        self.counts[topic] = self.counts.get(topic, 0) + 1
-        self.first = min(self.first, time)
-        self.last = max(self.last, time)
-
-
 def ros_distro() -> str:
     """Return the ROS distribution that is named in new bags."""
     return os.environ.get("ROS_DISTRO", "jazzy")
 
 
-def information(contents: Contents, file: str, storage: str) -> dict[str, Any]:
-    """Return the metadata of a bag with one file of maps."""
+def information(times: Mapping[str, list[int]], file: str, storage: str) -> dict[str, Any]:
+    """Return the metadata of a bag with one file of maps; `times` are [ns] by topic."""
+    every = list(chain(*times.values()))
     time = {
-        "duration": {"nanoseconds": contents.last - contents.first},
-        "starting_time": {"nanoseconds_since_epoch": contents.first},
-        "message_count": contents.count,
+        "duration": {"nanoseconds": max(every) - min(every)},
+        "starting_time": {"nanoseconds_since_epoch": min(every)},
+        "message_count": len(every),
     }
     return {
         "version": VERSION,
         "storage_identifier": storage,
         **time,
         "topics_with_message_count": [
-            {"topic_metadata": _topic(name), "message_count": count}
-            for name, count in contents.counts.items()
+            {
+                "topic_metadata": {
+                    "name": name,
+                    "type": GRID_MAP_TYPE,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": QOS_PROFILES,
+                    "type_description_hash": TYPE_HASH,
+                },
+                "message_count": len(stamps),
+            }
+            for name, stamps in times.items()
         ],
         "compression_format": "",
         "compression_mode": "",
@@ -85,16 +75,6 @@ def information(contents: Contents, file: str, storage: str) -> dict[str, Any]:
         "files": [{"path": file, **time}],
         "custom_data": None,
         "ros_distro": ros_distro(),
-    }
-
-
-def _topic(name: str) -> dict[str, Any]:
-    return {
-        "name": name,
-        "type": GRID_MAP_TYPE,
-        "serialization_format": "cdr",
-        "offered_qos_profiles": QOS_PROFILES,
-        "type_description_hash": TYPE_HASH,
     }
 
 
@@ -124,7 +104,14 @@ def load_files(folder: Path) -> list[Path]:
         BagError: the folder is no bag, its metadata is damaged, or its files are compressed.
     """
     path = folder / FILE_NAME
-    found = _load(path)
+    if not path.is_file():
+        files = sorted(file.name for file in folder.iterdir() if file.suffix in (".mcap", ".db3"))
+        hint = f"; name the file itself to read {files[0]}" if files else ""
+        raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
+    document = load_yaml(path)
+    found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(found, dict):
+        raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
     if str(found.get("compression_mode")).lower() == "file":
         raise BagError(
             folder,
@@ -138,18 +125,3 @@ def load_files(folder: Path) -> list[Path]:
         raise BagError(path, "the bag has no files")
     # Old versions include the folder; paths to other folders are not followed.
     return [folder / Path(name).name for name in names]
-
-
-def _load(path: Path) -> Mapping[str, Any]:
-    if not path.is_file():
-        raise BagError(path.parent, f"no bag: a folder without {FILE_NAME}{_hint(path.parent)}")
-    document = load_yaml(path)
-    found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
-    if not isinstance(found, dict):
-        raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
-    return found
-
-
-def _hint(folder: Path) -> str:
-    recordings = sorted(path.name for path in folder.iterdir() if path.suffix in (".mcap", ".db3"))
-    return f"; name the file itself to read {recordings[0]}" if recordings else ""

@@ -78,8 +78,13 @@ class SqliteFile:
         mode = "mode=ro" if _is_unfinished(path) else "mode=ro&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
         try:
-            self._check_tables()
-            self.topics = self._read_topics()
+            # Damaged or malicious files may hold views of these names, which may never end.
+            query = "SELECT name FROM sqlite_master WHERE type = 'table'"
+            if not {("topics",), ("messages",)} <= {*self._database.execute(query)}:
+                raise BagError(path, "a database, but not of a bag: no tables of messages")
+            query = "SELECT name, type, serialization_format FROM topics"
+            rows = self._database.execute(query)
+            self.topics = {str(name): Topic(str(kind), str(code)) for name, kind, code in rows}
         except BaseException:
             self.close()
             raise
@@ -117,17 +122,6 @@ class SqliteFile:
         size = 65536 if size == 1 else size
         if len(head) < 32 or size * count > self._path.stat().st_size:
             raise BagError(self._path, "is cut off: the copy is not complete")
-
-    def _check_tables(self) -> None:
-        # Damaged or malicious files may hold views of these names, which may never end.
-        query = "SELECT name FROM sqlite_master WHERE type = 'table'"
-        tables = {name for (name,) in self._database.execute(query)}
-        if not {"topics", "messages"} <= tables:
-            raise BagError(self._path, "a database, but not of a bag: no tables of messages")
-
-    def _read_topics(self) -> dict[str, Topic]:
-        rows = self._database.execute("SELECT name, type, serialization_format FROM topics")
-        return {str(name): Topic(str(kind), str(encoding)) for name, kind, encoding in rows}
 
 
 def _is_unfinished(path: Path) -> bool:

@@ -96,7 +96,7 @@ def to_image(
         MessageError: the encoding is unknown.
         GeometryError: the bounds are invalid.
     """
-    kind = encoding_of(encoding)
+    kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
     return _message(grid_map, image, encoding)
 
@@ -113,7 +113,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
         LayerNotFoundError: the map lacks the layer.
         MessageError: the encoding is unknown or has a single channel.
     """
-    kind = encoding_of(encoding)
+    kind = _encoding_of(encoding)
     if kind.channels < 3:
         raise MessageError("encoding", "one with colors, such as 'rgb8'", encoding)
     image = pixels.to_color_image(grid_map, layer, kind.dtype, kind.channels, order=kind.order)
@@ -214,16 +214,10 @@ def add_color_layer_from_image(
 # --- pixels in messages ---------------------------------------------------------------------------
 
 
-def encoding_of(name: str, field: str = "encoding") -> Encoding:
-    """Return the encoding of a name.
-
-    Raises:
-        MessageError: the encoding is unknown.
-    """
-    try:
-        return ENCODINGS[name]
-    except KeyError:
-        raise MessageError(field, f"one of {', '.join(ENCODINGS)}", name) from None
+def _encoding_of(name: str) -> Encoding:
+    if name not in ENCODINGS:
+        raise MessageError("encoding", f"one of {', '.join(ENCODINGS)}", name)
+    return ENCODINGS[name]
 
 
 def to_pixels(message: "Image") -> tuple[npt.NDArray[Any], Order]:
@@ -236,7 +230,7 @@ def to_pixels(message: "Image") -> tuple[npt.NDArray[Any], Order]:
         MessageError: the encoding is unknown, or height, width, step and the number of bytes do not
             fit each other.
     """
-    kind = encoding_of(message.encoding)
+    kind = _encoding_of(message.encoding)
     for name in ("height", "width"):
         if getattr(message, name) < 1:
             raise MessageError(name, "at least one pixel", getattr(message, name))

@@ -79,9 +79,11 @@ def from_octomap(
     highest = highest_voxels(leaves, first, last)
     heights = _meters(highest.astype(np.float32), message.resolution)
     heights[highest < 0] = np.nan
+    rows, columns = heights.shape
+    middle = _meters(0.5 * (first + last)[:2], message.resolution)
     # The first cell of a map is at the largest x and y.
     grid_map = GridMap.from_geometry(
-        _geometry(first, last, message.resolution),
+        GridGeometry.from_size((rows, columns), message.resolution, middle),
         {layer: heights[::-1, ::-1]},
         frame_id=message.header.frame_id,
         timestamp=timestamp,
@@ -150,12 +152,6 @@ def _bound(bound: npt.ArrayLike, name: str) -> Points:
 def _meters(keys: npt.NDArray[Any], resolution: float) -> npt.NDArray[Any]:
     """Return the coordinates of the centers of voxels, in the type of the keys."""
     return np.asarray((keys - (VOXELS // 2 - 0.5)) * resolution)
-
-
-def _geometry(first: Voxel, last: Voxel, resolution: float) -> GridGeometry:
-    rows, columns = (last - first + 1)[:2].tolist()
-    middle = 0.5 * (first + last)[:2]
-    return GridGeometry.from_size((rows, columns), resolution, _meters(middle, resolution))
 
 
 def _coarser(grid_map: GridMap, layer: str, resolution: float) -> GridMap:

@@ -86,7 +86,8 @@ def read_parameter_tree(
         ConfigError: a name is given both a value and parameters below it.
     """
     tree: dict[str, Any] = {}
-    names = [name for name in _known_names(node) if _is_below(name, prefix)]
+    known = dict.fromkeys((*_overrides(node), *node.get_parameters_by_prefix("")))
+    names = [name for name in known if not prefix or f"{name}.".startswith(f"{prefix}.")]
     for name, value in _given(node, names).items():
         _declare(node, name, value, description, read_only=read_only)
         _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
@@ -106,14 +107,6 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
     except rclpy_implementation.RCLError as error:
         raise mismatch(name, "the name of a topic", topic) from error
     return topic
-
-
-def _known_names(node: "Node") -> Iterable[str]:
-    return dict.fromkeys((*_overrides(node), *node.get_parameters_by_prefix("")))
-
-
-def _is_below(name: str, prefix: str) -> bool:
-    return not prefix or name == prefix or name.startswith(prefix + ".")
 
 
 def _given(node: "Node", names: Iterable[str]) -> dict[str, Any]:
