@@ -98,7 +98,8 @@ def plot(
         # An image of values instead of colors lets Matplotlib show the value under the pointer.
         pixels: Any = np.ma.masked_invalid(values)
     else:
-        pixels = _rgba(Coloring(color_mode, layer, scale)(values), values)
+        colors = Coloring(color_mode, layer, scale)(values)
+        pixels = np.concatenate([colors / 255, ~np.isnan(values)[..., None]], axis=-1)
     if shade_by:
         heights = _upright(grid_map.unwrapped(shade_by)) * np.float32(exaggeration)
         pixels[..., :3] = _lit(pixels[..., :3], _grid_normals(heights, grid_map.resolution))
@@ -158,8 +159,9 @@ def plot_3d(
         options = {"shade": False, "linewidth": 0, "antialiased": False}
         drawn = axes.plot_trisurf(x, y, z, triangles=mesh.faces, **options)
         corners = mesh.vertices[mesh.faces] * np.array([1.0, 1.0, exaggeration])
+        first, second, third = corners.transpose(1, 0, 2)
         colors = mesh.colors[mesh.faces].mean(axis=1) / 255
-        drawn.set_facecolor(_lit(colors, _face_normals(corners)))
+        drawn.set_facecolor(_lit(colors, np.cross(second - first, third - first)))
     x0, x1, y0, y1 = _extent(grid_map)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
@@ -302,27 +304,23 @@ def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
     )
 
 
-def _rgba(colors: npt.NDArray[np.uint8], values: Layer) -> npt.NDArray[np.float64]:
-    """Return colors (..., 4) in [0, 1], transparent where a value is NaN."""
-    return np.concatenate([colors / 255, ~np.isnan(values)[..., None]], axis=-1)
-
-
 def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
     """Return lit colors (..., 3) in [0, 1]; unchanged where a normal (..., 3) is NaN.
 
     The blend mode is "soft light" (Pegtop), which keeps colors at a light of one half.
     """
+    with np.errstate(invalid="ignore"):
+        normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
     light = np.where(np.isnan(light), 0.5, light)[..., None]
     return (1 - 2 * light) * colors**2 + 2 * light * colors
 
 
 def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
-    """Return unit normals (..., 3) of an upright image of heights; NaN where unknown."""
+    """Return normals (..., 3) of an upright image of heights; NaN where unknown."""
     with np.errstate(invalid="ignore"):
         down, right = (_differences(heights, axis) / resolution for axis in (0, 1))
-        normals = np.stack([-right, down, np.ones_like(down)], axis=-1)
-        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+    return np.stack([-right, down, np.ones_like(down)], axis=-1)
 
 
 def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:
@@ -330,13 +328,6 @@ def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:
     if heights.shape[axis] < 2:
         return np.where(np.isfinite(heights), 0.0, np.nan)
     return np.asarray(np.gradient(heights.astype(np.float64), axis=axis))
-
-
-def _face_normals(corners: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-    """Return unit normals (T, 3) of triangles (T, 3, 3)."""
-    first, second, third = corners.astype(np.float64).transpose(1, 0, 2)
-    normals = np.cross(second - first, third - first)
-    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
 
 # --- places ---------------------------------------------------------------------------------------

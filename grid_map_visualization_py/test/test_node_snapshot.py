@@ -20,17 +20,6 @@ def grid_map() -> GridMap:
     return GridMap((4, 3), 1.0, layers={"elevation": slope, "slope": 0.5}, frame_id="odom")
 
 
-@pytest.fixture
-def call(monkeypatch):
-    """Return a function that runs the executable in this process and returns its exit code."""
-
-    def run(*arguments: object) -> int:
-        monkeypatch.setattr("sys.argv", ["snapshot", *map(str, arguments)])
-        return main()
-
-    return run
-
-
 def test_picture_of_a_topic(grid_map, tmp_path):
     path = tmp_path / "map.png"
     process = start_node(MODULE, "--topic", "/terrain", "--out", str(path), "--color-map", "turbo")
@@ -69,21 +58,13 @@ def test_a_missing_layer_is_one_error(grid_map, tmp_path):
 
 
 @pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf"])
-def test_time_that_makes_no_sense_is_one_message(call, capfd, timeout):
-    assert call("--timeout", timeout) == 1
+def test_time_that_makes_no_sense_is_one_message(monkeypatch, capfd, timeout):
+    monkeypatch.setattr("sys.argv", ["snapshot", "--timeout", timeout])
+    assert main() == 1
     assert "parameter '--timeout': expected a positive time" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--color-layer", "a"], "--color-layer goes with --3d or --relief only"),
-        (["--out", "map.jpg"], "expected a name that ends in .png, .pdf, .svg"),
-        (["--color-mode", "rainbow"], "rainbow"),
-    ],
-)
-def test_options_that_do_not_go_together_are_refused(arguments, words, capsys):
-    with pytest.raises(SystemExit) as ended:
-        parsed(arguments)
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+def test_options_that_do_not_go_together_are_refused(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        parsed(["--color-layer", "a"])
+    assert "--color-layer goes with --3d or --relief only" in capsys.readouterr().err

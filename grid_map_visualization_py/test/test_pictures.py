@@ -174,46 +174,32 @@ def test_relief_wall_casts_its_shadow_away_from_the_sun():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("draw", "options", "message"),
     [
-        ({"elevation": 0.0}, "'elevation': expected an angle between 0 and pi / 3"),
-        ({"azimuth": np.nan}, "'azimuth': expected a finite angle"),
-        ({"size": (0, 5)}, "'size': expected a width and height"),
-        ({"exaggeration": -1.0}, "'exaggeration': expected a positive number"),
+        (plot_relief, {"elevation": 0.0}, "'elevation': expected an angle between 0 and pi / 3"),
+        (plot_relief, {"azimuth": np.nan}, "'azimuth': expected a finite angle"),
+        (plot_relief, {"size": (0, 5)}, "'size': expected a width and height"),
+        (plot, {"color_map": "virids"}, "'virids'; did you mean viridis"),
+        (plot, {"color_mode": "rainbow"}, "'color_mode': expected one of .* got 'rainbow'"),
+        (plot_3d, {"ax": flat_axes()}, "'ax': expected axes of the projection '3d'"),
+        (plot_3d, {"max_cells": 3}, "'max_cells': expected 0 .* at least 9, got 3"),
+        *(
+            (draw, {"exaggeration": factor}, "'exaggeration': expected a positive number")
+            for draw in (plot, plot_3d, plot_relief)
+            for factor in (0.0, -1.0, np.nan, np.inf)
+        ),
     ],
 )
-def test_relief_refuses_a_senseless_view(corner_map, options, message):
+def test_senseless_option_is_an_error(corner_map, draw, options, message):
+    axes = flat_axes(projection="3d") if draw is plot_3d else flat_axes()
     with pytest.raises(ConfigError, match=message):
-        plot_relief(corner_map, "a", flat_axes(), **options)
+        draw(corner_map, "a", **{"ax": axes, **options})
 
 
-def test_missing_layer_and_unknown_color_map_are_errors(corner_map):
+@pytest.mark.parametrize(("layer", "options"), [("b", {}), ("a", {"shade_by": "b"})])
+def test_missing_layer_is_named_beside_existing_ones(corner_map, layer, options):
     with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a, ground"):
-        plot(corner_map, "b", flat_axes())
-    with pytest.raises(LayerNotFoundError, match="no layer 'b'"):
-        plot(corner_map, "a", flat_axes(), shade_by="b")
-    with pytest.raises(ConfigError, match="'virids'; did you mean viridis"):
-        plot(corner_map, "a", flat_axes(), color_map="virids")
-
-
-def test_other_color_modes_and_axes_are_errors(corner_map):
-    with pytest.raises(ConfigError, match=r"'color_mode': expected one of .* got 'rainbow'"):
-        plot(corner_map, "a", flat_axes(), color_mode="rainbow")
-    with pytest.raises(ConfigError, match="'ax': expected axes of the projection '3d'"):
-        plot_3d(corner_map, "a", flat_axes())
-
-
-@pytest.mark.parametrize("factor", [0.0, -1.0, np.nan, np.inf])
-def test_exaggeration_that_is_no_factor_is_an_error(corner_map, factor):
-    with pytest.raises(ConfigError, match="'exaggeration': expected a positive number"):
-        plot(corner_map, "a", flat_axes(), shade_by="a", exaggeration=factor)
-    with pytest.raises(ConfigError, match="'exaggeration': expected a positive number"):
-        plot_3d(corner_map, "a", flat_axes(projection="3d"), exaggeration=factor)
-
-
-def test_surface_of_too_few_cells_is_an_error(corner_map):
-    with pytest.raises(ConfigError, match=r"'max_cells': expected 0 .* at least 9, got 3"):
-        plot_3d(corner_map, "a", flat_axes(projection="3d"), max_cells=3)
+        plot(corner_map, layer, flat_axes(), **options)
 
 
 def test_plot_uses_the_current_axes_of_pyplot(corner_map):

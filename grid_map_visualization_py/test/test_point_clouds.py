@@ -5,8 +5,7 @@
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_visualization_py.builtin._flat_point_cloud import FlatPointCloudVisualization
-from grid_map_visualization_py.builtin._point_cloud import PointCloudVisualization
+from grid_map_visualization_py.builtin import FlatPointCloudVisualization, PointCloudVisualization
 
 
 def points(cloud) -> np.ndarray:
@@ -23,11 +22,6 @@ def test_point_cloud_shows_elevation_by_default():
     assert points(PointCloudVisualization()(holey_map())).tolist() == [[1, 0, 1], [-1, 0, 3]]
 
 
-def test_flat_point_cloud_shows_every_cell_at_one_height():
-    expected = [[1, 0, 0.5], [0, 0, 0.5], [-1, 0, 0.5]]
-    assert points(FlatPointCloudVisualization(height=0.5)(holey_map())).tolist() == expected
-
-
 def test_point_cloud_that_is_flat_needs_no_layer():
     cloud = PointCloudVisualization(layer="no such layer", flat=True)(holey_map())
     assert points(cloud).tolist() == [[1, 0, 0], [0, 0, 0], [-1, 0, 0]]
@@ -37,9 +31,4 @@ def test_flat_point_cloud_leaves_out_cells_without_basic_layers():
     grid_map = holey_map()
     grid_map.basic_layers = ["elevation"]
     assert len(points(FlatPointCloudVisualization()(grid_map))) == 2
-
-
-def test_map_that_is_visualized_is_left_alone():
-    grid_map = holey_map()
-    FlatPointCloudVisualization()(grid_map)
     assert grid_map.layers == ("elevation",)

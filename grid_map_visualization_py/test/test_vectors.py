@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, map_cells
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 from grid_map_visualization_py.builtin._vectors import VectorsVisualization
 
 LAYERS = ("height", "normal_x", "normal_y", "normal_z")
@@ -41,18 +41,6 @@ def test_valid_cells_get_lines_in_buffer_order(grid_map, scale):
     marker = drawn(grid_map, scale=scale)
     assert coordinates(marker) == lines_by_loop(grid_map, scale)
     assert len(marker.colors) == len(marker.points)
-
-
-def test_moved_map_draws_the_same_lines_in_another_order():
-    random = np.random.default_rng(1)
-    layers = {name: random.random((5, 4), np.float32) for name in LAYERS}
-    layers["normal_y"][2, 1] = np.nan
-    grid_map = GridMap((5, 4), 1.0, (3.0, -2.0), layers)
-    moved = moved_in_buffer(grid_map, (3, 1))
-    lines, moved_lines = (coordinates(drawn(m)) for m in (grid_map, moved))
-    assert len(lines) == 2 * 19
-    assert sorted(lines) == sorted(moved_lines)
-    assert lines != moved_lines
 
 
 def test_basic_layers_do_not_matter():

@@ -8,6 +8,7 @@ import math
 import re
 import socket
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,11 +21,11 @@ from grid_map_visualization_py._viewer.glb import to_glb
 from grid_map_visualization_py._viewer.light import on_screen
 from grid_map_visualization_py._viewer.page import is_loopback, url_of
 from grid_map_visualization_py._viewer.picking import hit
-from grid_map_visualization_py._viewer.rate import MapRate
 from grid_map_visualization_py._viewer.scene import View, make_scene, view
 from grid_map_visualization_py._viewer.settings import Settings, follow, vector_prefixes
 from grid_map_visualization_py._viewer.slots import Slots
 from grid_map_visualization_py._viewer.texts import legend, readout, status
+from grid_map_visualization_py._viewer.viewer import MapRate
 from grid_map_visualization_py.colors import Coloring, ColorScale
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -193,12 +194,10 @@ def test_grid_lines_lie_between_neighbors_with_heights(hill):
 def test_points_have_the_colors_of_their_cells(hill):
     packed = color_vector_to_value([1.0, 0.5, 0.0])
     hill["color"] = packed
-    settings = Settings(height_layer="elevation", coloring=Coloring("color", layer="color"))
+    coloring = Coloring("color", layer="color")
+    settings = Settings(height_layer="elevation", coloring=coloring)
     assert len(make_scene(hill, settings).points) == 0
-    scene = make_scene(
-        hill,
-        Settings(height_layer="elevation", coloring=Coloring("color", layer="color"), points=True),
-    )
+    scene = make_scene(hill, replace(settings, points=True))
     assert (scene.point_colors == [255, 127, 0]).all()
     heights = sorted(scene.points[:, 2].tolist())
     np.testing.assert_allclose(heights, np.arange(1, 15) / 10, rtol=1e-6)
@@ -209,17 +208,15 @@ def test_vectors_start_on_the_surface_where_all_is_finite(hill):
     hill["n_y"][4, 2] = np.nan
     scene = make_scene(hill, Settings(height_layer="elevation", vectors="n_", vector_scale=0.5))
     assert len(scene.vectors) == 15 - 2
-    np.testing.assert_allclose(
-        np.diff(scene.vectors, axis=1)[:, 0], np.tile([0.5, 1.0, 1.5], (13, 1)), rtol=1e-5
-    )
+    arrows = np.diff(scene.vectors, axis=1)[:, 0]
+    np.testing.assert_allclose(arrows, np.tile([0.5, 1.0, 1.5], (13, 1)), rtol=1e-5)
     heights = sorted(scene.vectors[:, 0, 2].tolist())
     np.testing.assert_allclose(heights, np.arange(1, 14) / 10, rtol=1e-6)
 
 
 def test_the_legend_has_the_values_of_the_colors(hill):
-    coloring = Coloring(
-        "intensity", layer="elevation", scale=ColorScale(color_map="gray", upper=3.0)
-    )
+    scale = ColorScale(color_map="gray", upper=3.0)
+    coloring = Coloring("intensity", layer="elevation", scale=scale)
     scene = make_scene(hill, Settings(height_layer="elevation", coloring=coloring))
     assert scene.bounds == (pytest.approx(0.1), 3.0)
     text = legend(coloring.scale, scene.bounds)
@@ -317,15 +314,8 @@ def test_the_readout_names_the_cell_and_all_its_values(hill):
     hill["color"] = color_vector_to_value([255, 16, 0])
     hill["x"] = 7.0
     text = readout(hill, np.array([10.12, -4.08]))
-    for name, value in (
-        ("x", "10.120 m"),
-        ("y", "-4.080 m"),
-        ("cell", "1, 2"),
-        ("elevation", "0.5"),
-        ("variance", "1"),
-        ("color", "#ff1000"),
-        ("x", "7"),
-    ):
+    values = {"y": "-4.080 m", "cell": "1, 2", "elevation": "0.5", "variance": "1"}
+    for name, value in (("x", "10.120 m"), ("x", "7"), ("color", "#ff1000"), *values.items()):
         assert f"<td>{name}</td><td style='text-align:right'>{value}</td>" in text
     assert ">no data<" in readout(hill, np.array([10.2, -3.9]))
     assert ">outside the map<" in readout(hill, np.array([0.0, 0.0]))
@@ -346,19 +336,9 @@ def test_the_status_says_how_many_cells_are_shown(hill):
         assert f">{value}<" in text
 
 
-@pytest.mark.parametrize(
-    ("host", "expected"),
-    [
-        ("127.0.0.1", True),
-        ("localhost", True),
-        ("::1", True),
-        ("0.0.0.0", False),
-        ("192.168.0.7", False),
-        ("robot.local", False),
-    ],
-)
-def test_only_addresses_of_this_machine_need_no_warning(host, expected):
-    assert is_loopback(host) == expected
+def test_only_addresses_of_this_machine_need_no_warning():
+    hosts = ("127.0.0.1", "localhost", "::1", "0.0.0.0", "192.168.0.7", "robot.local")
+    assert [*map(is_loopback, hosts)] == [True, True, True, False, False, False]
 
 
 def test_printed_address_can_be_opened():
@@ -371,7 +351,7 @@ def test_printed_address_can_be_opened():
 
 
 def test_rate_covers_the_last_seconds():
-    rate = MapRate(window=3.0)
+    rate = MapRate()
     assert (rate.rate(0.0), rate.age(0.0)) == (0.0, math.inf)
     for k in range(40):
         rate.add(0.1 * k)

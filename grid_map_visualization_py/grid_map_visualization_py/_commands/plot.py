@@ -3,6 +3,7 @@
 """Draw a map from above, as a surface or as terrain in relief to a PNG, PDF or SVG file."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,9 +28,9 @@ LARGEST_DPI = 1200
 """A picture of this resolution takes half a gigabyte."""
 
 _STYLES_OF = {
-    "shade_by": ("flat",),
-    "color_layer": ("surface", "relief"),
-    "max_cells": ("surface",),
+    "shade_by": (("flat",), "without --3d and --relief"),
+    "color_layer": (("surface", "relief"), "with --3d or --relief"),
+    "max_cells": (("surface",), "with --3d"),
 }
 """Options that not all styles have."""
 
@@ -50,11 +51,10 @@ def add_style(parser: argparse.ArgumentParser) -> None:
         picture, "--layer", "what is drawn, the heights if not flat (elevation, or the first)"
     )
     styles = picture.add_mutually_exclusive_group()
-    for flags, style, text in (
-        (("--3d", "--three-d"), "surface", "draw a surface with axes"),
-        (("--relief",), "relief", "draw terrain in perspective, with light and shadows"),
-    ):
-        styles.add_argument(*flags, dest="style", action="store_const", const=style, help=text)
+    add_flag = partial(styles.add_argument, dest="style", action="store_const")
+    add_flag("--3d", "--three-d", const="surface", help="draw a surface with axes")
+    text = "draw terrain in perspective, with light and shadows"
+    add_flag("--relief", const="relief", help=text)
     _add_layer(picture, "--color-layer", "not flat: layer that gives the colors (the heights)")
     picture.add_argument("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
     _add_layer(picture, "--shade-by", "flat: heights that the light falls on (no light)")
@@ -111,13 +111,9 @@ def check_style(options: argparse.Namespace, picture: Path) -> None:
     """
     if picture.suffix.lower() not in ENDINGS:
         raise UsageError(f"{picture}: expected a name that ends in {', '.join(ENDINGS)}")
-    flags = {"surface": "--3d", "relief": "--relief"}
-    for name, styles in _STYLES_OF.items():
+    for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
-            flag, without = f"--{name.replace('_', '-')}", " and ".join(flags.values())
-            with_flags = " or ".join(flags[style] for style in styles if style in flags)
-            kind = f"with {with_flags}" if with_flags else f"without {without}"
-            raise UsageError(f"{flag} goes {kind} only")
+            raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
     if not 1 <= options.dpi <= LARGEST_DPI:
         raise UsageError(f"--dpi: expected a number from 1 to {LARGEST_DPI}, got {options.dpi:g}")
 

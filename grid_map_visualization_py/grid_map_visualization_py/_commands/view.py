@@ -21,9 +21,6 @@ from grid_map_core_py.commands import (
 
 from .plot import complete_color_maps
 
-_PERIOD = 0.05
-"""Seconds between two looks at the choices of the user on the page."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what `run` needs."""
@@ -75,7 +72,8 @@ def run(options: argparse.Namespace) -> int:
         if options.open:
             webbrowser.open(page.url)
         told = ""
-        while not ended.wait(_PERIOD):
+        # The user's choices on the page take effect within 0.05 s.
+        while not ended.wait(0.05):
             problem = viewer.update()
             if problem and problem != told:
                 message(f"error: {problem}")

@@ -7,7 +7,6 @@ Format: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 
 import json
 import struct
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,78 +29,42 @@ def to_glb(mesh: Mesh, *, shaded: bool = True, opacity: float = 1.0) -> bytes:
     """
     lower, upper = (bound(mesh.vertices, axis=0).tolist() for bound in (np.min, np.max))
     # 16 bits distinguish dark colors. A fourth channel aligns vertices to four bytes.
-    colors = np.take(_linear_light(), mesh.colors)
-    colors = np.insert(colors, 3, 0xFFFF, axis=1)
-    return _glb(
-        [
-            (mesh.vertices.astype("<f4", copy=False), FLOAT, "VEC3", {"min": lower, "max": upper}),
-            (colors, UNSIGNED_SHORT, "VEC4", {"normalized": True}),
-            (mesh.faces.astype("<u4", copy=False).reshape(-1), UNSIGNED_INT, "SCALAR", {}),
-        ],
-        _material(shaded, opacity),
-    )
-
-
-def _material(shaded: bool, opacity: float) -> dict[str, Any]:
-    surface = {
-        "baseColorFactor": [1, 1, 1, opacity],
-        "metallicFactor": 0,
-        "roughnessFactor": 1,
-    }
-    material: dict[str, Any] = {"pbrMetallicRoughness": surface, "doubleSided": True}
-    if opacity < 1:
-        material["alphaMode"] = "BLEND"
-    if not shaded:
-        material["extensions"] = {"KHR_materials_unlit": {}}
-    return material
-
-
-def _glb(
-    arrays: list[tuple[npt.NDArray[Any], int, str, dict[str, Any]]], material: dict[str, Any]
-) -> bytes:
-    """Return a file with one mesh of positions, colors and indices."""
+    light = np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")
+    colors = np.insert(np.take(light, mesh.colors), 3, 0xFFFF, axis=1)
+    arrays: list[tuple[npt.NDArray[Any], int, str, dict[str, Any]]] = [
+        (mesh.vertices.astype("<f4", copy=False), FLOAT, "VEC3", {"min": lower, "max": upper}),
+        (colors, UNSIGNED_SHORT, "VEC4", {"normalized": True}),
+        (mesh.faces.astype("<u4", copy=False).reshape(-1), UNSIGNED_INT, "SCALAR", {}),
+    ]
     blobs = [np.ascontiguousarray(values).tobytes() for values, *_ in arrays]
     ends = np.cumsum([len(blob) for blob in blobs]).tolist()
+    surface = {"baseColorFactor": [1, 1, 1, opacity], "metallicFactor": 0, "roughnessFactor": 1}
+    material: dict[str, Any] = {"pbrMetallicRoughness": surface, "doubleSided": True}
+    primitive = {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0}
     document = {
         "asset": {"version": "2.0"},
-        "extensionsUsed": [*material.get("extensions", {})],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "materials": [material],
-        "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0}
-                ]
-            }
-        ],
+        "meshes": [{"primitives": [primitive]}],
         "buffers": [{"byteLength": ends[-1]}],
         "bufferViews": [
             {"buffer": 0, "byteOffset": end - len(blob), "byteLength": len(blob)}
             for blob, end in zip(blobs, ends, strict=True)
         ],
         "accessors": [
-            {
-                "bufferView": k,
-                "componentType": component,
-                "count": len(values),
-                "type": kind,
-                **more,
-            }
-            for k, (values, component, kind, more) in enumerate(arrays)
+            {"bufferView": k, "componentType": number, "count": len(values), "type": kind, **more}
+            for k, (values, number, kind, more) in enumerate(arrays)
         ],
     }
-    if not document["extensionsUsed"]:
-        del document["extensionsUsed"]
+    if opacity < 1:
+        material["alphaMode"] = "BLEND"
+    if not shaded:
+        material["extensions"] = {"KHR_materials_unlit": {}}
+        document["extensionsUsed"] = ["KHR_materials_unlit"]
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON"), text, struct.pack("<I4s", ends[-1], b"BIN\0")
     size = 12 + sum(map(len, chunks)) + ends[-1]
     return b"".join([struct.pack("<4sII", b"glTF", 2, size), *chunks, *blobs])
-
-
-@cache
-def _linear_light() -> npt.NDArray[np.uint16]:
-    """Return the linear light of the 256 values of a color channel, in 16 bits."""
-    return np.rint(0xFFFF * linear(np.arange(256, dtype=np.uint8))).astype("<u2")

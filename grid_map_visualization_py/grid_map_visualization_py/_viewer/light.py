@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversion between sRGB colors, linear light and tone-mapped colors on a screen."""
 
-from functools import cache
-
 import numpy as np
 import numpy.typing as npt
 
@@ -24,7 +22,9 @@ FROM_FILM = np.array(
 
 def linear(colors: Colors) -> Light:
     """Return the linear light of sRGB colors (IEC 61966-2-1)."""
-    return np.take(_table(), colors)
+    value = np.arange(256) / 255
+    table = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.take(table, colors)
 
 
 def on_screen(colors: Colors) -> Colors:
@@ -41,9 +41,3 @@ def on_screen(colors: Colors) -> Colors:
     bent = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     shown: Colors = np.rint(255 * bent).astype(np.uint8)
     return shown
-
-
-@cache
-def _table() -> npt.NDArray[np.float64]:
-    value = np.arange(256) / 255
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)

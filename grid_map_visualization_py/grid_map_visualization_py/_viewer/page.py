@@ -15,7 +15,6 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, MissingPackageError
@@ -36,15 +35,6 @@ MODES = {"layer": "intensity", "packed color layer": "color", "one color": "flat
 
 NO_LAYER = "(no map yet)"
 NO_VECTORS = "(none)"
-MOST_HISTORY = 10
-SCREENSHOT_SECONDS = 60.0
-
-LINE_WIDTH, POINT_SIZE = 0.05, 0.3
-"""Sizes relative to the distance between cells."""
-
-MARKER_RADIUS = 0.008
-"""Size relative to the distance from the camera to the map."""
-
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 
 AMBIENT = 0.3
@@ -90,22 +80,18 @@ class Page:
 
     @property
     def is_watched(self) -> bool:
-        """True while a browser is connected."""
         return bool(self._server.get_clients())
 
     @property
     def is_paused(self) -> bool:
-        """True while a user has paused the page."""
         return bool(self._paused.value)
 
     @property
     def height_layer(self) -> str:
-        """Chosen layer of the heights."""
         return str(self._height_layer.value)
 
     @property
     def color_layer(self) -> str:
-        """Chosen layer of the colors."""
         return str(self._color_layer.value)
 
     @property
@@ -180,14 +166,13 @@ class Page:
         free = self._slots.turn(history)
         with self._server.atomic():
             for slot in self._slots.shown:
-                self._places[slot].is_visible = True
+                self._places[slot].frame.visible = True
             for slot in free:
-                self._places[slot].is_visible = False
+                self._places[slot].frame.visible = False
             # One more slot is loading; higher ones are unused.
-            for slot in [
-                slot for slot in self._places if slot > max([history, *self._slots.shown])
-            ]:
-                self._places.pop(slot).remove()
+            last = max([history, *self._slots.shown])
+            for slot in [slot for slot in self._places if slot > last]:
+                self._places.pop(slot).frame.remove()
 
     def look(self, view: View) -> None:
         """Set the view of new browsers and of the button that resets the view.
@@ -215,7 +200,7 @@ class Page:
         if point is not None and self._view is not None:
             self._marker = self._server.scene.add_icosphere(
                 "/marker",
-                radius=MARKER_RADIUS * self._view.reach,
+                radius=0.008 * self._view.reach,
                 color=MARKER_COLOR,
                 position=point,
                 **SHADOWLESS,
@@ -275,7 +260,7 @@ class Page:
             self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, first.opacity)
             self._grid_lines = gui.add_checkbox("Grid lines", first.grid_lines)
             self._shaded = gui.add_checkbox("Shaded", first.shaded)
-            self._history = gui.add_slider("History", 1, MOST_HISTORY, 1, first.history)
+            self._history = gui.add_slider("History", 1, 10, 1, first.history)
         with gui.add_folder("Color"):
             self._make_color_controls(first.coloring)
         with gui.add_folder("Overlays"):
@@ -304,37 +289,28 @@ class Place:
     Args:
         scene: scene of viser.
         name: path of the node in the scene.
+
+    Attributes:
+        frame: the node.
     """
 
     def __init__(self, scene: Any, name: str) -> None:
         self._scene = scene
         self._name = name
-        self._frame = scene.add_frame(name, show_axes=False, visible=False)
+        self.frame = scene.add_frame(name, show_axes=False, visible=False)
         self._parts: dict[str, Any] = {}
-
-    @property
-    def is_visible(self) -> bool:
-        """True if the map is shown."""
-        return bool(self._frame.visible)
-
-    @is_visible.setter
-    def is_visible(self, is_visible: bool) -> None:
-        self._frame.visible = is_visible
 
     def fill(self, scene: Scene) -> None:
         """Replace the content by a scene."""
-        self._frame.position = scene.mesh.origin
+        self.frame.position = scene.mesh.origin
         parts = dict(self._parts_of(scene))
         for name in [name for name in self._parts if name not in parts]:
             self._parts.pop(name).remove()
         self._parts = parts
 
-    def remove(self) -> None:
-        """Remove the node from the scene."""
-        self._frame.remove()
-
     def _parts_of(self, scene: Scene) -> Iterator[tuple[str, Any]]:
-        add, width = self._scene, LINE_WIDTH * scene.spacing
+        # Widths and sizes are relative to the distance between cells.
+        add, width = self._scene, 0.05 * scene.spacing
         if scene.glb is not None:
             yield "surface", add.add_glb(f"{self._name}/surface", scene.glb, **SHADOWLESS)
         for name, lines, color in (
@@ -345,17 +321,10 @@ class Place:
                 path = f"{self._name}/{name}"
                 yield name, add.add_line_segments(path, lines, color, thickness=width)
         if len(scene.points):
-            yield (
-                "points",
-                add.add_point_cloud(
-                    f"{self._name}/points",
-                    scene.points,
-                    scene.point_colors,
-                    point_size=POINT_SIZE * scene.spacing,
-                    point_shape="circle",
-                    precision="float32",
-                ),
-            )
+            style = {"point_size": 0.3 * scene.spacing, "point_shape": "circle"}
+            path, colors = f"{self._name}/points", scene.point_colors
+            points = add.add_point_cloud(path, scene.points, colors, precision="float32", **style)
+            yield "points", points
 
 
 def is_loopback(host: str) -> bool:
@@ -370,12 +339,8 @@ def is_loopback(host: str) -> bool:
 
 def url_of(host: str, port: int) -> str:
     """Return the URL of a page; for wildcard addresses, with the name of this machine."""
-    name = socket.gethostname() if _is_any(host) else host
+    name = socket.gethostname() if host in {"", "0.0.0.0", "::"} else host
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
-
-
-def _is_any(host: str) -> bool:
-    return host in {"", "0.0.0.0", "::"}
 
 
 def _serve(host: str, port: int) -> Any:
@@ -440,14 +405,10 @@ def _take_screenshot(event: Any) -> None:
         return
     camera = client.camera
     picture = client.get_render(
-        camera.image_height, camera.image_width, transport_format="png", timeout=SCREENSHOT_SECONDS
+        camera.image_height, camera.image_width, transport_format="png", timeout=60.0
     )
-    client.send_file_download("grid_map.png", _png(picture), save_immediately=True)
-
-
-def _png(picture: npt.NDArray[np.uint8]) -> bytes:
-    """Return an RGBA picture (rows, columns, 4) as PNG on a white background."""
+    # From RGBA to OpenCV's BGR, on white.
     opacity = picture[..., 3:] / 255
     on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
     _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
-    return data.tobytes()
+    client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)

@@ -18,15 +18,6 @@ from .settings import AXES, Settings
 
 Points = npt.NDArray[np.float32]
 
-LIFT = 0.02
-"""Height of lines above the surface, relative to the spacing, so that they stay visible."""
-
-SAME_VIEW = 0.001
-"""Largest shift of equal views, relative to the reach."""
-
-SAME_SCALE = 3.0
-"""Factor of size above which a view is moved to a new map."""
-
 
 @dataclass(frozen=True)
 class Scene:
@@ -70,7 +61,8 @@ def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Sce
     mesh = surface.mesh(settings.coloring)
     columns, rows = surface.valid.shape
     spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))
-    lift = np.array([0, 0, LIFT * spacing], np.float32)
+    # Lines stay visible a little above the surface.
+    lift = np.array([0, 0, 0.02 * spacing], np.float32)
     no_lines = np.empty((0, 2, 3), np.float32)
     coloring, bounds = settings.coloring, None
     if coloring.mode == "intensity":
@@ -108,7 +100,7 @@ class View:
 
     def is_like(self, other: "View") -> bool:
         """Return True if both views look the same."""
-        tolerance = SAME_VIEW * self.reach
+        tolerance = 0.001 * self.reach
         starts, targets = self.start - other.start, self.target - other.target
         return bool(max(np.abs(starts).max(), np.abs(targets).max()) <= tolerance)
 
@@ -116,7 +108,7 @@ class View:
         """Return True if the target of the other view is out of sight, or its size differs much."""
         # Heights are ignored, because outliers would move the camera back and forth.
         is_beside = bool(np.hypot(*(other.target - self.target)[:2]) > self.reach)
-        return is_beside or not 1 / SAME_SCALE < other.reach / self.reach < SAME_SCALE
+        return is_beside or not 1 / 3 < other.reach / self.reach < 3
 
 
 def view(mesh: Mesh, grid_map: GridMap) -> View:

@@ -16,12 +16,6 @@ from .light import on_screen
 
 TEXT = "font-size:0.8em;padding:0 1em"
 
-STOPS = 16
-"""Number of colors in the legend, between which the browser interpolates."""
-
-PACKED = "color"
-"""Ending of the names of layers with packed colors."""
-
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
     """Return a table of names and values."""
@@ -65,9 +59,10 @@ def status(
 def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
     """Return a color bar with the values at its ends, in the colors of the lit surface."""
     colors = ColorScale(color_map=scale.color_map, lower=0.0, upper=1.0, invert=scale.invert)
+    # The browser interpolates between 16 colors.
     stops = ",".join(
         "rgb({},{},{})".format(*color.tolist())
-        for color in on_screen(colors(np.linspace(0, 1, STOPS, dtype=np.float32)))
+        for color in on_screen(colors(np.linspace(0, 1, 16, dtype=np.float32)))
     )
     lower, upper = (f"{bound:.4g}" for bound in bounds)
     return (
@@ -97,6 +92,6 @@ def readout(grid_map: GridMap, position: Positions) -> str:
 def _text(layer: str, value: np.float32) -> str:
     if math.isnan(value):
         return "no data"
-    if layer.endswith(PACKED):
+    if layer.endswith("color"):
         return "#{:02x}{:02x}{:02x}".format(*Coloring("color")(np.array(value)).tolist())
     return f"{value:.6g}"

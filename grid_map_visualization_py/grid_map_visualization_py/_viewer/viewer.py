@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Controller that brings maps, settings and the page together."""
 
+import math
 import time
-from collections.abc import Callable
+from collections import deque
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
@@ -12,12 +13,34 @@ from grid_map_ros_py import ReceivedMap
 
 from .page import Page
 from .picking import hit
-from .rate import MapRate
 from .scene import Scene, make_scene, view
 from .settings import NONE, Settings, follow, vector_prefixes
 from .texts import as_note, readout, status
 
-PREFERRED_LAYERS = ("elevation",)
+RATE_WINDOW = 3.0
+"""Duration over which the rate of the maps is averaged [s]."""
+
+
+class MapRate:
+    """Rate of incoming maps and age of the last one, from their arrival times [s]."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque()
+
+    def add(self, now: float) -> None:
+        """Record a map that arrived now."""
+        self._times.append(now)
+        while now - self._times[0] > RATE_WINDOW:
+            self._times.popleft()
+
+    def rate(self, now: float) -> float:
+        """Return maps per second; 0 with fewer than two maps in the window."""
+        times = [time for time in self._times if now - time <= RATE_WINDOW]
+        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+
+    def age(self, now: float) -> float:
+        """Return the seconds since the last map; infinite if there is none."""
+        return now - self._times[-1] if self._times else math.inf
 
 
 class Viewer:
@@ -28,15 +51,11 @@ class Viewer:
     Args:
         page: the page.
         max_cells: limit of the cells, as for `Surface`.
-        clock: returns the time [s].
     """
 
-    def __init__(
-        self, page: Page, max_cells: int = 0, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, page: Page, max_cells: int) -> None:
         self._page = page
         self._max_cells = max_cells
-        self._clock = clock
         self._rate = MapRate()
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
@@ -50,7 +69,7 @@ class Viewer:
     def receive(self, received: ReceivedMap) -> None:
         """Accept a map, which is shown at the next `update`."""
         self._latest = received
-        self._rate.add(self._clock())
+        self._rate.add(time.monotonic())
 
     def update(self) -> str:
         """Update the page.
@@ -75,15 +94,13 @@ class Viewer:
             return
         is_new = received is not self._shown
         self._shown = received
-        if is_new:
+        if is_new and received.layers:
             self._offer(received.layers)
         self._draw(received, is_new=is_new)
 
     def _offer(self, layers: tuple[str, ...]) -> None:
         page = self._page
-        if not layers:
-            return
-        height = follow(page.height_layer, layers, PREFERRED_LAYERS)
+        height = follow(page.height_layer, layers, ("elevation",))
         prefixes = vector_prefixes(layers)
         page.offer(
             layers,
@@ -124,6 +141,6 @@ class Viewer:
         if self._problem:
             self._page.tell(as_note(self._problem))
         elif self._map is not None and self._scene is not None:
-            now, is_paused = self._clock(), self._page.is_paused
+            now, is_paused = time.monotonic(), self._page.is_paused
             rate, age = self._rate.rate(now), self._rate.age(now)
             self._page.tell(status(self._map, self._scene.size, rate, age, is_paused=is_paused))

@@ -93,7 +93,10 @@ class ContoursVisualization:
             (points,), (offsets,) = generator.lines(level)
             if points is not None:
                 height = 0.0 if self.flat else level
-                yield np.insert(_segments(points, offsets), 2, height, axis=1)
+                # Line k begins at point `offsets[k]`; no segment joins two lines.
+                begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
+                ends = points[np.stack([begins, begins + 1], axis=-1).ravel()]
+                yield np.insert(ends, 2, height, axis=1)
 
     def _levels_of(self, values: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
         if self.levels:
@@ -108,14 +111,6 @@ class ContoursVisualization:
                 f" {low} and {high}"
             )
         return np.arange(first, last + 1) * self.interval
-
-
-def _segments(
-    points: npt.NDArray[np.float64], offsets: npt.NDArray[np.uint32]
-) -> npt.NDArray[np.float64]:
-    """Return the ends (2 N, 2) of line segments; line k begins at point `offsets[k]`."""
-    begins = np.delete(np.arange(len(points)), offsets[1:] - np.uint32(1))
-    return points[np.stack([begins, begins + 1], axis=-1).ravel()]
 
 
 def _contourpy() -> Any:

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 from sensor_msgs import msg
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py.messages import to_header
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
-
-OPAQUE = 255
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,23 +49,18 @@ class ImageVisualization:
 
     def __call__(self, grid_map: GridMap) -> msg.Image:
         """Return the image."""
-        pixels = self._pixels(grid_map)
+        values = grid_map.unwrapped(self.layer)
+        pixels = self._coloring()(values)
+        if self.encoding.startswith("bgr"):
+            pixels = pixels[..., ::-1]
+        if "a" in self.encoding:
+            alpha = np.where(np.isnan(values), 0, 255).astype(np.uint8)
+            pixels = np.concatenate([pixels, alpha[..., None]], axis=-1)
         rows, columns, channels = pixels.shape
         message = msg.Image(header=to_header(grid_map), encoding=self.encoding)
         message.height, message.width, message.step = rows, columns, columns * channels
         message.data = array.array("B", pixels.tobytes())
         return message
-
-    def _pixels(self, grid_map: GridMap) -> npt.NDArray[np.uint8]:
-        """Return (rows, cols, channels) in map order."""
-        values = grid_map.unwrapped(self.layer)
-        colors = self._coloring()(values)
-        if self.encoding.startswith("bgr"):
-            colors = colors[..., ::-1]
-        if "a" not in self.encoding:
-            return colors
-        alpha = np.where(np.isnan(values), 0, OPAQUE).astype(np.uint8)
-        return np.concatenate([colors, alpha[..., None]], axis=-1)
 
     def _coloring(self) -> Coloring:
         scale = ColorScale(

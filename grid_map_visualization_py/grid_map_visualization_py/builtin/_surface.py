@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -63,21 +62,18 @@ class SurfaceVisualization:
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
         cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_cells)
+        rgb = cells.colors(self._coloring())
+        rgba = np.full((len(rgb), 4), self.opacity, np.float32)
+        np.divide(rgb, np.float32(255), out=rgba[:, :3])
         corners = cells.triangles.ravel()
         arrays = {
             "points": np.take(cells.points(), corners, axis=0),
-            "colors": np.take(self._rgba(cells), corners, axis=0),
+            "colors": np.take(rgba, corners, axis=0),
         }
         header, kind = to_header(grid_map), Marker.TRIANGLE_LIST
         marker = Marker(header=header, ns="surface", type=kind, action=Marker.ADD)
         marker.scale.x = marker.scale.y = marker.scale.z = 1.0
         return serialize(marker, arrays)
-
-    def _rgba(self, cells: surface.Surface) -> npt.NDArray[np.float32]:
-        rgb = cells.colors(self._coloring())
-        rgba = np.full((len(rgb), 4), self.opacity, np.float32)
-        np.divide(rgb, np.float32(255), out=rgba[:, :3])
-        return rgba
 
     def _coloring(self) -> Coloring:
         scale = ColorScale(

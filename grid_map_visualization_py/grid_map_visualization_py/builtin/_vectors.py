@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -45,17 +44,7 @@ class VectorsVisualization:
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
-        return line_marker(
-            grid_map,
-            self._lines(grid_map).reshape(-1, 3),
-            kind=Marker.LINE_LIST,
-            namespace="vector",
-            color=self.color,
-            line_width=self.line_width,
-        )
-
-    def _lines(self, grid_map: GridMap) -> npt.NDArray[np.float64]:
-        """Return start and end of the lines (N, 2, 3), column by column of the buffer."""
+        # Start and end of the lines, column by column of the buffer.
         components = [f"{self.layer_prefix}{axis}" for axis in "xyz"]
         valid = grid_map.valid_mask((self.position_layer, *components)).ravel("F")
         lines = np.empty((np.count_nonzero(valid), 2, 3))
@@ -64,4 +53,11 @@ class VectorsVisualization:
         for axis, layer in enumerate(components):
             lines[:, 1, axis] = grid_map[layer].ravel("F")[valid]
         lines[:, 1] = lines[:, 0] + self.scale * lines[:, 1]
-        return lines
+        return line_marker(
+            grid_map,
+            lines.reshape(-1, 3),
+            kind=Marker.LINE_LIST,
+            namespace="vector",
+            color=self.color,
+            line_width=self.line_width,
+        )
