@@ -36,7 +36,7 @@ test-fast: build  ## Run the tests of core and filters that start no node, in le
 test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy and OpenCV
 	@tools/workspace oldest
 	@for package in grid_map_core_py grid_map_filters_py; do \
-	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) \
+	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) PATH=$(CURDIR)/.venv-oldest/bin:$$PATH \
 	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES)) || exit 1; \
 	done
 

@@ -363,6 +363,9 @@ def test_help_imports_neither_packages_nor_numpy(tmp_path):
     assert run_python(code, cwd=tmp_path).stdout.endswith("\n[] []\n")
 
 
+@pytest.mark.skipif(
+    not entry_points(group="grid_map_core_py.commands"), reason="runs from sources, not installed"
+)
 def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
     blocked = ("rclpy", "grid_map_msgs", "sensor_msgs", "std_msgs", "mcap", "rasterio", "lark")
     others = ("grid_map_ros_py", "grid_map_filters_py", "grid_map_visualization_py")
