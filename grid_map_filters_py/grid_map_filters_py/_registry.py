@@ -12,50 +12,19 @@ from . import builtin
 from ._filter import Filter
 
 BUILT_IN: dict[str, type[Filter]] = {
-    "gridMapCv/InpaintFilter": builtin.Inpaint,
-    "gridMapFilters/BilateralFilter": builtin.Bilateral,
-    "gridMapFilters/BufferNormalizerFilter": builtin.BufferNormalizer,
-    "gridMapFilters/ColorBlendingFilter": builtin.ColorBlending,
-    "gridMapFilters/ColorFillFilter": builtin.ColorFill,
-    "gridMapFilters/ColorMapFilter": builtin.ColorMap,
-    "gridMapFilters/CurvatureFilter": builtin.Curvature,
-    "gridMapFilters/DeletionFilter": builtin.Deletion,
-    "gridMapFilters/DilationFilter": builtin.Dilation,
-    "gridMapFilters/DuplicationFilter": builtin.Duplication,
-    "gridMapFilters/ErosionFilter": builtin.Erosion,
-    "gridMapFilters/GaussianBlurFilter": builtin.GaussianBlur,
-    "gridMapFilters/LightIntensityFilter": builtin.LightIntensity,
-    "gridMapFilters/MathExpressionFilter": builtin.MathExpression,
-    "gridMapFilters/MeanInRadiusFilter": builtin.MeanInRadius,
-    "gridMapFilters/MedianFillFilter": builtin.MedianFill,
-    "gridMapFilters/MinInRadiusFilter": builtin.MinInRadius,
-    "gridMapFilters/NormalColorMapFilter": builtin.NormalColorMap,
-    "gridMapFilters/NormalVectorsFilter": builtin.NormalVectors,
-    "gridMapFilters/RoughnessFilter": builtin.Roughness,
-    "gridMapFilters/SetBasicLayersFilter": builtin.SetBasicLayers,
-    "gridMapFilters/SlidingWindowMathExpressionFilter": builtin.SlidingWindowMathExpression,
-    "gridMapFilters/SlopeFilter": builtin.Slope,
-    "gridMapFilters/StepHeightFilter": builtin.StepHeight,
-    "gridMapFilters/ThresholdFilter": builtin.Threshold,
-    "gridMapFilters/TraversabilityFilter": builtin.Traversability,
+    f"{'gridMapCv' if name == 'Inpaint' else 'gridMapFilters'}/{name}Filter": getattr(builtin, name)
+    for name in builtin.__all__
 }
-
-PREFIXES = ("gridMapFilters/", "gridMapCv/", "")
-"""Prefixes of the type of a built-in filter; the last one is the short form."""
-
-
-def _aliases(type_name: str) -> set[str]:
-    """Return the other spellings of a type `a/XFilter`, among them its short form `X`."""
-    name = type_name.partition("/")[2]
-    short = name.removesuffix("Filter")
-    return {prefix + (name if prefix else short) for prefix in PREFIXES} - {type_name}
-
+"""The filters of the room `builtin`, by the types of C++."""
 
 ALIASES: dict[str, type[Filter]] = {
     alias: filter_class
     for type_name, filter_class in BUILT_IN.items()
-    for alias in _aliases(type_name)
+    for name in [filter_class.__name__]
+    for alias in (f"gridMapFilters/{name}Filter", f"gridMapCv/{name}Filter", name)
+    if alias != type_name
 }
+"""Other types of the same filters: with the other prefix, and the short form."""
 
 
 class FilterRegistry(Registry[Filter]):

@@ -6,6 +6,7 @@ They are exact: values are only compared. Windows are gathered and sorted, but w
 cells are wanted, small windows go through a sorting network, which is two to five times as fast.
 """
 
+import math
 from collections.abc import Iterator
 
 import cv2
@@ -46,12 +47,18 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
     # Wider squares contain no further cells.
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
-    padded, ranks = _padded(layer.T, half_width), _middle_ranks(np.isfinite(layer.T), side)
+    padded, known = _padded(layer.T, half_width), np.isfinite(layer.T).view(np.uint8)
+    counts = cv2.boxFilter(
+        known, cv2.CV_32S, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT
+    )
+    # The rank of the upper median among the sorted values of each window.
+    ranks = np.right_shift(counts, 1, out=counts)
+    windows = sliding_window_view(padded, (side, side))
     if side * side > _LARGEST_NETWORK or np.count_nonzero(cells) <= _SCATTERED * cells.size:
-        _put_medians_of_single_windows(output.T, padded, ranks, cells.T)
-        return
-    medians = _medians_by_network(padded, ranks)
-    cv2.copyTo(_without_infinity(medians), cells.T.view(np.uint8), output.T)
+        _put_medians_of_single_windows(output.T, windows, ranks, cells.T)
+    else:
+        medians = _without_infinity(_medians_by_network(windows, ranks))
+        cv2.copyTo(medians, cells.T.view(np.uint8), output.T)
 
 
 def _without_infinity(medians: Values) -> Values:
@@ -71,40 +78,27 @@ def _padded(values: Values, half_width: int) -> Values:
     return np.asarray(padded, dtype=np.float32)
 
 
-def _middle_ranks(known: Mask, side: int) -> Ranks:
-    """Return the rank of the upper median among the sorted values of each window."""
-    border = cv2.BORDER_CONSTANT
-    counts = cv2.boxFilter(
-        known.view(np.uint8), cv2.CV_32S, (side, side), normalize=False, borderType=border
-    )
-    return np.asarray(np.right_shift(counts, 1, out=counts), dtype=np.int32)
-
-
-def _side(padded: Values, ranks: Ranks) -> int:
-    """Return the side of the windows in cells."""
-    return int(padded.shape[0] - ranks.shape[0] + 1)
-
-
 def _put_medians_of_single_windows(
-    output: Values, padded: Values, ranks: Ranks, cells: Mask
+    output: Values, windows: Values, ranks: Ranks, cells: Mask
 ) -> None:
-    side = _side(padded, ranks)
-    windows = sliding_window_view(padded, (side, side))
+    size = math.prod(windows.shape[2:])
     rows, columns = np.divmod(np.flatnonzero(cells), cells.shape[1])
-    for piece in slices(rows.size, _PIECE // side**2):
+    for piece in slices(rows.size, _PIECE // size):
         at = rows[piece], columns[piece]
-        values = windows[at].reshape(-1, side * side)
+        values = windows[at].reshape(-1, size)
         values.sort(axis=1)
         output[at] = _without_infinity(values[np.arange(len(values)), ranks[at]])
 
 
-def _medians_by_network(padded: Values, ranks: Ranks) -> Values:
-    side = _side(padded, ranks)
+def _medians_by_network(windows: Values, ranks: Ranks) -> Values:
     medians = np.empty(ranks.shape, np.float32)
-    windows = np.moveaxis(sliding_window_view(padded, (side, side)), (2, 3), (0, 1))
+    windows = np.moveaxis(windows, (2, 3), (0, 1))
     for lines in slices(len(ranks), _NETWORK_PIECE // ranks.shape[1]):
-        values = windows[:, :, lines].copy().reshape(side * side, -1)
-        picked = _pick(_sorted(values), ranks[lines].ravel())
+        values = windows[:, :, lines].copy().reshape(math.prod(windows.shape[:2]), -1)
+        rows, flat_ranks = _sorted(values), ranks[lines].ravel()
+        picked = np.empty_like(rows[0])
+        for rank in range(int(flat_ranks.min()), int(flat_ranks.max()) + 1):
+            np.copyto(picked, rows[rank], where=flat_ranks == rank)
         medians[lines] = picked.reshape(medians[lines].shape)
     return medians
 
@@ -130,11 +124,3 @@ def _comparators(count: int) -> Iterator[tuple[int, int]]:
             yield from ((i, i + distance) for i in range(count - distance) if i & step == remainder)
             distance, bound, remainder = bound - step, bound >> 1, step
         step >>= 1
-
-
-def _pick(rows: list[Values], ranks: Ranks) -> Values:
-    """Return the value of each column in the row given by its rank."""
-    picked = np.empty_like(rows[0])
-    for rank in range(int(ranks.min()), int(ranks.max()) + 1):
-        np.copyto(picked, rows[rank], where=ranks == rank)
-    return picked

@@ -4,7 +4,6 @@
 
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,8 @@ from ..parts._disc import Disc, Flat, Tile, tiles, typical_value
 Normals = tuple[Layer, Layer, Layer]
 Field = npt.NDArray[np.float64]
 Components = tuple[Field, Field, Field]
+Symmetric = tuple[Field, ...]
+"""Symmetric 3 x 3 matrices, by arrays of their elements xx, xy, xz, yy, yz, zz."""
 
 _SMALLEST_SPREAD = 1e-8
 """Variance [m^2] of points across a line; below this they define no plane."""
@@ -25,49 +26,6 @@ _SMALLEST_GAP = 0.03
 
 _SMALLEST_Z = 0.01
 """z component of a normal; below this the formula loses digits."""
-
-
-class Symmetric(NamedTuple):
-    """Symmetric 3 x 3 matrices, given by arrays of their elements."""
-
-    xx: Field
-    xy: Field
-    xz: Field
-    yy: Field
-    yz: Field
-    zz: Field
-
-
-class Moments(NamedTuple):
-    """Number of points in discs, and sums of their coordinates and of products of these.
-
-    Coordinates are in cells from the center of the disc, along rows, along columns and downwards.
-    """
-
-    n: Flat
-    x: Flat
-    y: Flat
-    z: Flat
-    xx: Flat
-    xy: Flat
-    xz: Flat
-    yy: Flat
-    yz: Flat
-    zz: Flat
-
-
-class Planes(NamedTuple):
-    """Least-squares planes through the points in discs.
-
-    Attributes:
-        normals: unit vectors, NaN where the layer is not finite.
-        covariances: covariances of the points, times the square of their number [cells^2].
-        n: number of points.
-    """
-
-    normals: Components
-    covariances: Symmetric
-    n: Field
 
 
 def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
@@ -87,7 +45,7 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     normals = _empty(layer)
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        _store(normals, tile, _planes(layer, offset, tile).normals)
+        _store(normals, tile, _planes(layer, offset, tile)[0])
     return normals
 
 
@@ -138,10 +96,10 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
     deviations = np.empty(layer.shape, np.float32, order="F")
     offset = typical_value(layer)
     for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        planes = _planes(layer, offset, tile)
+        flat = _deviations(*_planes(layer, offset, tile))
         # Differences of very large floats may overflow.
         with np.errstate(over="ignore"):
-            distances = resolution * tile.cells(_deviations(planes))
+            distances = resolution * tile.cells(flat)
             deviations[tile.rows, tile.columns] = distances
     return deviations
 
@@ -191,29 +149,49 @@ def _slope(heights: Flat, tile: Tile, rows: int = 0, columns: int = 0) -> Flat:
     return slope
 
 
-def _planes(layer: Layer, offset: float, tile: Tile) -> Planes:
-    """Return the flat planes for a tile."""
+def _planes(layer: Layer, offset: float, tile: Tile) -> tuple[Components, Symmetric, Field]:
+    """Return least-squares planes through the points in the discs of a tile, as flat arrays.
+
+    Returns:
+        normals: unit vectors, NaN where the layer is not finite.
+        covariances: covariances of the points, times the square of their number [cells^2].
+        count: number of points.
+    """
     known, heights = tile.finite(layer, offset)
     # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
     # towards -y: with negative heights all signs are right.
     heights *= -1.0 / tile.disc.resolution
-    moments = _moments(known, heights, tile)
-    matrices, count = _covariance(moments), moments.n.astype(np.float64)
+    covariances, count = _covariances(known, heights, tile)
     smallest_spread = _SMALLEST_SPREAD / tile.disc.resolution**2
-    normals = _normals_of(matrices, count, tile.neighbors(known), smallest_spread)
-    return Planes(normals, matrices, count)
+    normals = _normals_of(covariances, count, tile.neighbors(known), smallest_spread)
+    return normals, covariances, count
 
 
-def _moments(known: Flat, z: Flat, tile: Tile) -> Moments:
+def _covariances(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Field]:
+    """Return the covariances of the points, times the square of their number, and that number.
+
+    Coordinates are in cells from the center of the disc, along rows, along columns and downwards.
+    """
     # The smallest integer type that holds the moments of a whole disc is the fastest.
     largest = np.count_nonzero(tile.disc.kernel) * max(tile.disc.reach) ** 2
     one = known.astype(np.min_scalar_type(-largest - 1))
     sum_z, xz = _moments_across(tile, z, 1, (0, 1))
     (yz,) = _moments_across(tile, z, 0, (1,))
-    x, xx = _moments_across(tile, one, 1, (1, 2))
-    y, yy = _moments_across(tile, one, 0, (1, 2))
+    sum_x, xx = _moments_across(tile, one, 1, (1, 2))
+    sum_y, yy = _moments_across(tile, one, 0, (1, 2))
     (xy,) = _moments_across(tile, one, 0, (1,), moments=True)
-    return Moments(tile.counts(known), x, y, sum_z, xx, xy, xz, yy, yz, tile.sums(z * z))
+    products = xx, xy, xz, yy, yz, tile.sums(z * z)
+    count, *sums = (
+        values.astype(np.float64) for values in (tile.counts(known), sum_x, sum_y, sum_z)
+    )
+    elements = []
+    pairs = combinations_with_replacement(sums, 2)
+    for (first, second), moment in zip(pairs, products, strict=True):
+        element = moment.astype(np.float64)
+        element *= count
+        element -= first * second
+        elements.append(element)
+    return tuple(elements), count
 
 
 def _moments_across(
@@ -264,7 +242,9 @@ def _normals_of(
     places = np.flatnonzero(doubtful)
     # Calling LAPACK is slow even for an empty array.
     if places.size:
-        exact = _eigenvectors_or_upright(_as_matrices(matrices, places), spread[places])
+        xx, xy, xz, yy, yz, zz = (field[places] for field in matrices)
+        full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+        exact = _eigenvectors_or_upright(full, spread[places])
         for component, values in zip(vectors, exact, strict=True):
             component[places] = values
     for component, upright in zip(vectors, (0.0, 0.0, 1.0), strict=True):
@@ -273,18 +253,18 @@ def _normals_of(
     return vectors
 
 
-def _deviations(planes: Planes) -> Field:
+def _deviations(normals: Components, covariances: Symmetric, count: Field) -> Field:
     """Return the standard deviations along the normals [cells]."""
-    variance = np.zeros_like(planes.n)
-    pairs = combinations_with_replacement(planes.normals, 2)
-    for (one, other), element in zip(pairs, planes.covariances, strict=True):
+    variance = np.zeros_like(count)
+    pairs = combinations_with_replacement(normals, 2)
+    for (one, other), element in zip(pairs, covariances, strict=True):
         product = one * other
         product *= element
         variance += product
         if one is not other:
             variance += product
     with np.errstate(invalid="ignore", divide="ignore"):
-        variance /= planes.n * (planes.n - 1.0)
+        variance /= count * (count - 1.0)
         np.maximum(variance, 0.0, out=variance)
     deviations: Field = np.sqrt(variance, out=variance)
     return deviations
@@ -296,20 +276,6 @@ def _eigenvectors_or_upright(matrices: Field, spread: Field) -> Field:
     upwards = np.copysign(1.0, vectors[:, 2, :1])
     spans_plane = values[:, 1, None] > spread[:, None]
     return np.where(spans_plane, vectors[:, :, 0] * upwards, (0.0, 0.0, 1.0)).T
-
-
-def _covariance(moments: Moments) -> Symmetric:
-    """Return the covariances of the points, times the square of their number [cells^2]."""
-    n, x, y, z = (sums.astype(np.float64) for sums in moments[:4])
-    elements = []
-    for (first, second), sums in zip(
-        combinations_with_replacement((x, y, z), 2), moments[4:], strict=True
-    ):
-        element = sums.astype(np.float64)
-        element *= n
-        element -= first * second
-        elements.append(element)
-    return Symmetric(*elements)
 
 
 def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
@@ -406,9 +372,3 @@ def _smallest_roots(cosine: Field) -> tuple[Field, Mask]:
     slope -= 3.0
     roots /= slope
     return roots, ~(slope > _SMALLEST_GAP)
-
-
-def _as_matrices(matrices: Symmetric, places: npt.NDArray[np.intp]) -> Field:
-    """Return (N, 3, 3) matrices."""
-    xx, xy, xz, yy, yz, zz = (field[places] for field in matrices)
-    return np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)

@@ -7,73 +7,64 @@ expression is built. A layer hides the function of the same name: `mean(2, 3)` m
 layer `mean`. So calls whose arguments could be an index are checked only with the layers.
 """
 
-from collections.abc import Callable
-from functools import partial
-
 from ._faults import Fault
-from ._functions import FUNCTIONS
+from ._functions import FUNCTIONS, Plain
 from ._interpreter import Interpreter, as_places, check_count, suggestion
 from ._matrices import Matrices
 from ._nodes import All, Call, End, Index, Name, Node, Number, Range, children, descendants
 
 _DEEPEST = 150
 
-
-def check(root: Node) -> None:
-    """Raise a Fault for an error that does not depend on the layers."""
-    _Checker().visit(root, indexing=False, depth=0)
+_EVALUATE: Interpreter[Plain] = Interpreter(Matrices(), {}, "")
 
 
-class _Checker:
-    def __init__(self) -> None:
-        self._evaluate = Interpreter(Matrices(), {}, "")
+def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
+    """Raise a Fault for an error that does not depend on the layers.
 
-    def visit(self, node: Node, *, indexing: bool, depth: int) -> None:
-        """Check a subtree; `indexing` is True inside of a possible index."""
-        if depth > _DEEPEST:
-            raise Fault("the expression is nested too deeply", position=node.position)
-        if isinstance(node, End | All) and not indexing:
-            raise Fault("'end' and a lone ':' stand only in an index", position=node.position)
-        inner = indexing or isinstance(node, Index | Call)
-        for child in children(node):
-            self.visit(child, indexing=inner, depth=depth + 1)
-        try:
-            self._check_node(node)
-        except Fault as fault:
-            raise fault.located(node.position) from None
-
-    def _check_node(self, node: Node) -> None:
-        if _is_known(node):
-            self._evaluate(node)
-        elif isinstance(node, Call) and not _may_be_index(node.arguments):
-            self._check_call(node)
-        elif isinstance(node, Index):
-            self._check_index(node)
-
-    def _check_call(self, call: Call) -> None:
-        check_count(call.function, call.arguments)
-        if FUNCTIONS[call.function].axis and len(call.arguments) == 2:
-            axis = call.arguments[1]
-            if _is_known(axis) and isinstance(value := self._evaluate(axis), float):
-                apply = partial(FUNCTIONS[call.function].apply, Matrices())
-                _at(axis, lambda: apply(0.0, value))
-
-    def _check_index(self, index: Index) -> None:
-        if len(index.arguments) > 2:
-            name = index.base.name if isinstance(index.base, Name) else ""
-            unknown = f"no function {name!r}{suggestion(name)}, and " if name else ""
-            raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
-        for argument in index.arguments:
-            if _is_known(argument):
-                value = self._evaluate(argument)
-                _at(argument, partial(as_places, value))
-
-
-def _at(node: Node, action: Callable[[], object]) -> None:
+    Args:
+        node: root of the tree, or of a subtree at this depth.
+        indexing: the node is inside of a possible index.
+    """
+    if depth > _DEEPEST:
+        raise Fault("the expression is nested too deeply", position=node.position)
+    if isinstance(node, End | All) and not indexing:
+        raise Fault("'end' and a lone ':' stand only in an index", position=node.position)
+    inner = indexing or isinstance(node, Index | Call)
+    for child in children(node):
+        check(child, indexing=inner, depth=depth + 1)
     try:
-        action()
+        if _is_known(node):
+            _EVALUATE(node)
+        elif isinstance(node, Call) and not _may_be_index(node.arguments):
+            _check_call(node)
+        elif isinstance(node, Index):
+            _check_index(node)
     except Fault as fault:
-        raise Fault(fault.message, position=node.position) from None
+        raise fault.located(node.position) from None
+
+
+def _check_call(call: Call) -> None:
+    check_count(call.function, call.arguments)
+    function, axis = FUNCTIONS[call.function], call.arguments[-1]
+    if function.axis and len(call.arguments) == 2 and _is_known(axis):
+        value = _EVALUATE(axis)
+        if isinstance(value, float):
+            try:
+                function.apply(Matrices(), 0.0, value)
+            except Fault as fault:
+                raise fault.located(axis.position) from None
+
+
+def _check_index(index: Index) -> None:
+    if len(index.arguments) > 2:
+        name = index.base.name if isinstance(index.base, Name) else ""
+        unknown = f"no function {name!r}{suggestion(name)}, and " if name else ""
+        raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
+    for argument in filter(_is_known, index.arguments):
+        try:
+            as_places(_EVALUATE(argument))
+        except Fault as fault:
+            raise fault.located(argument.position) from None
 
 
 def _is_known(node: Node) -> bool:

@@ -13,7 +13,7 @@ from grid_map_core_py import GridMap
 
 from ..errors import ExpressionError
 from ._checks import check
-from ._faults import Fault, to_error
+from ._faults import Fault, faults_as_errors
 from ._functions import CONSTANTS
 from ._interpreter import Interpreter
 from ._matrices import Matrices
@@ -51,12 +51,9 @@ class Expression:
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
             raise ExpressionError(f"an expression must be a text, not {self.text!r}")
-        try:
+        with faults_as_errors(self.text):
             root, repeated = parse(self.text)
-            with np.errstate(all="ignore"):
-                check(root)
-        except Fault as fault:
-            raise to_error(fault, self.text) from None
+            check(root)
         nodes = list(descendants(root))
         names = {node.name: node.position for node in nodes if isinstance(node, Name)}
         functions = {node.function: node.position for node in nodes if isinstance(node, Call)}
@@ -90,13 +87,9 @@ class Expression:
             return self._of_moved_map(layers)
         available = ", ".join(sorted(layers)) or "none"
         used = self._places.keys() & layers.keys()
-        try:
-            with np.errstate(all="ignore"):
-                values = {name: _bind(name, layers[name], self._places[name]) for name in used}
-                interpreter = Interpreter(Matrices(), values, available, self._repeated)
-                result = interpreter(self._root)
-        except Fault as fault:
-            raise to_error(fault, self.text) from None
+        with faults_as_errors(self.text):
+            values = {name: _bind(name, layers[name], self._places[name]) for name in used}
+            result = Interpreter(Matrices(), values, available, self._repeated)(self._root)
         if isinstance(result, float) or result.flags.writeable:
             return result
         return result.copy(order="K")
@@ -141,13 +134,10 @@ class Expression:
         """
         if not np.issubdtype(np.asarray(layer).dtype, np.floating):
             layer = np.asarray(layer, np.float32)
-        try:
-            with np.errstate(all="ignore"):
-                result = evaluate_over_windows(
-                    self._root, self._repeated, name, layer, window_size, edge_handling
-                )
-        except Fault as fault:
-            raise to_error(fault, self.text) from None
+        with faults_as_errors(self.text):
+            result = evaluate_over_windows(
+                self._root, self._repeated, name, layer, window_size, edge_handling
+            )
         if not compute_empty_cells:
             result[np.isnan(layer)] = np.nan
         return result

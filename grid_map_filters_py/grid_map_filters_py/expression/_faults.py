@@ -2,6 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Faults inside of expressions, and errors that point at their place."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
 from ..errors import ExpressionError
 
 
@@ -27,8 +32,16 @@ class Fault(Exception):
         return self if self.position is not None else Fault(self.message, position=position)
 
 
-def to_error(fault: Fault, text: str) -> ExpressionError:
-    """Return an error with the message, the expression and a caret under the place."""
-    line = "".join(" " if character.isspace() else character for character in text)
-    caret = " " * (fault.position or 0) + "^"
-    return ExpressionError(f"{fault.message}\n    {line}\n    {caret}")
+@contextmanager
+def faults_as_errors(text: str) -> Iterator[None]:
+    """Turn faults into errors that show the expression with a caret under the place.
+
+    Infinities and NaN raise no warnings meanwhile.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except Fault as fault:
+        line = "".join(" " if character.isspace() else character for character in text)
+        caret = " " * (fault.position or 0) + "^"
+        raise ExpressionError(f"{fault.message}\n    {line}\n    {caret}") from None

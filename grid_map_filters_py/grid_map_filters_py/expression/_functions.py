@@ -81,7 +81,6 @@ def common_shape(shapes: Iterable[Shape]) -> Shape:
 
 
 def describe(shape: Shape) -> str:
-    """Return a shape as text."""
     return f"{shape[0]} x {shape[1]}"
 
 
@@ -151,7 +150,6 @@ def operate(algebra: Algebra[V], operator: str, left: V, right: V) -> V:
 
 
 # --- reductions -----------------------------------------------------------------------------------
-
 
 _WRONG_AXIS = "the axis must be 0 (per column) or 1 (per row)"
 
@@ -249,10 +247,6 @@ def _size(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
     if along is not None:
         return algebra.constant(float(shape[along]))
     return algebra.constant(np.array([shape], dtype=np.float32))
-
-
-def _transpose(algebra: Algebra[V], value: V) -> V:
-    return algebra.transpose(value)
 
 
 def _maker(make: Callable[[int, int], NDArray[np.float32]]) -> Callable[..., Any]:
@@ -370,8 +364,8 @@ FUNCTIONS = {
     "size": Function(_size, most=2, axis=True),
     "norm": Function(_norm),
     "trace": Function(_trace),
-    "transpose": Function(_transpose),
-    "adjoint": Function(_transpose),
+    "transpose": Function(lambda algebra, value: algebra.transpose(value)),
+    "adjoint": Function(lambda algebra, value: algebra.transpose(value)),
     "conjugate": Function(lambda _, value: value),
     "zeros": Function(_maker(lambda rows, columns: np.zeros((rows, columns), np.float32)), most=2),
     "ones": Function(_maker(lambda rows, columns: np.ones((rows, columns), np.float32)), most=2),

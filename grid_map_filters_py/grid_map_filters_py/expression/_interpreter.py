@@ -11,18 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._faults import Fault
-from ._functions import (
-    CONSTANTS,
-    FUNCTIONS,
-    LARGEST,
-    SCALAR,
-    Algebra,
-    Plain,
-    Shape,
-    V,
-    describe,
-    operate,
-)
+from ._functions import CONSTANTS, FUNCTIONS, LARGEST, SCALAR, Algebra, Plain, V, describe, operate
 from ._nodes import All, Binary, Call, End, Index, Matrix, Name, Node, Number, Range, Unary
 
 
@@ -168,26 +157,18 @@ class Interpreter(Generic[V]):
 
     def _index(self, base: V, arguments: tuple[Node, ...]) -> V:
         shape = self._algebra.shape(base)
-        if len(arguments) == 1:
-            rows, columns = self._vector_places(arguments[0], shape)
-        elif len(arguments) == 2:
-            rows, columns = (
-                self._places(argument, length)
-                for argument, length in zip(arguments, shape, strict=True)
-            )
-        else:
+        if len(arguments) == 2:
+            rows, columns = map(self._places, arguments, shape)
+        elif len(arguments) != 1:
             raise Fault("an index has one or two places, m(row, column) or v(place)")
-        return self._algebra.take(base, rows, columns)
-
-    def _vector_places(
-        self, argument: Node, shape: Shape
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        if 1 not in shape:
+        elif 1 in shape:
+            places, first = self._places(arguments[0], max(shape)), np.zeros(1, np.intp)
+            rows, columns = (first, places) if shape[0] == 1 else (places, first)
+        else:
             raise Fault(
                 f"one index needs a vector, this is {describe(shape)}; write m(row, column)"
             )
-        places, first = self._places(argument, max(shape)), np.zeros(1, np.intp)
-        return (first, places) if shape[0] == 1 else (places, first)
+        return self._algebra.take(base, rows, columns)
 
     def _places(self, argument: Node, length: int) -> NDArray[np.intp]:
         if isinstance(argument, All):

@@ -45,46 +45,39 @@ def _temporary(values: Sequence[Any], dtype: type[np.floating[Any]]) -> NDArray[
 
 
 class Matrices:
-    """The algebra of numbers and matrices."""
+    """The algebra of numbers and matrices; a matrix of one cell that is picked is a number."""
 
     def constant(self, value: Plain) -> Plain:
-        """Return the value itself."""
         return value
 
     def known(self, value: Plain) -> Plain:
-        """Return the value itself."""
         return value
 
     def shape(self, value: Plain) -> Shape:
-        """Return (rows, columns)."""
         return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
 
     def elementwise(self, function: Callable[..., Any], *values: Plain) -> Plain:
-        """Apply `function` in float32 (in double precision between numbers)."""
+        # In float32, but in double precision between numbers.
         common_shape(map(self.shape, values))
         result: Plain = apply(function, values, np.float32)
         return result
 
     def fold(self, value: Plain, axis: int | None, *folds: Fold) -> list[Plain]:
-        """Reduce; sums and products accumulate in double precision."""
         return [_reduce(as_matrix(value), axis, fold) for fold in folds]
 
     def product(self, left: Plain, right: Plain) -> Plain:
-        """Multiply; written transposed so that the result is in Fortran order."""
+        # Transposed, so that the result is in Fortran order.
         result: NDArray[np.float32] = (as_matrix(right).T @ as_matrix(left).T).T
         return result
 
     def transpose(self, value: Plain) -> Plain:
-        """Swap rows and columns."""
         return value if isinstance(value, float) else value.T
 
     def take(self, value: Plain, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Plain:
-        """Pick rows and columns; one cell is a number."""
         picked = as_matrix(value)[_as_slice(rows)][:, _as_slice(columns)]
         return float(picked.item()) if picked.size == 1 else picked
 
     def stack(self, blocks: Sequence[Sequence[Plain]]) -> Plain:
-        """Concatenate blocks; one cell is a number."""
         rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
         stacked = np.asfortranarray(np.concatenate(rows, axis=0))
         return float(stacked.item()) if stacked.size == 1 else stacked

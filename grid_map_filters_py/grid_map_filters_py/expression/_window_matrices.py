@@ -41,7 +41,6 @@ class WindowMatrix:
         self.folds: dict[tuple[int | None, Fold], Value] = {}
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold all elements."""
         rows, columns = self.shape
         elements = (self.at(row, column) for column in range(columns) for row in range(rows))
         return accumulate(elements, folds, rows * columns)
@@ -121,10 +120,12 @@ class SquaredDeviations(WindowMatrix):
         if not np.isfinite(total).all():
             # A square beyond double precision is not finite and does not count.
             return super().reduce(folds)
-        return [total if fold is FINITE_SUM else self._count() for fold in folds]
-
-    def _count(self) -> Element:
-        return _fold_box(FINITE_COUNT, self._source, self.shape) * np.isfinite(self._number)
+        return [
+            total
+            if fold is FINITE_SUM
+            else _fold_box(fold, self._source, self.shape) * np.isfinite(self._number)
+            for fold in folds
+        ]
 
     def _sum(self) -> Element:
         """Return the sum of squares, from the deviations around the mean of each column.
@@ -215,24 +216,19 @@ class WindowMatrices:
     """The algebra of matrices per cell; values that are equal in all cells stay plain values."""
 
     def constant(self, value: Plain) -> Value:
-        """Return the value itself."""
         return value
 
     def known(self, value: Value) -> Plain:
-        """Return a value that is the same in all cells."""
         if isinstance(value, WindowMatrix):
             raise Fault("this must not depend on the data of the window")
         return value
 
     def shape(self, value: Value) -> Shape:
-        """Return (rows, columns)."""
         return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
-        """Apply `function`, by a shortcut if there is one, else to every element."""
-        windows = [value for value in values if isinstance(value, WindowMatrix)]
         plain = [value for value in values if not isinstance(value, WindowMatrix)]
-        if not windows:
+        if len(plain) == len(values):
             return _PLAIN.elementwise(function, *plain)
         shape = common_shape(map(self.shape, values))
         return self._shortcut(function, values) or _matrix(
@@ -247,7 +243,12 @@ class WindowMatrices:
     ) -> WindowMatrix | None:
         """Return the result as a window that is faster to fold, None if there is none."""
         if all(isinstance(value, SlidingWindow | float) for value in values):
-            return _slide(function, values)
+            shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
+            sources = [
+                value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)
+                for value in values
+            ]
+            return SlidingWindow(apply(function, sources, np.float64), shape)
         kinds = {type(value) for value in values if self.shape(value) != SCALAR}
         if kinds == {PaddedWindow}:
             return self._pad(function, values)
@@ -276,7 +277,6 @@ class WindowMatrices:
         return PaddedWindow(window, padding, padded[0].corner, padded[0].shape)
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
-        """Reduce every cell's matrix; results are kept."""
         if not isinstance(value, WindowMatrix):
             return list(_PLAIN.fold(value, axis, *folds))
         new = [fold for fold in folds if (axis, fold) not in value.folds]
@@ -285,7 +285,6 @@ class WindowMatrices:
         return [value.folds[axis, fold] for fold in folds]
 
     def product(self, left: Value, right: Value) -> Value:
-        """Multiply matrices."""
         if not isinstance(left, WindowMatrix) and not isinstance(right, WindowMatrix):
             return _PLAIN.product(left, right)
         (rows, inner), columns = self.shape(left), self.shape(right)[1]
@@ -300,20 +299,17 @@ class WindowMatrices:
         return _matrix((rows, columns), at)
 
     def transpose(self, value: Value) -> Value:
-        """Swap rows and columns."""
         if not isinstance(value, WindowMatrix):
             return _PLAIN.transpose(value)
         rows, columns = value.shape
         return _matrix((columns, rows), lambda row, column: value.at(column, row))
 
     def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
-        """Pick rows and columns of every cell's matrix."""
         if not isinstance(value, WindowMatrix):
             return _PLAIN.take(value, rows, columns)
         return _matrix((rows.size, columns.size), lambda i, j: value.at(rows[i], columns[j]))
 
     def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
-        """Put blocks together."""
         plain = [[block for block in row if not isinstance(block, WindowMatrix)] for row in blocks]
         if all(len(known) == len(row) for known, row in zip(plain, blocks, strict=True)):
             return _PLAIN.stack(plain)
@@ -334,7 +330,8 @@ def accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -
             totals = [_own(values, count) for values in mapped]
             continue
         for place, (fold, values) in enumerate(zip(folds, mapped, strict=True)):
-            totals[place] = _combine(fold.combine, totals[place], values)
+            out = totals[place] if isinstance(totals[place], np.ndarray) else None
+            totals[place] = fold.combine(totals[place], values, out=out)
     return [_as_element(total) for total in totals]
 
 
@@ -378,12 +375,6 @@ def _own(values: Any, count: int) -> Any:
     return np.array(values, np.min_scalar_type(count) if values.dtype == np.bool_ else np.float64)
 
 
-def _combine(combine: np.ufunc, total: Any, values: Any) -> Any:
-    if isinstance(total, np.ndarray):
-        return combine(total, values, out=total)
-    return combine(total, values)
-
-
 def _as_element(total: Any) -> Element:
     if np.ndim(total) == 0:
         return float(total)
@@ -412,13 +403,3 @@ def _element(value: Value, row: int, column: int) -> Element:
     if value.shape == SCALAR:
         row = column = 0
     return value.at(row, column) if isinstance(value, WindowMatrix) else float(value[row, column])
-
-
-def _slide(function: Callable[..., Any], values: Sequence[Value]) -> SlidingWindow:
-    """Apply a function to the sources of windows of the same cells."""
-    shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
-    return SlidingWindow(apply(function, list(map(_source, values)), np.float64), shape)
-
-
-def _source(value: Value) -> Element:
-    return value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)

@@ -4,6 +4,7 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise, product
 from typing import Any, Literal, get_args
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import FilterError
 from ._faults import Fault
-from ._functions import SCALAR, Shape, describe
+from ._functions import SCALAR, describe
 from ._interpreter import Interpreter
 from ._missing import skips_missing
 from ._nodes import Node
@@ -48,12 +49,25 @@ def evaluate_over_windows(
         result = evaluate_over_windows(root, repeated, name, padded, window_size, "inside")
         inner = tuple(slice(margin, margin + length) for length in layer.shape)
         return np.asfortranarray(result[inner])
-    evaluation = _Evaluation(root, repeated, name, layer, window_size, edge_handling)
+    size, margin = window_size, window_size // 2
+    number = partial(_number, root, repeated, name)
+    if edge_handling == "inside":
+        # Without cells, so that a wrong expression fails even if no window fits.
+        number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
-    evaluation.check()
-    for rows, columns in evaluation.tiles():
-        window = evaluation.window(rows, columns)
-        result[rows.cells, columns.cells] = evaluation.number(window)
+    row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
+    for rows, span in product(row_spans, column_spans):
+        # Rectangles of cells that fit the cache and whose windows have one shape.
+        for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
+            under = layer[rows.source(margin), columns.source(margin)]
+            shape = rows.last - rows.first, columns.last - columns.first
+            window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
+            cells = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
+            if edge_handling == "mean" and shape != (size, size):
+                corner = rows.first, columns.first
+                result[cells] = number(PaddedWindow.with_mean(window, corner, (size, size)))
+            else:
+                result[cells] = number(window)
     return result
 
 
@@ -69,14 +83,6 @@ class _Span:
     first: int
     last: int
 
-    @property
-    def cells(self) -> slice:
-        return slice(self.start, self.stop)
-
-    @property
-    def length(self) -> int:
-        return self.last - self.first
-
     def source(self, margin: int) -> slice:
         """Return the cells that lie under the windows."""
         return slice(self.start + self.first - margin, self.stop + self.last - margin - 1)
@@ -87,62 +93,29 @@ class _Span:
             yield _Span(start, min(start + step, self.stop), self.first, self.last)
 
 
-@dataclass(frozen=True)
-class _Evaluation:
-    root: Node
-    repeated: Collection[int]
-    name: str
-    layer: NDArray[Any]
-    window_size: int
-    edge_handling: EdgeHandling
+def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
+    margin = size // 2
+    near = range(min(margin, length) + 1)
+    cuts = sorted({*near, *(length - cell for cell in near)})
+    spans = [
+        _Span(start, stop, max(0, margin - start), min(size, length - stop + 1 + margin))
+        for start, stop in pairwise(cuts)
+    ]
+    return [span for span in spans if edge_handling != "inside" or span.last - span.first == size]
 
-    def tiles(self) -> Iterator[tuple[_Span, _Span]]:
-        """Yield rectangles of cells that fit the cache and whose windows have one shape."""
-        rows, columns = (self._spans(length) for length in self.layer.shape)
-        for row_span, column_span in product(rows, columns):
-            step = max(1, _BLOCK // (row_span.stop - row_span.start))
-            yield from ((row_span, part) for part in column_span.split(step))
 
-    def _spans(self, length: int) -> list[_Span]:
-        size, margin = self.window_size, self.window_size // 2
-        near = range(min(margin, length) + 1)
-        cuts = sorted({*near, *(length - cell for cell in near)})
-        spans = [
-            _Span(start, stop, max(0, margin - start), min(size, length - stop + 1 + margin))
-            for start, stop in pairwise(cuts)
-        ]
-        if self.edge_handling == "inside":
-            return [span for span in spans if span.length == size]
-        return spans
-
-    def check(self) -> None:
-        """Evaluate without cells, so that a wrong expression fails even if no window fits."""
-        if self.edge_handling == "inside":
-            size = self.window_size
-            self.number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
-
-    def number(self, window: WindowMatrix) -> Any:
-        """Return the value of windows: an array over their cells, or one number for all."""
-        names: dict[str, Value] = {self.name: window}
-        available = f"{self.name} (a window expression knows only its input layer)"
-        value = Interpreter(_ALGEBRA, names, available, self.repeated)(self.root)
-        shape = _ALGEBRA.shape(value)
-        if shape != SCALAR:
-            raise Fault(
-                f"a window expression must give a single number, this one gives {describe(shape)}",
-                position=self.root.position,
-            )
-        return value.at(0, 0) if isinstance(value, WindowMatrix) else value
-
-    def window(self, rows: _Span, columns: _Span) -> WindowMatrix:
-        """Return the windows of the cells of a tile."""
-        margin, shape = self.window_size // 2, (rows.length, columns.length)
-        under = self.layer[rows.source(margin), columns.source(margin)]
-        window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
-        whole: Shape = (self.window_size, self.window_size)
-        if self.edge_handling == "mean" and shape != whole:
-            return PaddedWindow.with_mean(window, (rows.first, columns.first), whole)
-        return window
+def _number(root: Node, repeated: Collection[int], name: str, window: WindowMatrix) -> Any:
+    """Return the value of windows: an array over their cells, or one number for all."""
+    names: dict[str, Value] = {name: window}
+    available = f"{name} (a window expression knows only its input layer)"
+    value = Interpreter(_ALGEBRA, names, available, repeated)(root)
+    shape = _ALGEBRA.shape(value)
+    if shape != SCALAR:
+        raise Fault(
+            f"a window expression must give a single number, this one gives {describe(shape)}",
+            position=root.position,
+        )
+    return value.at(0, 0) if isinstance(value, WindowMatrix) else value
 
 
 def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) -> None:
