@@ -63,7 +63,6 @@ from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, run
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
 INDEX = page("docs/index.md")
 TUTORIAL = page("docs/tutorial.md")
-LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
 EXECUTED_TARGETS = {"demo"}
 """Targets of make that are run here; the others would not end, or take minutes."""
 
@@ -385,15 +384,6 @@ def test_every_error_is_in_the_tree():
     assert [error.__name__ for error in errors if error.__name__ not in tree] == []
 
 
-@pytest.mark.parametrize("package", LIBRARIES, ids=lambda package: package.name)
-def test_architecture_shows_every_room(package):
-    paths = (package / package.name).iterdir()
-    rooms = {path.stem for path in paths if path.stem[0].isalpha()} - {"py"}
-    tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
-    shown = re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)
-    assert rooms == {*shown}
-
-
 # --- pages ----------------------------------------------------------------------------------------
 
 
@@ -452,28 +442,30 @@ def test_every_page_is_in_the_navigation():
     assert missing == []
 
 
-def test_every_filter_has_a_page_and_every_page_a_filter():
-    expected = {name: f"filters/{page_of(name).path.name}" for name in FILTERS_BUILT_IN}
-    assert links_of_table(page("docs/filters.md").section("The filters")) == expected
-    assert names_of_pages("filters") == {page_of(name).path.stem for name in FILTERS_BUILT_IN}
+TABLES = {
+    "filters": ("docs/filters.md", "The filters"),
+    "visualizations": ("docs/ros.md", "Visualizations"),
+    "nodes": ("docs/ros.md", "Nodes"),
+}
+"""Folders of pages of parameters, and the page and section of the table that links them."""
 
 
-def test_every_visualization_has_a_page_and_every_page_a_visualization():
-    section = page("docs/ros.md").section("Visualizations")
-    expected = {name: f"visualizations/{name}.md" for name in BUILT_IN}
-    assert links_of_table(section) == expected
-    assert names_of_pages("visualizations") == BUILT_IN.keys()
-    for type_name, message, _ in table(section):
+@pytest.mark.parametrize("folder", TABLES)
+def test_table_links_all_pages_of_a_folder(folder):
+    overview, section = TABLES[folder]
+    pages = {name: each.path for name, each in PAGES_OF_PARAMETERS.items()}
+    expected = {name: path.stem for name, path in pages.items() if path.parent.name == folder}
+    links = links_of_table(page(overview).section(section))
+    assert links == {name: f"{folder}/{stem}.md" for name, stem in expected.items()}
+    assert names_of_pages(folder) == {*expected.values()}
+
+
+def test_table_of_visualizations_names_their_messages():
+    for type_name, message, _ in table(page("docs/ros.md").section("Visualizations")):
         (name,) = re.findall(r"\[(\w+)\]", type_name)
         message_type = BUILT_IN[name].message_type
         package = message_type.__module__.partition(".")[0]
         assert message == f"`{package}/{message_type.__name__}`"
-
-
-def test_every_node_has_a_page_and_every_page_a_node():
-    links = links_of_table(page("docs/ros.md").section("Nodes"))
-    assert links == {name: f"nodes/{name}.md" for name in NODES}
-    assert names_of_pages("nodes") == NODES
 
 
 def test_every_conversion_has_a_page_that_the_overview_links():
@@ -531,33 +523,6 @@ def test_packages_that_headings_name_exist():
     named = re.findall(r"No module named '(\w+)'", " ".join(headings))
     assert named
     assert all((ROOT / name / name / "__init__.py").exists() for name in named)
-
-
-# --- pictures -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("kind", "types", "limit"),
-    [("filter", FILTERS_BUILT_IN, 2_000_000), ("visualization", BUILT_IN, 600_000)],
-)
-def test_pictures_are_small_and_drawn_by_their_script(kind, types, limit, tmp_path):
-    images = ROOT / "docs" / "images"
-    script = images / f"make_{kind}_pictures.py"
-    done = run(sys.executable, script, tmp_path / "new", environ=environment(), cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    stored = [*(images / f"{kind}s").iterdir()]
-    shown = [picture_of(type_name) for type_name in types]
-    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == sorted(shown)
-    assert sorted(path.name for path in stored) == sorted(shown)
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in stored)
-    assert sum(path.stat().st_size for path in stored) < limit
-
-
-def picture_of(type_name: str) -> str:
-    """Return the name of the one picture on the page of a filter or visualization."""
-    pattern = r"!\[[^\]]+\]\(\.\./images/\w+/([\w.]+)\)"
-    (name,) = re.findall(pattern, PAGES_OF_PARAMETERS[type_name].text)
-    return name
 
 
 # --- tables of parameters -------------------------------------------------------------------------

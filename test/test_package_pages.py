@@ -5,13 +5,14 @@
 import re
 
 import pytest
+from pages import page
 
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 from scratch import PACKAGES, PYTHON_PACKAGES
 
 INTERFACES = next(path for path in PACKAGES if path.name == "grid_map_msgs")
-LIBRARIES = [path for path in PYTHON_PACKAGES if re.search("core|filters|ros", path.name)]
+LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
 
 
 def by_name(path):
@@ -61,8 +62,10 @@ def test_every_filter_and_every_visualization_is_in_a_changelog():
 
 
 @pytest.mark.parametrize("package", LIBRARIES, ids=by_name)
-def test_readme_names_every_room(package):
+def test_readme_and_architecture_name_every_room(package):
     paths = (package / package.name).iterdir()
     rooms = {path.stem for path in paths if path.stem[0].isalpha() and path.stem != "py"}
     assert len(rooms) > 2
     assert rooms - words(package, "README.md") == set()
+    tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
+    assert rooms == {*re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)}

@@ -80,11 +80,3 @@ def test_packages_import_exported_names_of_siblings(package):
 )
 def test_import_past_all_of_sibling_is_found(code, found):
     assert names_not_exported(code, "grid_map_ros_py") == found
-
-
-def test_public_modules_are_those_without_underscore(tmp_path):
-    for name in ("__init__", "errors", "_private", "room/__init__", "room/_part", "_shared/part"):
-        path = tmp_path / "tiny" / "tiny" / f"{name}.py"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    assert [*public_modules(tmp_path / "tiny")] == ["tiny", "tiny.errors", "tiny.room"]
