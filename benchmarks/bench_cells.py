@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The cell shapes, each with reading the value of every cell, as the C++ loops did."""
+"""Benchmarks of cell regions; like the C++ loops, each also reads every cell's value."""
 
 import math
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The traversability chain of the demo, of which there is no time of C++."""
+"""Benchmark of the demo's traversability chain; the C++ library was not timed."""
 
 from pathlib import Path
 

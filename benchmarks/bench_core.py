@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The map itself: moving, cutting, positions and regions."""
+"""Benchmarks of maps: moves, submaps, positions and regions."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filters, from a map to a map."""
+"""Benchmarks of filters, from map to map."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filters of minima, medians, curvature and colors, from a map to a map."""
+"""Benchmarks of the filters for minima, medians, curvature and colors."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filters that C++ does not have, from a map to a map."""
+"""Benchmarks of the filters that C++ does not have."""
 
 import numpy as np
 import pytest

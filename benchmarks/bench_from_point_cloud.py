@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point cloud messages to maps. C++ has no such thing; the lines show yardsticks."""
+"""Benchmarks of `from_point_cloud`; C++ has no counterpart, so the lines show yardsticks."""
 
 import array
 
@@ -29,7 +29,7 @@ GEOMETRY = GridGeometry(np.array([SIDE, SIDE]), RESOLUTION)
 
 
 def message() -> PointCloud2:
-    """Return a million points as they arrive."""
+    """Return a serialized cloud of a million points."""
     points = np.zeros(POINTS, POINT)
     points["x"], points["y"], points["z"] = cloud().T
     points["rgb"] = 0x010101 * (np.arange(POINTS, dtype=np.uint32) % 256)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Images of layers, and other resolutions."""
+"""Benchmarks of images of layers and of changes of resolution."""
 
 import cv2
 import numpy as np

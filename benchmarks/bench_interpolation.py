@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Values between cell centers."""
+"""Benchmarks of interpolation between cell centers."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Adding the data of one map to another, and changing the frame of a map."""
+"""Benchmarks of merging two maps, and of changing the frame of a map."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_transformed_map(measure, cells, ratio):
 
 
 def landed(grid_map, transform, step, result):
-    """Return where the points of a map come down on another one, and how high."""
+    """Return the cells and heights of a map's points on another map."""
     z = grid_map["elevation"].ravel("F")
     points = np.column_stack([grid_map.get_positions() + step, z, np.ones_like(z)])
     moved = points[np.isfinite(z)] @ transform.T

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The conversions between maps and messages."""
+"""Benchmarks of conversions between maps and messages."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of octrees; the C++ library was not timed."""
+"""Benchmarks of maps from octrees; the C++ library was not timed."""
 
 import array
 import struct

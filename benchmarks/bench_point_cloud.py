@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds and meshes to layers. C++ was not timed at them; their lines show yardsticks."""
+"""Benchmarks of layers from clouds and meshes; C++ was not timed, the lines show yardsticks."""
 
 import numpy as np
 import pytest

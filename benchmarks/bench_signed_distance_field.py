@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The signed distance field: building it, and asking it for 100,000 points.
+"""Benchmarks of the signed distance field: building it, and 100,000 queries.
 
 The terrain has holes, as for C++, which takes them for very deep; ours are free space.
 """
@@ -36,7 +36,7 @@ def points(field):
 
 
 def exact(grid_map, cell, z):
-    """Return the distance from the point at height z over a cell, by looking at every column."""
+    """Return the distance from a point at height z over a cell, by a search of every column."""
     x, y = grid_map.axes()
     across = np.hypot(x[:, None] - x[cell[0]], y[None, :] - y[cell[1]])
     up = z - np.nan_to_num(grid_map["elevation"].astype(np.float64), nan=-np.inf)

@@ -18,7 +18,7 @@ BYTES_PER_CORNER = 3 * 8 + 4 * 4
 
 
 def triangle_count(heights):
-    """Return how many triangles there are, by the number of heights in squares of four cells."""
+    """Return the number of triangles, counted from the finite heights of each four cells."""
     known = np.isfinite(heights).astype(int)
     counts = known[:-1, :-1] + known[1:, :-1] + known[:-1, 1:] + known[1:, 1:]
     return np.count_nonzero(counts == 3) + 2 * np.count_nonzero(counts == 4)

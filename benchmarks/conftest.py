@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The fixture `measure`, and the table at the end."""
+"""Fixture `measure` of the benchmarks, and the table printed at the end."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Times of this library beside times of C++, each in units of a yardstick taken around it."""
+"""Times of this library and of C++, in units of a yardstick measured just before and after."""
 
 import json
 import statistics

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Measure how many maps reach a callback in another process, how late, and at which cost.
+"""Measure the number, delay and cost of maps that reach a callback in another process.
 
     python3 benchmarks/receive.py [--seconds 10]
 
@@ -114,7 +114,7 @@ def cpu_seconds() -> float:
 def measure(
     cells: int, rate: float, transport: str, receiver: str, seconds: float, depth: int
 ) -> dict[str, float]:
-    """Return what a subscriber got of so many seconds of maps."""
+    """Return the statistics of a subscriber that listens for a number of seconds."""
     count = max(int(rate * seconds), 2)
     with (
         running(_process(transport, "subscribe", receiver, depth, count)) as subscriber,

@@ -71,7 +71,7 @@ def iterators_demo() -> Figure:
 
 
 def move_demo() -> Figure:
-    """Draw a map before and after both ways to change its place."""
+    """Draw a map before and after both ways to change its position."""
     figure, axes = new_figure(1, 3, (9.0, 2.9))
     grid_map = move.make_map()
     x, y = grid_map.axes()
@@ -103,7 +103,7 @@ def image_to_gridmap_demo() -> Figure:
 
 
 def opencv_demo() -> Figure:
-    """Draw the star and what kernels make of it."""
+    """Draw the star before and after blurring."""
     figure, axes = new_figure(1, 4, (9.0, 3.9))
     for with_ground, kernels in ((True, (1, 41, 121)), (False, (41,))):
         grid_map = star_map("original", 0.01, has_ground=with_ground)
@@ -151,7 +151,7 @@ def interpolation_demo() -> Figure:
 
 
 def normal_filter_comparison_demo() -> Figure:
-    """Draw a surface with noise, and how far off the normals of both algorithms are."""
+    """Draw a surface with noise, and the errors of both algorithms for normals."""
     grid_map = comparison.surface_map("wave", 0.0)
     comparison.disturb(grid_map, 0.015, 0.0, np.random.default_rng(1))
     grid_map = FilterChain.from_config(comparison.FILTERS)(grid_map)

@@ -52,7 +52,7 @@ class Figure:
         self._add("rect", x=x, y=y, width=width, height=height, **style)
 
     def text(self, place: Point, words: str, **style: str) -> None:
-        """Write words whose middle is at a place."""
+        """Write text centered at a place."""
         x, y = (f"{value:g}" for value in place)
         middle = {"text_anchor": "middle", "dominant_baseline": "central", "fill": INK}
         self._add("text", words, x=x, y=y, **(middle | style))
@@ -114,7 +114,7 @@ class View:
 
 
 def letters(grid_map: GridMap) -> Callable[[tuple[int, int]], tuple[str, str]]:
-    """Return what shows the data of a map: letters, or nothing in another color for NaN."""
+    """Return a function that gives the text and color of a cell: its letter, or "NaN"."""
 
     def shown(index: tuple[int, int]) -> tuple[str, str]:
         value = grid_map["data"][index]

@@ -39,7 +39,7 @@ Draw = Callable[[Axes, GridMap], None]
 
 
 def shaded(layer: str, limits: tuple[float, float] = (-0.6, 1.0)) -> Draw:
-    """Return what draws heights: colors by height, in the light from the upper left."""
+    """Return a function that draws heights: colored by height, lit from the upper left."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         heights = upright(grid_map.unwrapped(layer)).astype(np.float64)
@@ -58,7 +58,7 @@ def shaded(layer: str, limits: tuple[float, float] = (-0.6, 1.0)) -> Draw:
 def values(
     layer: str, limits: tuple[float, float] | None = None, colors: str = "viridis", unit: str = ""
 ) -> Draw:
-    """Return what draws a layer by a color bar; gray where it is missing."""
+    """Return a function that draws a layer with a color bar; missing cells are gray."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         numbers = upright(grid_map.unwrapped(layer))
@@ -72,7 +72,7 @@ def values(
 
 
 def rgb(layer: str) -> Draw:
-    """Return what draws a layer of packed colors."""
+    """Return a function that draws a layer of packed colors."""
 
     def draw(axes: Axes, grid_map: GridMap) -> None:
         image = color_value_to_vector(upright(grid_map.unwrapped(layer)))
@@ -248,7 +248,7 @@ PICTURES: dict[str, Picture] = {
 
 
 def file_name(type_name: str) -> str:
-    """Return how the files of a filter are called: `mean_in_radius` for MeanInRadiusFilter."""
+    """Return the file name of a filter: `mean_in_radius` for MeanInRadiusFilter."""
     words = re.findall(r"[A-Z][a-z]*", type_name.partition("/")[2].removesuffix("Filter"))
     return "_".join(words).lower()
 

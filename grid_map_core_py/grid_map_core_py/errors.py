@@ -27,7 +27,7 @@ class GridMapError(Exception):
 
 
 class LayerNotFoundError(GridMapError, KeyError):
-    """A layer was asked for that the map does not have."""
+    """The map does not have the requested layer."""
 
     def __init__(self, layer: object, available: Iterable[str]) -> None:
         self.layer = layer
@@ -48,7 +48,7 @@ class GeometryError(GridMapError, ValueError):
 
 
 class ConfigError(GridMapError, ValueError):
-    """A parameter is unknown, missing, of the wrong type or of a value that is invalid."""
+    """A parameter is unknown, missing, or has a wrong type or value."""
 
 
 class MissingPackageError(GridMapError, ImportError):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def assert_maps_equal(
     actual: GridMap, expected: GridMap, *, rtol: float = 0.0, atol: float = 0.0
 ) -> None:
-    """Assert that two maps hold the same world: grid, frame, time, layers and data in map order.
+    """Assert that two maps are equal in grid, frame, time, layers and data in map order.
 
     Where in the buffer the data is stored does not matter. NaN equals NaN.
 
@@ -65,7 +65,7 @@ def register_profiles() -> None:
 
 
 def moved_in_buffer(grid_map: GridMap, start_index: tuple[int, int]) -> GridMap:
-    """Return the same world stored from another start index, as after moves; by `np.roll`."""
+    """Return an equal map stored from another start index, as after moves; uses `np.roll`."""
     result = grid_map.copy()
     shift = np.subtract(start_index, grid_map.start_index)
     for layer in result:

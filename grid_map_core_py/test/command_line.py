@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command line as tests use it: as a process, or within this one."""
+"""Helpers that run the command line, as a process or within the test process."""
 
 import os
 import subprocess

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Numbers that the C++ library computed, and the maps they belong to."""
+"""Golden numbers of the C++ library, and their maps."""
 
 import gzip
 import json

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Processes that are killed in the middle of their work."""
+"""Test helper: kills a process at every step of its work."""
 
 import itertools
 import os

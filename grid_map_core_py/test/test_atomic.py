@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders are written atomically, whenever the process dies."""
+"""Files and folders are written atomically even if the process is killed."""
 
 import errno
 import os
@@ -47,7 +47,7 @@ def remove_remains(folder: Path) -> None:
 
 @pytest.fixture(params=["exchange", "aside"])
 def exchange(request, monkeypatch) -> str:
-    """Replace folders as systems do that can exchange two names, and as others do."""
+    """Replace folders with and without a system call that exchanges two names."""
     if request.param == "aside":
         monkeypatch.setattr(atomic, "_exchange", lambda *_: False)
     return request.param

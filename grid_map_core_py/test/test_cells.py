@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Regions of cells, in the order of the contract."""
+"""Region functions: cells and their order (contract 3)."""
 
 import math
 import tracemalloc
@@ -37,7 +37,7 @@ def point(grid_map: GridMap, fraction: tuple[float, float]) -> np.ndarray:
 
 
 def cells_by_hand(grid_map, contains):
-    """Oracle: walk over the map row by row from its corner and look at each center."""
+    """Oracle: test each cell center, row by row from the map's corner."""
     world = np.moveaxis(np.indices(grid_map.size), 0, -1).reshape(-1, 2)
     indices = (world + grid_map.start_index) % grid_map.size
     centers = grid_map.get_positions(indices).tolist()

@@ -34,7 +34,7 @@ def files(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def command(files, tmp_path, monkeypatch, capfd):
-    """Return a function that runs a command within this process, and returns what comes of it."""
+    """Return a function that runs a command in this process and returns exit code and output."""
     for path in files.iterdir():
         (tmp_path / path.name).symlink_to(path)
     monkeypatch.chdir(tmp_path)
@@ -392,7 +392,7 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
 
 @pytest.fixture
 def plug_in(monkeypatch, tmp_path):
-    """Let a package with two commands be installed, of which one is broken."""
+    """Install a package with two commands; one of them is broken."""
     package = tmp_path / "dancing"
     package.mkdir()
     (package / "__init__.py").write_text("raise SystemError('imported')")

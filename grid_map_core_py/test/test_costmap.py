@@ -40,7 +40,7 @@ TABLES = {
 
 
 def has_range(conversion) -> bool:
-    """C++ takes the two bounds for a range even if they are equal."""
+    """C++ treats the two bounds as a range even if they are equal."""
     return conversion["data_min"] != conversion["data_max"]
 
 

@@ -66,7 +66,7 @@ COLUMNS = b"".join(
 
 
 def lzf_without_matches(data: bytes) -> bytes:
-    """LZF where nothing repeats: runs of up to 32 bytes, each after its length less one."""
+    """LZF encoding without matches: runs of up to 32 bytes, each after its length minus one."""
     runs = [data[first : first + 32] for first in range(0, len(data), 32)]
     return b"".join(bytes([len(run) - 1]) + run for run in runs)
 

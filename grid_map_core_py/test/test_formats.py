@@ -110,7 +110,7 @@ def test_unknown_name_is_one_error(call, error, message):
 
 @pytest.fixture
 def plug_in(monkeypatch):
-    """Return a function that lets a package add formats."""
+    """Return a function that installs a package with formats."""
 
     def add(**entries: str) -> None:
         points = [EntryPoint(name, value, _formats.GROUP) for name, value in entries.items()]

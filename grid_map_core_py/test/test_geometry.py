@@ -128,7 +128,7 @@ def test_an_edge_on_a_cell_border_takes_no_further_cell():
 
 
 def overlapped_cells(grid_map, position, length):
-    """Oracle: look at every cell whether it shares more than 1e-9 m with the rectangle."""
+    """Oracle: test for every cell whether it overlaps the rectangle by more than 1e-9 m."""
     half = 0.5 * grid_map.resolution
     cells = []
     for center in grid_map.get_positions():

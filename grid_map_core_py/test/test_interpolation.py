@@ -55,7 +55,7 @@ class Oracle:
         return result
 
     def stage(self, position, method):
-        """The value of the method alone; not finite where a cell that it needs is not."""
+        """Value of one method without fallback; not finite if a cell it uses is not finite."""
         if method is NEAREST:
             return self.value(*self.cell_at(position))
         weigh = {LINEAR: hat, CUBIC_CONVOLUTION: keys}.get(method)
@@ -141,7 +141,7 @@ def golden_map(name: str) -> GridMap:
 
 
 class Cpp:
-    """Return the cells that C++ reads from the raw buffer, and whether they are the right ones.
+    """The cells that C++ reads from the raw buffer, and whether they are correct.
 
     It is wrong where one of these rules holds:
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of nav2's map_server, against a slow reading of its documentation."""
+"""Maps of nav2's map_server, compared with a slow reader written after its documentation."""
 
 import itertools
 from pathlib import Path

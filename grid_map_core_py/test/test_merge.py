@@ -43,7 +43,7 @@ def covers(grid_map, other):
 
 
 def by_position(grid_map, layer):
-    """Return the values by their cell's place on the lattice, which growing must not change."""
+    """Return the values by lattice coordinates, which growing must not change."""
     positions = grid_map.get_positions()
     values = grid_map[layer][grid_map.get_indices(positions)[0]]
     cells = np.round(positions / grid_map.resolution, 3)
@@ -51,7 +51,7 @@ def by_position(grid_map, layer):
 
 
 def assert_grown(grown, before, other):
-    """Assert that a map is the smallest one that keeps the cells of another and has a third."""
+    """Assert that `grown` is the smallest map on the same lattice that covers both maps."""
     assert covers(grown, before)
     assert covers(grown, other)
     for axis in (0, 1):

@@ -53,7 +53,7 @@ def around(grid_map: GridMap, cloud: np.ndarray) -> np.ndarray:
 
 
 def reduce_by_hand(grid_map, points, values, low=-np.inf, high=np.inf) -> dict[str, np.ndarray]:
-    """Oracle: sort the values into lists per cell one by one, then let Python reduce each list."""
+    """Oracle: collect the values in one list per cell, then reduce each list in Python."""
     members = {}
     for (x, y, z), value in zip(points[:, :3].tolist(), values.tolist(), strict=True):
         counts = np.isfinite([x, y, z, value]).all() and low <= z <= high

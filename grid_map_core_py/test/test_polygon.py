@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Polygons: what they hold, and what becomes of them."""
+"""Polygons: containment and operations."""
 
 import copy
 import math
@@ -38,7 +38,7 @@ def is_strictly_convex(case):
 
 
 def hull_by_hand(vertices):
-    """Oracle: the vertices with an edge to another one that has all others on its left or on it."""
+    """Oracle: vertices with an edge to another vertex that has no vertex on its right."""
     distinct = sorted(set(map(tuple, vertices)))
     return [
         p
@@ -195,7 +195,7 @@ def test_the_hull_of_two_circles_equals_cpp(case):
 
 
 def winding_by_hand(vertices, point):
-    """Oracle: how often the polygon turns round a point that is not on an edge, by angles."""
+    """Oracle: winding number around a point that is not on an edge, by angles."""
     vectors = [complex(*vertex) - complex(*point) for vertex in vertices]
     pairs = zip(vectors, vectors[1:] + vectors[:1], strict=True)
     angles = [math.atan2((b / a).imag, (b / a).real) for a, b in pairs]

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps of another resolution."""
+"""Changes of resolution."""
 
 import math
 import tracemalloc
@@ -42,7 +42,7 @@ def converted(description, case) -> GridMap:
 
 
 def quantum(description, layer) -> float:
-    """C++ goes through images of 16 bits, for which it takes the range of the layer."""
+    """C++ quantizes the range of the layer to 16 bits."""
     values = golden.matrix(description["layers"][layer])
     return float(np.nanmax(values) - np.nanmin(values)) / 65535
 
@@ -152,7 +152,7 @@ def near_holes(description, case) -> np.ndarray:
 
 
 def kernel(center: np.ndarray) -> tuple[slice, slice]:
-    """Return the 4 x 4 cells around a place, as far as there are any."""
+    """Return the cells of the 4 x 4 block around a place that are on the map."""
     rows, columns = (
         slice(max(first - 1, 0), first + 3) for first in np.floor(center).astype(int).tolist()
     )

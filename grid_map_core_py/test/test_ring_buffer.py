@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The circular buffer against a map that is simply copied."""
+"""The circular buffer, compared with a map that copies its data on every move."""
 
 import numpy as np
 import pytest

@@ -24,7 +24,7 @@ Step = tuple[tuple[float, float], list[Point]]
 
 
 def steps() -> st.SearchStrategy[list[Step]]:
-    """Places that the map moves to, near or far, and clouds around them, on no border of a cell."""
+    """Centers that the map moves to, near or far, with clouds; no point is on a cell border."""
     away = st.floats(-1.2, 1.2) | st.sampled_from([0.0, 0.6, -5.0])
     offsets = st.integers(-9, 9).map(lambda k: 0.25 * SIDE * (2 * k + 1) + 0.01)
     heights = st.floats(-9, 9, width=32) | st.sampled_from([math.nan, math.inf])

@@ -55,7 +55,7 @@ def columns_of(grid_map):
 
 
 def gap(upper, lower):
-    """Return how far `upper` is above `lower`; infinities equal to each other are in touch."""
+    """Return `upper - lower`; 0 for equal infinities."""
     return 0.0 if upper <= lower else upper - lower
 
 
@@ -74,7 +74,7 @@ def distances_of_nodes(grid_map, levels):
 
 
 def trilinear(field):
-    """Return another interpolation between the nodes of a field."""
+    """Return an independent trilinear interpolation between the nodes of a field."""
     x, y = field.geometry.axes_in_map_order()
     return RegularGridInterpolator(
         (x[::-1], y[::-1], field.levels),
@@ -85,7 +85,7 @@ def trilinear(field):
 
 
 def nodes_of(field):
-    """Return (rows, cols, levels, 3) where the nodes are."""
+    """Return the positions (rows, cols, levels, 3) of the nodes."""
     x, y = field.geometry.axes_in_map_order()
     return np.stack(np.meshgrid(x, y, field.levels, indexing="ij"), axis=-1)
 
@@ -212,7 +212,7 @@ def golden_nodes():
 
 
 def sideways_or_straight(columns, number, z):
-    """Return the smaller of the ways to the surface along the level and along the column."""
+    """Return the shorter distance to the surface: along the level or along the column."""
     x, y, height = columns[number]
     ways = [math.hypot(x - cx, y - cy) for cx, cy, top in columns if (z > top) != (z > height)]
     return math.copysign(min(ways + [abs(z - height)]), z - height)

@@ -43,7 +43,7 @@ def oracle(values) -> dict[str, float]:
 
 
 def deviates(case) -> bool:
-    """C++ counts infinities as finite, and takes the sum of nothing for 0."""
+    """C++ counts infinities as finite, and returns 0 as the sum of no values."""
     values = np.array(case["matrix"], dtype=np.float32)
     return bool(np.isinf(values).any()) or not np.isfinite(values).any()
 

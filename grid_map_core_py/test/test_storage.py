@@ -188,7 +188,7 @@ def test_a_file_of_something_else_is_refused(path):
 
 
 def claiming(path: Path, size: int) -> Path:
-    """Make the layer's entry in the list of the archive's members claim so many bytes."""
+    """Change the archive's directory so that the layer declares a size of `size` bytes."""
     with_metadata(path, size=[size // 4, 1])
     data = bytearray(path.read_bytes())
     entry = data.rindex(b"layers/elevation.npy") - 46

@@ -101,7 +101,7 @@ def case_result(case):
 
 
 def is_rounded_down(case):
-    """Tell whether C++ took fewer cells than the footprint needs."""
+    """Return whether C++ rounds the number of cells down."""
     grid_map = golden.to_map(GOLDEN["maps"][case["map"]])
     size, _ = footprint(grid_map, np.array(case["transform_4x4"]))
     return tuple(case["result"]["size"]) != size

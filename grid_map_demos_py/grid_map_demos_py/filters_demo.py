@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Runs the traversability chain on a real terrain, in four processes that talk over DDS.
+"""Demo of the traversability chain on real terrain, in four processes that communicate over DDS.
 
     filters_demo [--report DIRECTORY] [--view [PORT]]
 

@@ -79,7 +79,7 @@ def to_message(pixels: core.Image) -> Image:
 
 
 class ImagePublisherNode(Node):
-    """Reads the file and publishes it."""
+    """Node that publishes an image file."""
 
     def __init__(self) -> None:
         super().__init__("image_publisher")

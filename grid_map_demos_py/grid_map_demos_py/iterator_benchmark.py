@@ -32,7 +32,7 @@ Way = Callable[[GridMap], None]
 
 
 def by_index_and_name(grid_map: GridMap) -> None:
-    """Index layer and cell anew for each cell: readable, for few cells."""
+    """Index layer and cell for each cell: readable, suits few cells."""
     for index in zip(*map_cells(grid_map), strict=True):
         grid_map["larger"][index] = max(grid_map["larger"][index], grid_map["random"][index])
 
@@ -53,14 +53,14 @@ def by_place(grid_map: GridMap) -> None:
 
 
 def by_array_of_cells(grid_map: GridMap) -> None:
-    """Index all cells at once: the way for the cells of a disc, a polygon or a line."""
+    """Index all cells in one NumPy call: suits the cells of a disc, a polygon or a line."""
     random, larger = grid_map["random"], grid_map["larger"]
     cells = map_cells(grid_map)
     larger[cells] = np.maximum(larger[cells], random[cells])
 
 
 def by_layer(grid_map: GridMap) -> None:
-    """Use NumPy on whole layers: the way for all cells."""
+    """Use NumPy on whole layers: suits all cells."""
     np.maximum(grid_map["larger"], grid_map["random"], out=grid_map["larger"])
 
 
@@ -107,7 +107,7 @@ def make_map(side: int) -> GridMap:
 
 
 def shortest_time(way: Way, grid_map: GridMap) -> float:
-    """Return the shortest time of a way [s]."""
+    """Return the shortest time of a function [s]."""
     end = time.perf_counter() + SECONDS
     times: list[float] = []
     while not times or time.perf_counter() < end:

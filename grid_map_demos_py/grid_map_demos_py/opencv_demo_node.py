@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Node `opencv_demo`: blurs a layer with OpenCV, by way of an image.
+"""Node `opencv_demo`: blurs a layer with OpenCV, through an image.
 
 Publishes `grid_map` with the layers `original`, a star with sharp edges, and `elevation`, the star
 blurred by a Gaussian kernel that shrinks and grows.

@@ -82,7 +82,7 @@ def _wait_or_kill(process: "subprocess.Popen[bytes]", deadline: float) -> None:
 
 
 def _die_with_parent(parent: int) -> None:
-    """Ask Linux to terminate this process when its parent is gone, however it went."""
+    """Make Linux terminate this process when its parent ends for any reason."""
     import ctypes
 
     set_parent_death_signal = 1

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map with a star, whose sharp edges suit the demos of images."""
+"""A map with a star; its sharp edges show the effect of image operations."""
 
 import math
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Make the images of the demos from the terrain, and the octomap from nothing.
+"""Make the data of the demos: images from the terrain, and a synthetic octomap.
 
     scripts/make_data.py [DIRECTORY]
 
@@ -68,7 +68,7 @@ def room() -> np.ndarray:
 
 
 def octomap_file(voxels: np.ndarray) -> bytes:
-    """Return voxels (N, 3) as a file of OctoMap."""
+    """Return voxels (N, 3) as the bytes of an OctoMap file."""
     head = f"# Octomap OcTree binary file\nid OcTree\nsize {len(voxels)}\nres {VOXEL}\ndata\n"
     return head.encode() + write_tree(voxels + 2 ** (DEPTH - 1), DEPTH)
 

@@ -10,9 +10,9 @@ from grid_map_ros_py.testing import Process, wait_until
 
 
 def lives(process: Process, seconds: float = 3.0) -> None:
-    """Wait until a process is that old; fail if it ends before.
+    """Wait until a process has run for a time [s]; fail if it ends earlier.
 
-    What has been waited for otherwise since its start counts.
+    The time counts from the start of the process.
     """
 
     def is_old_enough() -> bool:

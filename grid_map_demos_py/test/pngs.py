@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""PNG files, written without OpenCV, so that the order of colors is beyond doubt."""
+"""A PNG writer independent of OpenCV, so that the order of colors is certain."""
 
 import struct
 import zlib

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""All ways to sweep a map give the same result."""
+"""All ways to visit the cells of a map give the same result."""
 
 import signal
 import sys

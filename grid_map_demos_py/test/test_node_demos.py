@@ -38,7 +38,7 @@ def living(mark: str) -> list[str]:
 
 
 def pythons(mark: str) -> list[str]:
-    """Return the marked processes that have been started for good, not just the `env` before."""
+    """Return the marked processes that already run Python, without the `env` that starts them."""
     return [command for command in living(mark) if command.startswith(sys.executable)]
 
 

@@ -158,7 +158,7 @@ SAVED = {
 
 @pytest.fixture(scope="module")
 def moved_map() -> GridMap:
-    """A map whose buffer begins elsewhere, with a value for every cell but one."""
+    """A map with a start index, with values in all cells except one."""
     grid_map = GridMap((0.4, 0.3), 0.1, layers=["elevation", "height"], frame_id="map")
     grid_map.move((0.2, -0.1))
     assert grid_map.start_index != (0, 0)
@@ -173,7 +173,7 @@ def moved_map() -> GridMap:
 
 @pytest.fixture(scope="module")
 def saved(moved_map, tmp_path_factory) -> dict[str, np.ndarray]:
-    """Return what OpenCV reads of the files that demos, one each, have made of the map."""
+    """Return the images that demos saved of the map, as OpenCV reads them."""
     folder = tmp_path_factory.mktemp("saved")
     (folder / "color.png").write_text("old")
     name = module("grid_map_to_image_demo")

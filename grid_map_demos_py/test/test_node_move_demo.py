@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The move demo: data that stays in the world, and data that comes along."""
+"""The move demo: data that stays in the frame, and data that moves with the map."""
 
 from typing import Any
 
@@ -56,7 +56,7 @@ def has_lost(message: Any) -> bool:
 
 
 def is_carried(message: Any) -> bool:
-    """Return whether all values are there, although the map is not where it has been made."""
+    """Return whether all values are kept although the map has another position."""
     position = message.info.pose.position
     return np.hypot(position.x, position.y) > 0.01 and not has_lost(message)
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The demo of octomaps: files, and how the node shows them.
+"""The octomap demo: its files and its map.
 
 Services need `octomap_msgs`; they are tested with the other optional messages of the workspace.
 """

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Processes that do not outlive the one that started them."""
+"""Process groups end with the process that started them."""
 
 import subprocess
 import sys

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The ground that the demos stand on."""
+"""The terrain of the demos."""
 
 import numpy as np
 import pytest

@@ -173,7 +173,7 @@ def _read_only(grid_map: GridMap) -> GridMap:
 
 
 def _own_layers(result: GridMap, given: GridMap, own: dict[str, Layer]) -> dict[str, Layer]:
-    """Return the arrays behind the layers of a result that nothing else shares.
+    """Return the arrays behind the layers of a result that are not shared with other objects.
 
     Args:
         result: output of a filter.
@@ -211,5 +211,5 @@ def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> Grid
 
 
 def message_of(error: Exception) -> str:
-    """Return the text of an error; those of other packages begin with the type of the error."""
+    """Return the text of an error; for errors of other packages it begins with their type."""
     return str(error) if isinstance(error, GridMapError) else f"{type(error).__name__}: {error}"

@@ -20,14 +20,14 @@ from grid_map_core_py import GridMap
 
 
 class Filter(Protocol):
-    """Anything that turns one map into another; a dataclass when it is to be found in YAML."""
+    """Callable from map to map; filters with a type name in YAML are dataclasses."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map; the input stays unchanged."""
 
 
 class FilterWarning(UserWarning):
-    """Something that the user should know about the result of a filter."""
+    """Warning about the result of a filter."""
 
 
 _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", default=("", None))
@@ -36,7 +36,7 @@ _running: ContextVar[tuple[str, list[str] | None]] = ContextVar("_running", defa
 
 @contextmanager
 def running(step: object, collected: list[str] | None) -> Iterator[None]:
-    """Let `warn` name a step of a chain, and append to `collected` unless it is None."""
+    """Make `warn` name a step of a chain, and append to `collected` unless it is None."""
     token = _running.set((f"{step}: ", collected))
     try:
         yield
@@ -62,7 +62,7 @@ C = TypeVar("C", bound=Callable[..., GridMap])
 
 
 def in_map_order(call: C) -> C:
-    """Let the `__call__` of a filter see maps in map order only; for use as a decorator.
+    """Decorator for `__call__` of a filter that needs maps in map order.
 
     A map that has moved is unwrapped, and the result is stored from its start index again. Filters
     that look at neighboring cells need it to be right outside of a chain, which does the same.

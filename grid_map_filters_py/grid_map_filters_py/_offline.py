@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A chain over many maps without a node: over a bag, a folder of files, a generator.
+"""Filter chains over many maps without a node: from bags, folders or generators.
 
 `filter_maps` takes any iterable, and a function that makes a map of each item. The items of a bag
 are its records: `load` decodes one at a time, and each result comes back beside its record.
@@ -24,7 +24,7 @@ all maps, None if unknown."""
 
 @dataclass(frozen=True)
 class Filtered(Generic[T]):
-    """A filtered map and the item it was made of; `index` counts from 0."""
+    """A filtered map and its input; `index` counts from 0."""
 
     index: int
     item: T

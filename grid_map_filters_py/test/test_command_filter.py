@@ -36,7 +36,7 @@ def a_map(number: int, layer: str = "height") -> GridMap:
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capfd):
-    """Return a function that runs a command in a folder with maps, and returns what comes of it."""
+    """Return a function that runs a command in a folder with maps, and returns code and output."""
     monkeypatch.chdir(tmp_path)
     Path("chain.yaml").write_text(CHAIN)
     with BagWriter("survey") as bag:

@@ -79,7 +79,7 @@ def grid_map() -> GridMap:
 
 
 def peak_above_result(operation, layer_bytes):
-    """Return the peak memory beside the result, and that of the result, in layers."""
+    """Return the peak memory besides the result, and the size of the result [layers]."""
     operation()  # memory that is allocated once is not counted
     gc.collect()
     gc.disable()  # memory must be freed by reference counts, not by garbage collection

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A chain over many maps without a node."""
+"""Filter chains over many maps without a node."""
 
 import gc
 import io

@@ -17,7 +17,7 @@ from ..commands._progress import ProgressBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_destination(parser)
     add_layers(parser, "convert this layer, instead of all")
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Convert, and tell the number of maps."""
+    """Convert the maps of a file, and print their number."""
     destination = Destination(options)
     with open_records(options, destination, options.layers) as records, ExitStack() as stack:
         is_long = len(records) > 1 and not options.quiet

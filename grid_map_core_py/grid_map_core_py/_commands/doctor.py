@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show versions, what is missing or broken, and settings of ROS and DDS that contradict."""
+"""Show versions, missing or broken packages, and contradicting settings of ROS and DDS."""
 
 import argparse
 import json
@@ -73,12 +73,12 @@ for module in sys.argv[1:]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the findings; return 1 if something that is installed or set does not work."""
+    """Print the findings; return 1 if a package or a setting does not work."""
     packages, problems = examined([*PACKAGES]), [*contradictions()]
     failures = [
         name

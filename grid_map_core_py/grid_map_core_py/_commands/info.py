@@ -15,14 +15,14 @@ SECOND = 1_000_000_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_choice_of_map(parser)
     add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the facts."""
+    """Print the contents of a file."""
     facts = describe(options)
     if options.json:
         print_json(facts)
@@ -72,7 +72,7 @@ def _print_cloud(facts: dict[str, Any]) -> None:
 
 
 def _span(topics: list[dict[str, Any]]) -> str:
-    """Return the time that the messages of topics span, and when it begins."""
+    """Return the start and duration of the messages on topics."""
     first = min((one["first"] for one in topics if one["first"] is not None), default=None)
     last = max((one["last"] for one in topics if one["last"] is not None), default=None)
     if first is None or last is None:
@@ -114,7 +114,7 @@ def _seconds(nanoseconds: int | None) -> str:
 
 
 def _date(nanoseconds: int) -> str:
-    """Return a time as a date if it can be one of today's clocks."""
+    """Return a time as a date; "" for a time too small or too large for a date of today."""
     seconds = nanoseconds // SECOND
     if not 10**9 <= seconds < 2**32:
         return ""

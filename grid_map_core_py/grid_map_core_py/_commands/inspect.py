@@ -20,7 +20,7 @@ WIDTH = 40
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_choice_of_map(parser)
     add_layers(parser, "show this layer, instead of all")
@@ -95,7 +95,7 @@ def _row(layer: dict[str, Any]) -> tuple[str, ...]:
 
 
 def sparkline(counts: list[int]) -> str:
-    """Return a character for each number, the higher the larger; only zeros are blank."""
+    """Return a bar character for each number; only zeros are blank."""
     blocks = BLOCKS if can_print(BLOCKS) else ASCII_BLOCKS
     highest, steps = max(counts, default=0), len(blocks) - 1
     return "".join(blocks[-(-steps * count // highest)] if count else blocks[0] for count in counts)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, and checks that turn arguments of users into them."""
+"""Array types, and checked conversions of arguments to them."""
 
 from __future__ import annotations
 

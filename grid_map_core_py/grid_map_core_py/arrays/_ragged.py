@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Groups of different sizes, laid out one after another in flat arrays."""
+"""Ragged arrays: groups of different sizes, stored one after another in flat arrays."""
 
 from collections.abc import Iterator
 

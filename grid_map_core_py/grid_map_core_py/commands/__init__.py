@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The command line `grid-map`, and the parts of which packages make subcommands.
+"""The command line `grid-map`, and parts for subcommands of other packages.
 
 A subcommand is a module with `add_arguments(parser)` and `run(options)`, which returns the exit
 code; the first line of its docstring is its summary. A package adds one by an entry point of the

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Arguments that several commands have, and how shells complete them."""
+"""Arguments shared by several commands, and their completion in shells."""
 
 import argparse
 from collections.abc import Callable
@@ -95,7 +95,7 @@ _FORMAT = "name of the format, if the name of the file does not tell it"
 
 
 def completed(action: argparse.Action, completer: Callable[..., list[str]]) -> None:
-    """Let shells complete an argument; argcomplete asks its `completer`."""
+    """Set the `completer` of an argument, which argcomplete calls."""
     action.completer = completer  # type: ignore[attr-defined]
 
 

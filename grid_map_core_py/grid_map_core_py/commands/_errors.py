@@ -6,8 +6,8 @@ from ..errors import GridMapError
 
 
 class CommandError(GridMapError):
-    """A command cannot do what it was asked for: exit code 1."""
+    """A command failed: exit code 1."""
 
 
 class UsageError(CommandError):
-    """The arguments make no sense, whatever is in the files: exit code 2."""
+    """The arguments are invalid, independent of the files: exit code 2."""

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""From the words of a command line to its exit code."""
+"""Entry point of the command line: parses the arguments and runs a command."""
 
 import argparse
 import ast
@@ -117,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _terminate(number: int, _: object) -> NoReturn:
-    """End as after Ctrl-C, so that nothing unfinished is left behind."""
+    """End as after Ctrl-C, so that temporary files are removed."""
     sys.exit(128 + number)
 
 

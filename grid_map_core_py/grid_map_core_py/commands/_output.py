@@ -13,12 +13,12 @@ def message(text: str) -> None:
 
 
 def print_json(value: object) -> None:
-    """Print data for programs."""
+    """Print data as JSON."""
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
 def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
-    """Print rows in columns, those of `numbers` to the right."""
+    """Print rows as a table; the columns `numbers` are aligned to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = [

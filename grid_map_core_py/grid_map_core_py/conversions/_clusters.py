@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Euclidean clusters of points: those that a chain of short steps connects."""
+"""Euclidean clusters: sets of points connected by chains of short steps."""
 
 from collections.abc import Iterator
 from typing import TypeAlias
@@ -50,7 +50,7 @@ def euclidean_clusters(
 def _distinct_clusters(
     points: Positions, groups: Integers, tolerance: float, workers: int
 ) -> Integers:
-    """Return the clusters of points that are all different within their group."""
+    """Return the clusters of points, which must be distinct within their group."""
     reach = tolerance + BORDER_TOLERANCE
     separated = _apart(points, groups, reach)
     _, neighbors = cKDTree(separated).query(

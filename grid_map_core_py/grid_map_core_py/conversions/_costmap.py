@@ -46,7 +46,7 @@ class CostCodec(Protocol):
 
 @dataclass(frozen=True)
 class CostTable:
-    """Values that stand for the costs with a meaning; between free and inscribed it is linear.
+    """Layer values of the named costs; linear between free and inscribed.
 
     Attributes:
         free: value of cost 0.
@@ -55,7 +55,7 @@ class CostTable:
         unknown: value of cost 255; may be NaN.
 
     Raises:
-        GeometryError: the first three do not ascend, or `unknown` is one of the values of a cost.
+        GeometryError: the first three do not ascend, or `unknown` equals the value of a cost.
     """
 
     free: float
@@ -150,7 +150,7 @@ class CostRange:
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
-        """Return the value (...) float32 at which each cost (...) begins; NaN for 255."""
+        """Return the smallest value (...) float32 of each cost (...); NaN for 255."""
         step = float(self._extent) / LETHAL
         table = np.append(self.data_min + step * np.arange(UNKNOWN), np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))

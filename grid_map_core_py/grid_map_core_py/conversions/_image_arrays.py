@@ -321,7 +321,7 @@ def _read_gray(
 
 
 def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: float) -> Layer:
-    """Return a layer in map order that `values_of` makes of blocks of an image; NaN by alpha."""
+    """Return a layer in map order; `values_of` converts image blocks, transparency gives NaN."""
     rows, columns, channels = pixels.shape
     values: Layer = np.empty((rows, columns), np.float32, order="F")
     share = as_number(alpha_threshold, "alpha_threshold")

@@ -183,7 +183,7 @@ class _Triangles:
     def _heights(
         self, triangles: Integers, rows: Integers, columns: Integers
     ) -> tuple[Mask, Values]:
-        """Return whether triangles are hit at the centers of cells, and their heights there.
+        """Return a mask of the triangles that contain the cell centers, and their heights there.
 
         Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
         and 0 along the edge opposite.
@@ -207,6 +207,6 @@ class _Triangles:
 
 
 def _edges(corners: Values) -> Values:
-    """Return what the edge opposite to each corner covers along one axis, (3, T)."""
+    """Return the extent (3, T) along one axis of the edge opposite to each corner."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

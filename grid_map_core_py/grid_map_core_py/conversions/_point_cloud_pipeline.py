@@ -46,7 +46,7 @@ class CloudTransform:
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierRemoval:
-    """Removal of points far from all others; see `remove_outliers`."""
+    """Parameters of the outlier removal; see `remove_outliers`."""
 
     is_remove_outliers: bool = False
     mean_K: int = 10  # noqa: N815  as in upstream's files
@@ -60,7 +60,7 @@ class OutlierRemoval:
 
 @dataclass(frozen=True, kw_only=True)
 class Downsampling:
-    """Replacement of the points in each voxel, of sides x, y, z [m], by their mean."""
+    """Parameters of the voxel filter: sides x, y, z of a voxel [m]."""
 
     is_downsample_cloud: bool = False
     voxel_size: Triple = (0.05, 0.05, 0.05)
@@ -72,7 +72,7 @@ class Downsampling:
 
 @dataclass(frozen=True, kw_only=True)
 class ClusterExtraction:
-    """Clustering of the points of a cell.
+    """Parameters for clustering the points of a cell.
 
     Attributes:
         cluster_tolerance: longest step from point to point within a cluster [m].
@@ -95,7 +95,7 @@ class ClusterExtraction:
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """Resolution of the map, and the choice of the height of a cell.
+    """Resolution of the map, and the rule for the height of a cell.
 
     Attributes:
         min_num_points_per_cell, max_num_points_per_cell: cells with fewer or more points are NaN.
@@ -124,7 +124,7 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class PointCloudPipeline:
-    """Makes a map of a raw point cloud; its fields are the sections of upstream's parameter file.
+    """Makes a map from a raw point cloud; fields as in the parameter file of `grid_map_pcl`.
 
     If enabled, outliers are removed and the cloud is downsampled; then it is transformed into the
     map frame. The points of each cell are clustered, and the height of a cell is the mean height of
@@ -261,7 +261,7 @@ class PointCloudPipeline:
     def _chosen(
         self, cells: Integers, sizes: Integers, means: npt.NDArray[np.float64]
     ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Return the cells (m,) that have clusters, and the mean height (m,) that is theirs."""
+        """Return the cells (m,) that have clusters, and their heights (m,)."""
         highest = self.cluster_extraction.use_max_height_as_cell_elevation
         order = np.lexsort((-means if highest and self.grid_map.height_type == 0 else means, cells))
         cells, sizes, means = cells[order], sizes[order], means[order]
@@ -276,7 +276,7 @@ class PointCloudPipeline:
 def remove_outliers(
     points: npt.ArrayLike, mean_k: int, stddev_threshold: float, *, workers: int = 1
 ) -> Positions:
-    """Return the points (M, 3), in order, without those that lie far from their neighbors.
+    """Return the points (M, 3), in order, without outliers far from their neighbors.
 
     A point is removed when its mean distance to its nearest `mean_k` neighbors is above the mean
     of all these distances by more than `stddev_threshold` sample standard deviations of them (PCL's

@@ -190,7 +190,7 @@ def fitting_geometry(
 
 @dataclass(frozen=True)
 class _Cloud:
-    """Points (N, 3), and the limits of the heights that count."""
+    """Points (N, 3), and the limits of valid heights."""
 
     points: npt.NDArray[Any]
     lowest: float
@@ -311,7 +311,7 @@ def _geometry(
     length: ArrayLike | None,
     position: ArrayLike | None,
 ) -> GridGeometry:
-    """Return the grid with the given length and position, or those of the points' extent."""
+    """Return the grid; the points' extent replaces a length or position that is not given."""
     center = None if position is None else as_pair(position, "position")
     if length is None:
         lower, upper = cloud.extent()

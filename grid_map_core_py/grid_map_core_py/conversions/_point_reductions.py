@@ -28,7 +28,7 @@ class Reducer(Protocol):
     """Reduces the values of points to one value per cell."""
 
     def add(self, cells: Integers, values: Values) -> None:
-        """Take the values of (n,) points and the numbers (n,) of the cells that they fall into."""
+        """Add (n,) values of points; `cells` (n,) are the flat numbers of their cells."""
 
     def result(self) -> Flat:
         """Return one value per cell. Nothing can be added afterwards."""
@@ -138,7 +138,7 @@ class Variance:
 
 
 class Median:
-    """The median of the values as float32, of an even number of them the mean of the middle two.
+    """The median of the values as float32; for an even count the mean of the middle two.
 
     A key of 64 bits per point, its cell above its value, sorts points by cell and by value in one
     go, more than ten times as fast as `np.lexsort`.
@@ -204,7 +204,7 @@ _SIGN = np.uint32(1 << 31)
 
 
 def _sortable(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
-    """Return integers that are in the same order as the values."""
+    """Return integers that sort like the values."""
     bits = values.view(np.uint32)
     return np.where(bits & _SIGN, ~bits, bits | _SIGN)
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Points in boxes of equal size, the voxels of a lattice through the origin."""
+"""Voxel grid downsampling of point clouds."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def downsample(points: ArrayLike, voxel_size: ArrayLike) -> Positions:
 
 
 def finite_points(points: ArrayLike) -> Positions:
-    """Return x, y, z (N, 3) in float64 of the points of which all three are finite."""
+    """Return x, y, z (N, 3) as float64 of the points with finite coordinates."""
     xyz: Positions = as_points(points)[:, :3].astype(np.float64)
     finite = np.isfinite(xyz).all(axis=1)
     return xyz if finite.all() else xyz[finite]

@@ -101,7 +101,7 @@ class RollingMap:
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> None:
-        """Fuse the points of a cloud into the map; if that fails, the map does not change.
+        """Fuse the points of a cloud into the map; after an error the map is unchanged.
 
         Args:
             points: (N, 3) x, y, z [m], map frame. Those that are not finite, and those beside the

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Files and folders that appear complete or not at all.
+"""Atomic writing of files and folders: complete or not at all.
 
 They are written beside their place, under a hidden name that ends in `.partial`, and renamed once
 the disk has them. An error or the end of the process before that leaves the old ones. A process
@@ -25,7 +25,7 @@ _NOT_SUPPORTED = {errno.ENOSYS, errno.EINVAL, errno.ENOTSUP}
 
 @contextmanager
 def new_file(path: str | PathLike[str]) -> Iterator[Path]:
-    """Yield the name under which to write a file that replaces the one at `path` in the end.
+    """Yield a temporary name; on success the file written there replaces the one at `path`.
 
     Raises:
         OSError: the folder cannot be written to.
@@ -44,7 +44,7 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -> Iterator[Path]:
-    """Yield an empty folder to write files into, which replaces the one at `path` in the end.
+    """Yield an empty temporary folder; on success it replaces the one at `path`.
 
     On systems that can exchange two names (Linux, on most file systems) the old folder or the new
     one is there at every instant. Elsewhere the old one has a hidden name that ends in `.old` for
@@ -97,7 +97,7 @@ def _replace(temporary: Path, target: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Swap the names of two folders at once; return whether the system can."""
+    """Swap the names of two folders atomically; return False if the system cannot."""
     try:
         rename = ctypes.CDLL(None, use_errno=True).renameat2
     except AttributeError:
@@ -115,7 +115,7 @@ def _hidden(target: Path, kind: str) -> Path:
 
 
 def _sync(path: Path) -> None:
-    """Wait until the disk has a file, or the names in a folder if the file system can."""
+    """Flush a file to disk, or the names in a folder if the file system supports that."""
     file = os.open(path, os.O_RDONLY)
     try:
         os.fsync(file)

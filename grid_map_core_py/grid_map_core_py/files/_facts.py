@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""All of a map but its values, as JSON has it."""
+"""Metadata of a map as JSON values."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The table of file formats, and `load` and `save`, which choose from it by the name of a file."""
+"""Table of file formats; `load` and `save` choose a format by the file name."""
 
 import inspect
 import warnings
@@ -27,7 +27,7 @@ GROUP = "grid_map_core_py.formats"
 
 
 class MapRecord(Protocol):
-    """One of the maps of a file, not read yet."""
+    """A map in a file that has not been read yet."""
 
     time: int
     """When it was recorded [ns]."""
@@ -71,11 +71,11 @@ class Format:
     save_maps: Callable[..., int] | None = None
 
     def can_read(self, path: Path) -> bool:
-        """Return whether a file or folder looks like one to read in this format."""
+        """Return whether this format can probably read a file or folder."""
         return self._fits(path, self.load, self.reads)
 
     def can_write(self, path: Path) -> bool:
-        """Return whether a name looks like one to write in this format."""
+        """Return whether a file name selects this format for writing."""
         return self._fits(path, self.save, self.writes)
 
     def _fits(self, path: Path, function: object, test: Callable[[Path], bool] | None) -> bool:
@@ -85,7 +85,7 @@ class Format:
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
-    """Return the names of the options of a format's function, behind the `given` first ones."""
+    """Return the option names of a format's function, without its `given` first parameters."""
     return () if function is None else tuple(inspect.signature(function).parameters)[given:]
 
 
@@ -145,7 +145,7 @@ def save(
 
 @cache
 def formats() -> dict[str, Format]:
-    """Return all formats by name: those of this package, then those of other packages add.
+    """Return all formats by name: first the built-in ones, then those of other packages.
 
     A package adds one by an entry point of the group `grid_map_core_py.formats`, whose name is that
     of the format and whose object is a `Format`. One that cannot be loaded is left out, with a

@@ -113,7 +113,7 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return what the file tells about its map; errors are those of `load_geotiff`."""
+    """Return the metadata of the map in a file; raises the errors of `load_geotiff`."""
     with _opened(path) as raster:
         _warn_of_unit(raster, path)
         names = _names(raster.descriptions)
@@ -194,7 +194,7 @@ def _geometry(raster: Any) -> GridGeometry:
 
 
 def _names(descriptions: Iterable[str | None]) -> list[str]:
-    """Return a name for each band, no two alike."""
+    """Return a unique name for each band."""
     given = [*descriptions]
     other = ["elevation"] if len(given) == 1 else [f"band_{n}" for n in range(1, len(given) + 1)]
     names: list[str] = []

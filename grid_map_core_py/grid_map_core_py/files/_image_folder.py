@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Maps as a folder of PNG images, one per layer, and a YAML file beside them.
+"""Maps as folders of PNG images, one per layer, with a YAML file.
 
 The YAML file is one of nav2's `map_server`, too: it shows the first layer as occupancies, the
 smallest value free, the largest occupied, NaN unknown. As there, up in the images is +y and right
@@ -156,7 +156,7 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
-    """Return the smallest and the largest finite value; with some distance if there is none."""
+    """Return the range of the finite values; a range of nonzero width if all are equal."""
     low = np.float32(min_of_finites(grid_map[layer]))
     high = np.float32(max_of_finites(grid_map[layer]))
     if np.isnan(low):
@@ -195,7 +195,7 @@ def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
 
 
 def _file_names(names: Iterable[str]) -> Iterator[str]:
-    """Yield for every layer a name that all file systems take, no two alike."""
+    """Yield a unique file name per layer that is valid on all file systems."""
     taken: set[str] = set()
     for name in names:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80] or "layer"

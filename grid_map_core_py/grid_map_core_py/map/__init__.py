@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The grid map and what belongs to it.
+"""Grid maps: `GridMap`, its geometry, interpolation and signed distance fields.
 
 - `GridMap`: layers over a grid, with moves, submaps, merging, transforms and interpolation.
 - `GridGeometry`: size, resolution and place of a grid; positions to cells and back.

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Geometry of a grid: the arithmetic between positions and cells.
+"""Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted here from the corner with the largest x and y, rows towards -x and columns towards
 -y, as if the map had never moved. `_ring_buffer` knows where a cell is stored.

@@ -343,7 +343,7 @@ class GridMap(MutableMapping[str, Layer]):
             self.clear(name)
 
     def copy(self) -> GridMap:
-        """Return a map with data of its own."""
+        """Return a deep copy of the map."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
     def __copy__(self) -> GridMap:

@@ -34,7 +34,7 @@ _OPAQUE = 255
 
 
 def to_html(grid_map: GridMap) -> str:
-    """Return a table of the layers, with pictures that are part of the text."""
+    """Return an HTML table of the layers with embedded pictures."""
     rows, columns = grid_map.size
     title = (
         f"GridMap: {rows} x {columns} cells of {grid_map.resolution:g} m, "

@@ -63,7 +63,7 @@ class Axis:
 
     @cached_property
     def nearest(self) -> npt.NDArray[np.intp]:
-        """(targets,) the nearest source cell, or the one that is picked."""
+        """(targets,) the nearest or picked source cell of each target."""
         if self.picks:
             return self._resized(np.arange(self.sources)[:, None])[:, 0].astype(np.intp)
         centers = (np.arange(self.targets) + 0.5) / self.factor
@@ -134,7 +134,7 @@ class Weights:
         return np.asarray(self.magnitudes.sum(axis=1))
 
     def part(self, targets: slice) -> tuple[slice, "Weights"]:
-        """Return the sources that some targets are made from, and their weights."""
+        """Return the sources of some targets, and their weights."""
         from scipy import sparse  # slow to import
 
         ends = self.matrix.indptr[targets.start : targets.stop + 1]

@@ -47,7 +47,7 @@ def place(numbers: Integers, first: int, start: int, size: int) -> None:
 
 
 def close_ring(numbers: Integers, size: int) -> None:
-    """Wrap (N,) rows or columns beyond the end of the buffer to its beginning, in place."""
+    """Wrap (N,) rows or columns beyond the end of the circular buffer, in place."""
     # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
     unsigned = numbers.view(np.uint64)
     np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)

@@ -161,8 +161,8 @@ class SignedDistanceField:
     def gradient(self, points: ArrayLike) -> Positions:
         """Return the derivatives of the signed distance along x, y and z.
 
-        They are those of what `value` interpolates. On a plane through nodes, and within 1e-9 m of
-        it, the derivative across the plane jumps: there it is the mean of those on both sides.
+        These are the derivatives of the interpolation in `value`. At planes through nodes (1e-9 m)
+        the derivative across the plane jumps; there the result is the mean of both sides.
 
         Args:
             points: (3,) or (N, 3) x, y, z [m], map frame.
@@ -211,7 +211,7 @@ class SignedDistanceField:
         )
 
     def _interpolation(self) -> tuple[float, _Trilinear]:
-        """Return a number to add to every value, and the rest as a function of the point."""
+        """Return a constant offset, and the interpolation without that offset."""
         x, y = self._geometry.axes_in_map_order()
         first = np.array([x[0], y[0], self._levels[0]])
         steps = self.resolution * np.array([-1.0, -1.0, 1.0])
@@ -224,7 +224,7 @@ class SignedDistanceField:
 
 @dataclass(frozen=True, eq=False)
 class _Trilinear:
-    """Trilinear interpolation between regular nodes, going on linearly outside.
+    """Trilinear interpolation between regular nodes, with linear extrapolation outside.
 
     Args:
         nodes: (l, m, n) float32 values, contiguous in any order of the axes; constant along an axis

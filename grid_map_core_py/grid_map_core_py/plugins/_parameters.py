@@ -65,19 +65,19 @@ def cast(name: str, value: object, hint: Any) -> Any:
 
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
-    """Return the error that a parameter's value is not what was expected, in words."""
+    """Return a `ConfigError` that says what was expected and what was given."""
     found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
 
 def check(condition: bool, name: str, expected: str, value: object) -> None:
-    """Raise the `ConfigError` for a parameter's value that is invalid, unless `condition`."""
+    """Raise a `ConfigError` about a parameter's value unless `condition` is true."""
     if not condition:
         raise mismatch(name, expected, value)
 
 
 def _try_cast(value: object, hint: Any) -> object:
-    """Return the value as the hinted type, or MISSING where it is none."""
+    """Return the value converted to the hinted type; MISSING if it does not fit."""
     origin = get_origin(hint)
     if origin is Literal:
         return value if value in get_args(hint) else MISSING
@@ -114,7 +114,7 @@ def _try_cast_scalar(value: object, hint: Any) -> object:
 
 
 def describe(hint: Any) -> str:
-    """Return a type that `build` knows in words."""
+    """Return the description of a type that `build` supports."""
     origin = get_origin(hint)
     if origin is Literal:
         return "one of " + ", ".join(map(repr, get_args(hint)))

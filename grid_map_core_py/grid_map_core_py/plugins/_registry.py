@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Classes by the type names that users write in YAML, those of other packages included."""
+"""Registry of plug-in classes by the type names in YAML, from all installed packages."""
 
 import difflib
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Registry(Generic[T]):
-    """The types that a package has built in, and those that entry points add.
+    """Types that are built into a package, and types that entry points add.
 
     Attributes:
         built_in: classes by type name.

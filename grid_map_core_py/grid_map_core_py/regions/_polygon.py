@@ -66,7 +66,7 @@ class Polygon:
 
     @classmethod
     def from_circle(cls, center: ArrayLike, radius: float, n: int = 20) -> Polygon:
-        """Return a circle as `n` vertices, counter-clockwise; the last one is on the first.
+        """Return a circle as `n` vertices, counter-clockwise; the last one equals the first.
 
         Args:
             center: (2,) center [m].
@@ -340,7 +340,7 @@ def _chain(points: list[list[float]]) -> list[list[float]]:
 
 
 def _turn(a: list[float], b: list[float], c: list[float]) -> float:
-    """Return a number that is positive when the way from a over b to c turns left."""
+    """Return a positive number if the path a, b, c turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 

@@ -154,7 +154,7 @@ def _padded(data: Layer, margin: int) -> Layer:
 
 
 def _mean_padded(windows: Layer) -> Layer:
-    """Return a copy of the (rows, cols, size, size) windows with means where they leave the map."""
+    """Return a copy of the (rows, cols, size, size) windows, padded with their means."""
     rows, columns, size, _ = windows.shape
     beyond = _view(_padded(np.zeros((rows, columns), dtype=np.float32), size // 2), size)
     filled = windows.copy()

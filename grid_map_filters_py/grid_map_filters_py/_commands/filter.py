@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a filter chain over a map, or over all maps of a bag."""
+"""Run a filter chain on a map, or on all maps of a bag."""
 
 import argparse
 import sys
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     parser.add_argument("chain", help="parameter file with the chain, or - for standard input")
     add_source(parser)
     add_destination(parser)
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Filter, and tell the number of maps."""
+    """Filter the maps of a file, and print their number."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
     if options.json and not options.timing:

@@ -119,7 +119,7 @@ class FilterChainNode(Node):
         return name.startswith(f"{self._chain_name}.")
 
     def _prepare_chain(self, changes: list[Parameter]) -> SetParametersResult:
-        """Build the chain that the changes ask for; refuse them if there is none."""
+        """Build the chain with the changed parameters, or reject the change."""
         self._next_chain = None
         try:
             for change in changes:

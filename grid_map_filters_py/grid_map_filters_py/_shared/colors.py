@@ -60,13 +60,13 @@ def is_none(color: Value) -> Value:
 
 @helper
 def shares(color: Value) -> tuple[Value, Value, Value]:
-    """Return red, green and blue of a color's bits as shares, from 0 to 1."""
+    """Return red, green and blue of a color's bits, each in [0, 1]."""
     red, green, blue = split_channels(color)
     return _share(red), _share(green), _share(blue)
 
 
 @helper
 def _share(channel: Value) -> Value:
-    """Return the share that the lowest byte of a channel stands for."""
+    """Return the lowest byte of a channel, scaled to [0, 1]."""
     # Signed integers have faster conversions.
     return np.float32(np.int32(channel & _CHANNEL)) / FULL

@@ -69,7 +69,7 @@ def _without_infinity(medians: Values) -> Values:
 
 
 def _padded(values: Values, half_width: int) -> Values:
-    """Return values with a margin, and infinity for missing ones: sorting puts it to the end."""
+    """Return padded values; missing ones are infinity, which sorts to the end."""
     margins = (half_width,) * 4
     padded = cv2.copyMakeBorder(values, *margins, cv2.BORDER_CONSTANT, value=np.inf)
     cv2.patchNaNs(padded, np.inf)

@@ -105,7 +105,7 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
 
 
 def _side(layer: Layer) -> int:
-    """Return a side of tiles [cells] with which some twenty arrays fit the cache."""
+    """Return a tile side [cells] for which about twenty arrays fit into the cache."""
     return int(max(128, min(256, max(layer.shape) // 5)))
 
 
@@ -197,7 +197,7 @@ def _covariances(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Field]:
 def _moments_across(
     tile: Tile, values: Flat, axis: int, orders: Sequence[int], *, moments: bool = False
 ) -> list[Flat]:
-    """Return the sums of values times powers of their distance across the lines along `axis`.
+    """Return the moments of values about the lines along `axis`: sums times powers of the distance.
 
     Args:
         tile: tile of cells whose discs are summed.

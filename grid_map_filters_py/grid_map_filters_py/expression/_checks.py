@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Checks of an expression before any layer is known.
+"""Checks of an expression that need no layers.
 
 Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when the
 expression is built. A layer hides the function of the same name: `mean(2, 3)` may be a cell of the

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The mathematical expression of a filter."""
+"""Mathematical expressions over layers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Faults inside of expressions, and errors that point at their place."""
+"""Errors in expressions, with a caret at the place of the error."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -177,7 +177,7 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 
 
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
-    """Return a reduction with one argument or an axis, and elementwise with a matrix."""
+    """Return the reduction for one argument or an axis, or the elementwise result for a matrix."""
 
     def reduce(algebra: Algebra[V], value: V, second: V | None = None) -> V:
         if isinstance(second, float) and second not in (0.0, 1.0):

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Analysis whether a cropped window may be padded with NaN instead.
+"""Analysis of expressions: may a cropped window be padded with NaN instead?
 
 It may where every use of the window ends in a reduction that skips NaN, and all functions before
 keep NaN. Then all cells have windows of one size, and the border needs no treatment of its own.
@@ -36,7 +36,7 @@ def _is_number(node: Node, name: str) -> bool:
 
 
 def _keeps_missing(node: Node, name: str) -> bool:
-    """Return True if a subtree is a number, or the window with every NaN kept at its place."""
+    """Return True if a subtree is a number, or keeps every NaN of the window in place."""
     if _is_number(node, name):
         return True
     match node:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parser: from the text of an expression to its syntax tree."""
+"""Parser of expressions: converts text to a syntax tree."""
 
 from collections.abc import Callable, Hashable
 from functools import cache

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation on the windows of many cells at once.
+"""Evaluation of expressions on the windows of many cells in one NumPy call.
 
 The value of a subexpression is a small matrix *per cell*. It is stored as a matrix of elements. An
 element is a number, or a field: an array with the values of this element in all cells. Elements are
@@ -195,7 +195,7 @@ class PaddedWindow(WindowMatrix):
         return cls(window, np.divide(total, count), corner, shape)
 
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the part, and the padding as often as it occurs in the whole."""
+        """Fold the part, and the padding element as often as it occurs."""
         count = math.prod(self.shape) - math.prod(self.window.shape)
         return [
             fold.combine(inside, _REPEATED[fold.combine](fold.map(self.padding), count))
@@ -241,7 +241,7 @@ class WindowMatrices:
     def _shortcut(
         self, function: Callable[..., Any], values: Sequence[Value]
     ) -> WindowMatrix | None:
-        """Return the result as a window that is faster to fold, None if there is none."""
+        """Return the result as a window type with faster folds; None if no such type fits."""
         if all(isinstance(value, SlidingWindow | float) for value in values):
             shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
             sources = [

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation of an expression for the window around every cell."""
+"""Evaluation of an expression on the sliding window around every cell."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass

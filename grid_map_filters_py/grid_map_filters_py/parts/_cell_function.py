@@ -86,7 +86,7 @@ class CellFunction:
         self.layers = len(inspect.signature(function).parameters) - 1
 
     def prepare(self) -> None:
-        """Compile the function, which takes up to a second, before the first map comes."""
+        """Compile the function in advance, which takes up to a second."""
         one_cell = np.zeros(1, self.takes)
         self((one_cell,) * self.layers, (0.0,) * self.numbers)
 

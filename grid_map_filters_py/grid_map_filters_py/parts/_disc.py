@@ -124,7 +124,7 @@ class Tile:
         return known, values
 
     def cut(self, layer: Layer, dtype: npt.DTypeLike) -> Flat:
-        """Return the flat values of a layer, NaN beyond the border of the map."""
+        """Return the flat values of a layer; NaN outside of the map."""
         around = [
             slice(cells.start - reach, cells.stop + reach)
             for cells, reach in zip((self.rows, self.columns), self.disc.reach, strict=True)

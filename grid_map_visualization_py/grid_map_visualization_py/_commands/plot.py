@@ -36,7 +36,7 @@ _STYLES_OF = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_source(parser)
     parser.add_argument("picture", type=Path, help=f"file that ends in {', '.join(ENDINGS)}")
     parser.add_argument("-f", "--force", action="store_true", help="replace what is there")

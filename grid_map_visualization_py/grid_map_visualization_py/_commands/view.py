@@ -23,7 +23,7 @@ from .plot import complete_color_maps
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what `run` needs."""
+    """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_choice_of_map(parser)
     completed(
