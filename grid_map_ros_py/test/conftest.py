@@ -30,3 +30,9 @@ def start() -> Iterator[Start]:
             return process
 
         yield start_script
+
+
+def arguments(**parameters: object) -> list[str]:
+    """Return command line arguments that set parameters of a node."""
+    options = [("-p", f"{name}:={value}") for name, value in parameters.items()]
+    return ["--ros-args", *(word for option in options for word in option)]

@@ -13,6 +13,7 @@ from cpp_golden import assert_header, assert_pose, cases, to_map
 from geometry_msgs.msg import Quaternion
 from hypothesis import HealthCheck, given, settings
 from nav2_stand_in import Costmap, PyCostmap2D
+from wire import set_field
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.conversions import CENTURY
@@ -181,11 +182,7 @@ MALFORMED = {
 def test_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e")
-    *parents, last = path.split(".")
-    target: Any = message
-    for name in parents:
-        target = getattr(target, name)
-    setattr(target, last, value)
+    set_field(message, path, value)
     with pytest.raises(MessageError, match=text):
         from_costmap(message, "cost")
 

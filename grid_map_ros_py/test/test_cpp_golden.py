@@ -8,7 +8,7 @@ import pytest
 from cpp_golden import cases, counts, to_map
 
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py import MessageError, from_message, to_message, to_occupancy_grid
+from grid_map_ros_py import from_message, to_message
 
 COMPARED = {
     "to_point_cloud": (20, "test_point_cloud.py"),
@@ -43,20 +43,3 @@ def test_one_layer_without_basic_layers_is_read_as_by_cpp() -> None:
         received = from_message(to_message(grid_map), ["full"], copy_basic_layers=False)
         assert_maps_equal(received, to_map(case["result"]))
         assert received.basic_layers == ()
-
-
-def test_empty_range_is_refused_where_cpp_divides_by_zero() -> None:
-    refused = [c for c in cases("to_occupancy_grid") if c[1]["data_min"] == c[1]["data_max"]]
-    assert len(refused) == 4
-    for grid_map, case in refused:
-        with pytest.raises(MessageError, match="data_min, data_max: expected two different"):
-            to_occupancy_grid(grid_map, case["layer"], case["data_min"], case["data_max"])
-
-
-def test_basic_layers_include_sent_layers_only_unlike_cpp() -> None:
-    compared = cases("to_message_layers_full")
-    assert len(compared) == 4
-    for grid_map, case in compared:
-        assert (case["layers"], case["basic_layers"]) == (["full"], ["elevation"])
-        grid_map.basic_layers = case["basic_layers"]
-        assert to_message(grid_map, case["layers"]).basic_layers == []

@@ -9,7 +9,8 @@ from cpp_golden import assert_header, cases
 from geometry_msgs.msg import Point
 from hypothesis import given, settings
 from nav_msgs.msg import GridCells
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
+from wire import over_the_wire
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
@@ -22,8 +23,7 @@ def centers(message: GridCells) -> list[list[float]]:
 
 @pytest.mark.parametrize(("grid_map", "case"), cases("to_grid_cells"))
 def test_grid_cells_equal_cpp(grid_map: GridMap, case: dict[str, Any]) -> None:
-    sent = to_grid_cells(grid_map, case["layer"], case["lower"], case["upper"])
-    message = deserialize_message(serialize_message(sent), GridCells)
+    message = over_the_wire(to_grid_cells(grid_map, case["layer"], case["lower"], case["upper"]))
     assert_header(message.header, case["header"])
     assert np.float32(message.cell_width) == np.float32(case["cell_width"])
     assert np.float32(message.cell_height) == np.float32(case["cell_height"])
@@ -128,7 +128,7 @@ def test_default_geometry_has_the_cells_of_the_sender(grid_map: GridMap) -> None
 
 
 def test_resolution_of_sender_survives_float32() -> None:
-    sent = deserialize_message(serialize_message(cells_message((1.05, 2.05))), GridCells)
+    sent = over_the_wire(cells_message((1.05, 2.05)))
     received = from_grid_cells(sent, "covered")
     assert received.resolution == 0.1
     assert from_grid_cells(sent, "covered", 0.1).size == (1, 1)

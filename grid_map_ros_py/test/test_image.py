@@ -9,8 +9,8 @@ import pytest
 from cpp_golden import cases, to_map
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image
+from wire import over_the_wire, set_field
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
@@ -30,10 +30,6 @@ USUAL = [
     *("mono8", "mono16", "rgb8", "bgr8", "rgba8", "bgra8"),
     *("rgb16", "bgr16", "rgba16", "bgra16", "32FC1", "64FC1"),
 ]
-
-
-def over_the_wire(message: Image) -> Image:
-    return deserialize_message(serialize_message(message), Image)
 
 
 def described(message: Image) -> dict[str, Any]:
@@ -277,11 +273,7 @@ MALFORMED = {
 def test_malformed_image_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = sample("mono16")
-    *parents, last = path.split(".")
-    target: Any = message
-    for name in parents:
-        target = getattr(target, name)
-    setattr(target, last, value)
+    set_field(message, path, value)
     with pytest.raises(MessageError, match=text):
         from_image(message, "e", 1.0)
 
@@ -313,16 +305,4 @@ def test_bounds_that_make_no_sense_are_refused() -> None:
 
 
 def test_encodings_include_all_that_foxglove_shows() -> None:
-    foxglove = {
-        "mono8",
-        "8UC1",
-        "rgb8",
-        "rgba8",
-        "bgr8",
-        "8UC3",
-        "bgra8",
-        "mono16",
-        "16UC1",
-        "32FC1",
-    }
-    assert {*USUAL, *foxglove} < set(ENCODINGS)
+    assert {*USUAL, "8UC1", "8UC3", "16UC1"} < set(ENCODINGS)

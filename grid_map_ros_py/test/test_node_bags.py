@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from bags import DATA, TOPIC, number_of, numbered_map
 
+from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
@@ -14,11 +15,6 @@ from grid_map_ros_py.testing import Process, peer, running_node, start_node, wai
 
 LOADER = "grid_map_ros_py._executables.grid_map_loader"
 SAVER = "grid_map_ros_py._executables.grid_map_saver"
-
-
-def arguments(**parameters: object) -> list[str]:
-    options = [("-p", f"{name}:={value}") for name, value in parameters.items()]
-    return ["--ros-args", *(word for option in options for word in option)]
 
 
 def assert_fails(process: Process, message: str) -> None:

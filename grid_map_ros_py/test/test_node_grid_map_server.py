@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from test_grid_map import sample_map
 
+from conftest import arguments
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -49,11 +50,6 @@ class Client:
 def client() -> Iterator[Client]:
     with peer() as other_side:
         yield Client(other_side)
-
-
-def arguments(**parameters: object) -> list[str]:
-    options = [f"-p {name}:={value}" for name, value in parameters.items()]
-    return ["--ros-args", *" ".join(options).split()]
 
 
 def map_of(timestamp: int) -> GridMap:

@@ -10,15 +10,11 @@ from cpp_golden import assert_header, assert_pose, cases, to_map
 from geometry_msgs.msg import Quaternion
 from hypothesis import given, settings
 from nav_msgs.msg import OccupancyGrid
-from rclpy.serialization import deserialize_message, serialize_message
+from wire import over_the_wire, set_field
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, from_occupancy_grid, to_occupancy_grid
-
-
-def over_the_wire(message: OccupancyGrid) -> OccupancyGrid:
-    return deserialize_message(serialize_message(message), OccupancyGrid)
 
 
 def to_grid(described: dict[str, Any]) -> OccupancyGrid:
@@ -180,11 +176,7 @@ MALFORMED = {
 def test_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None:
     path, value, text = MALFORMED[kind]
     message = to_occupancy_grid(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
-    *parents, last = path.split(".")
-    target = message
-    for name in parents:
-        target = getattr(target, name)
-    setattr(target, last, value)
+    set_field(message, path, value)
     with pytest.raises(MessageError, match=text):
         from_occupancy_grid(message, "occ")
 

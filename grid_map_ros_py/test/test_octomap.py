@@ -1,6 +1,5 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-import contextlib
 import gzip
 import itertools
 import json
@@ -292,12 +291,3 @@ def test_cells_are_not_smaller_than_voxels() -> None:
         from_octomap(GOOD, resolution=0.05)
     with pytest.raises(MessageError, match="min_bound: expected x, y and z"):
         from_octomap(GOOD, min_bound=(0, 0))
-
-
-@settings(max_examples=300)
-@given(st.binary(max_size=200), st.booleans(), st.sampled_from(["OcTree", "ColorOcTree"]))
-def test_any_bytes_are_read_or_refused(data: bytes, binary: bool, name: str) -> None:
-    octomap = message(data, binary=binary, id=name)
-    for convert in (from_octomap, octomap_to_points):
-        with contextlib.suppress(MessageError):
-            convert(octomap)

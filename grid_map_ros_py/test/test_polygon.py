@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from cpp_golden import assert_header, only
-from geometry_msgs.msg import Point32, PolygonStamped
+from geometry_msgs.msg import Point32
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker
+from wire import over_the_wire
 
 from grid_map_core_py import GeometryError, Polygon
 from grid_map_ros_py import (
@@ -75,8 +75,7 @@ def test_every_polygon_message_of_cpp_is_compared() -> None:
 
 @given(polygons)
 def test_polygon_of_float32_survives_the_way_through_a_message(polygon: Polygon) -> None:
-    sent = deserialize_message(serialize_message(to_polygon(polygon)), PolygonStamped)
-    assert from_polygon(sent) == polygon
+    assert from_polygon(over_the_wire(to_polygon(polygon))) == polygon
 
 
 @given(polygons)
@@ -144,6 +143,5 @@ def test_line_has_a_finite_width(line_width: float) -> None:
 
 
 def test_vertices_are_rounded_to_float32() -> None:
-    sent = serialize_message(to_polygon(Polygon([(0.1, 0.2)])))
-    received = from_polygon(deserialize_message(sent, PolygonStamped))
+    received = from_polygon(over_the_wire(to_polygon(Polygon([(0.1, 0.2)]))))
     np.testing.assert_array_equal(received.vertices, np.float32([(0.1, 0.2)]))

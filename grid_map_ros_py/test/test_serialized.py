@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes, big_endian
 from test_grid_map import maps, sample_map
 from test_grid_map_malformed import MALFORMED
@@ -57,14 +57,6 @@ def test_bytes_of_rclpy_are_read_like_its_message(
     assert buffers_equal(received, expected)
 
 
-@settings(max_examples=30)
-@given(maps)
-def test_map_survives_its_own_bytes_bit_by_bit(grid_map: GridMap) -> None:
-    received = from_serialized_message(to_serialized_message(grid_map), unwrap=False)
-    assert_maps_equal(received, grid_map)
-    assert buffers_equal(received, grid_map)
-
-
 @settings(max_examples=60)
 @given(maps, st.data())
 def test_map_is_sent_from_any_start_index(grid_map: GridMap, data: st.DataObject) -> None:
@@ -104,15 +96,6 @@ def test_row_major_and_moved_layers_are_copied() -> None:
     assert moved.start_index == (0, 0)
 
 
-@pytest.mark.parametrize("unwrap", [True, False])
-def test_row_major_layers_are_read_like_column_major_ones(unwrap: bool) -> None:
-    message = to_message(sample_map())
-    message.data = [row_major(sample_map()[name], data_offset=3) for name in sample_map()]
-    received = from_serialized_message(serialize_message(message), unwrap=unwrap)
-    assert_maps_equal(received, sample_map())
-    assert received["elevation"].flags.f_contiguous
-
-
 def test_big_endian_bytes_are_read_like_little_endian_ones() -> None:
     data = big_endian(to_message(sample_map()))
     assert data != to_serialized_message(sample_map())
@@ -124,23 +107,6 @@ def test_big_endian_bytes_are_read_like_little_endian_ones() -> None:
 def test_bytes_at_any_address_are_read() -> None:
     data = b"x" + to_serialized_message(sample_map())
     assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
-
-
-def test_received_map_has_memory_of_its_own() -> None:
-    data = bytearray(to_serialized_message(sample_map(start=(0, 0))))
-    received = from_serialized_message(data)
-    data[:] = bytes(len(data))
-    assert_maps_equal(received, sample_map())
-    received["elevation"][...] = 5.0
-
-
-def test_start_index_beyond_uint16_is_sent_unwrapped() -> None:
-    values = np.arange(66_000, dtype=np.float32)[:, None]
-    grid_map = GridMap((6600.0, 0.1), 0.1, layers={"elevation": values})
-    received = from_serialized_message(
-        to_serialized_message(moved_in_buffer(grid_map, (65_990, 0))), unwrap=False
-    )
-    assert buffers_equal(received, grid_map)
 
 
 def test_only_the_layers_that_are_wanted_take_memory() -> None:
@@ -218,26 +184,6 @@ def test_error_names_the_truncated_part() -> None:
     assert str(error.value) == ("data[1].data: expected at most 11 values (44 bytes more), got 12")
 
 
-@settings(max_examples=300)
-@given(st.data())
-def test_spoilt_bytes_are_read_or_refused_with_the_one_error(data: st.DataObject) -> None:
-    spoilt = bytearray(to_serialized_message(sample_map()))
-    for _ in range(data.draw(st.integers(1, 4))):
-        place = data.draw(st.integers(0, len(spoilt) - 4))
-        spoilt[place : place + 4] = data.draw(
-            st.sampled_from([b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f"])
-            | st.binary(min_size=4, max_size=4)
-        )
-    with suppress(MessageError):
-        from_serialized_message(spoilt)
-
-
-@given(st.binary(max_size=200), st.sampled_from([b"", b"\0\1\0\0", b"\0\0\0\0"]))
-def test_arbitrary_bytes_are_refused(data: bytes, header: bytes) -> None:
-    with pytest.raises(MessageError):
-        from_serialized_message(header + data)
-
-
 def test_lengths_are_not_believed_before_the_bytes_are_there() -> None:
     data = to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     for place in range(4, len(data) - 4, 4):
@@ -269,11 +215,6 @@ def test_grid_that_is_huge_without_layers_takes_no_memory() -> None:
     message.info.length_x = 4.0e9
     with pytest.raises(MessageError, match=r"info\.length_x: expected 1 to 2147483648 cells"):
         from_serialized_message(serialize_message(message))
-
-
-def test_rclpy_reads_the_bytes() -> None:
-    message = deserialize_message(to_serialized_message(sample_map()), GridMapMessage)
-    assert message == to_message(sample_map())
 
 
 def peak(operation: Any) -> int:

@@ -34,11 +34,6 @@ def test_text_is_logged_again_after_the_period(throttle: LogThrottle, clock: Fak
     assert logged_at == [0, 5, 10]
 
 
-def test_different_texts_are_logged_at_once(throttle: LogThrottle) -> None:
-    assert throttle.allow("bad map")
-    assert throttle.allow("worse map")
-
-
 def test_texts_that_alternate_are_logged_once_each(throttle: LogThrottle) -> None:
     texts = ["bad map", "worse map"] * 5
     assert [text for text in texts if throttle.allow(text)] == ["bad map", "worse map"]
