@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The Markdown pages of the documentation, taken apart."""
+"""Parser of the Markdown pages of the documentation."""
 
 import re
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ class Block:
 
     @property
     def file(self) -> str:
-        """Name of the file that the block is, or nothing."""
+        """Name of the file that the block shows; "" if it shows none."""
         found = re.search(r'file="([^"]*)"', self.info)
         return found[1] if found else ""
 
@@ -92,7 +92,7 @@ class Page:
         return {title.strip().replace(" ", "-") for title in titles}
 
     def section(self, title: str) -> str:
-        """Return what stands under a heading, up to the next one."""
+        """Return the text under a heading, up to the next heading."""
         _, heading, rest = self.text.partition(f"# {title}\n")
         assert heading, f"{self} has no section {title!r}"
         return re.split(r"^#+ ", rest, maxsplit=1, flags=re.MULTILINE)[0]
@@ -106,7 +106,7 @@ def page(name: str) -> Page:
 
 
 def table(section: str) -> Iterator[list[str]]:
-    """Yield the cells of every row of the tables in a section, without their heads."""
+    """Yield the cells of every row of the tables in a section, without header rows."""
     for line in section.splitlines():
         if line.startswith("|---"):
             continue

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Small workspaces to try the tools on, and the environment of a shell without ROS and tools."""
+"""Small workspaces for tests of the tools, and the environment of a shell without ROS."""
 
 import os
 import shutil

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The build does what has changed, and heals what was cut short."""
+"""`make build` rebuilds changed packages only, and repairs an interrupted build."""
 
 import os
 import sys
@@ -50,7 +50,7 @@ def workspace(tmp_path_factory) -> Path:
 
 
 def build(workspace: Path) -> bool:
-    """Build, and tell whether there was anything to do."""
+    """Build, and return whether anything was rebuilt."""
     environ = {**os.environ, "PYTHONPATH": f"{workspace}/tools:{os.environ['PYTHONPATH']}"}
     done = run(sys.executable, "-c", BUILD, environ=environ, cwd=workspace)
     assert done.returncode == 0, done.stderr

@@ -205,7 +205,7 @@ def test_commands_publish_until_they_are_interrupted(group):
 
 @contextmanager
 def delivers(script: str, topic: str) -> Iterator[None]:
-    """Start a command in a domain of its own; at the end its topic must bring a message."""
+    """Start a command in its own ROS domain; at the end its topic must deliver a message."""
     domain, lock = reserve_domain()
     # Maps of two sources at once would be mixed up.
     source = nullcontext() if topic == "/grid_map" else source_of_maps(domain)
@@ -266,7 +266,7 @@ def test_ros_workspace_of_readme_has_all_packages(tmp_path):
 
 
 def test_pip_command_of_readme_names_packages():
-    """They are installed for real, into an environment of their own, by the tests of packages."""
+    """The tests of packages install them into a virtual environment."""
     program, *paths = install_command("pip").removeprefix("pip ").split()
     assert program == "install"
     assert {*paths} <= {f"./{path.name}" for path in PYTHON_PACKAGES}
@@ -299,7 +299,7 @@ def test_every_executable_exists(any_page):
 
 
 def code(any_page: Page) -> str:
-    """Return all that a page sets as code, indented blocks too."""
+    """Return all code of a page, indented blocks included."""
     indented = re.findall(r"^ {4}.*$", any_page.prose, re.MULTILINE)
     return "\n".join([*any_page.inline_code, *indented, *(b.text for b in any_page.blocks)])
 
@@ -413,7 +413,7 @@ def links_of_table(section: str) -> dict[str, str]:
 
 
 def page_of(type_name: str) -> Page:
-    """Return the page of a filter, which is called like its module."""
+    """Return the page of a filter; it is named like the filter's module."""
     module = FILTERS_BUILT_IN[type_name].__module__.rpartition(".")[2]
     return page(f"docs/filters/{module.removeprefix('_')}.md")
 
@@ -586,7 +586,7 @@ def test_a_node_that_runs_has_the_parameters_of_its_page():
 
 
 def plain(value: object) -> object:
-    """Return a value as YAML has it; a list that is empty arrives without type."""
+    """Return a value as YAML loads it; an empty list arrives without type."""
     if isinstance(value, array.array):
         return [*value]
     return [] if value is None else value

@@ -14,7 +14,7 @@ CELL = 36
 
 
 def places(figure: str, word: str) -> list[tuple[float, float]]:
-    """Return where a word stands: right and down from the upper left corner of a figure."""
+    """Return the place of a word: right and down from the upper left corner of a figure."""
     texts = ElementTree.parse(FIGURES / f"{figure}.svg").iter("{http://www.w3.org/2000/svg}text")
     return [(float(text.get("x")), float(text.get("y"))) for text in texts if text.text == word]
 

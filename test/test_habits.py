@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Each check of `make check` finds the mistake that it is made for."""
+"""Each check of `make check` detects the mistake that it is meant to detect."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ LICENCE = "# Copyright (c) 2026 grid_map_py contributors\n# SPDX-License-Identif
 
 @pytest.fixture
 def workspace(tmp_path) -> Path:
-    """A workspace of packages that are empty but for the modules that the tests add."""
+    """A workspace of packages that contain only the modules that the tests add."""
     copy_tools(tmp_path)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for package in PYTHON_PACKAGES:
@@ -27,7 +27,7 @@ def workspace(tmp_path) -> Path:
 
 
 def broken_contracts(workspace: Path, module: str, code: str) -> str:
-    """Return the complaints about a module with this code."""
+    """Return the broken contracts of a module with this code."""
     package, _, name = module.partition(".")
     path = workspace / package / package / f"{name.replace('.', '/')}.py"
     path.parent.mkdir(exist_ok=True)

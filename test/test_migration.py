@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pages on migration: their new names exist, their old names do not, and bags convert."""
+"""Pages on migration: new names exist, old names do not, and bags of ROS 1 convert."""
 
 import pkgutil
 import re

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Messages of nav2 and OctoMap, which need not be installed: built here and converted for real."""
+"""Conversions with the optional messages of nav2 and OctoMap, which are built here."""
 
 import gzip
 import json

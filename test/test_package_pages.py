@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""README and CHANGELOG of each package name all that it contains."""
+"""README and CHANGELOG of each package list its public names and commands."""
 
 import re
 

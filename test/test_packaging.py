@@ -134,7 +134,7 @@ def metadata(archives: Path, name: str) -> Message:
 
 
 def libraries(requirements: list[str]) -> set[str]:
-    """Return the names of the requirements that belong to no extra."""
+    """Return the names of the requirements outside of extras."""
     always = [text for text in requirements if "extra ==" not in text]
     return {text.partition("[")[0].split("~")[0].split(">")[0].strip() for text in always}
 
@@ -234,5 +234,5 @@ def test_archives_contain_licence_and_marker_of_types(archives, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_colcon_build_leaves_libraries_to_rosdep(name):
-    """PyPI's names of them are unknown to apt, and scripts that check would refuse to start."""
+    """apt does not know the names of PyPI, and scripts that check requirements would not start."""
     assert libraries(distribution(name).requires or []) == set()

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The set-up is done once, survives being cut short, and needs no network when it is done."""
+"""The set-up runs once, recovers from an interruption, and then needs no network."""
 
 import os
 import subprocess

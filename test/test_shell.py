@@ -59,7 +59,7 @@ def test_unknown_executable_is_answered_with_known_ones(environ, tmp_path):
 def run_installed(
     prefix: Path, package: str, program: str, *arguments: str, environ: dict[str, str]
 ) -> CompletedProcess[str]:
-    """Let tools/run start a program as an executable of a package that is installed there."""
+    """Start a program through tools/run, as an executable of an installed package."""
     path = prefix / "lib" / package / "tell"
     path.parent.mkdir(parents=True)
     path.write_text(f"#!/bin/bash\n{program}\n")

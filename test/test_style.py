@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sentences name their subject first, and names of tests are short."""
+"""Style checks: sentences name their subject first, and names of tests are short."""
 
 import ast
 import re

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The package that the page of filters shows, written to a folder, installed and used from YAML."""
+"""The example package of the page on filters, installed and used from YAML."""
 
 import os
 import re
@@ -26,7 +26,7 @@ print(chain(GridMap((1.0, 1.0), 0.5, layers={"elevation": 2.0}))["elevation"].ma
 
 
 def example() -> dict[str, str]:
-    """Return the files of the package, those blocks of the page that name one."""
+    """Return the files of the package: the blocks of the page that name a file."""
     blocks = page("docs/filters.md").blocks
     named = {re.search(r'file="([^"]*)"', block.info): block.text for block in blocks}
     return {found[1]: text for found, text in named.items() if found}

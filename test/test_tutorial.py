@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The tutorial leads a newcomer from a clone to a filter of their own: it is followed literally.
+"""The tutorial, followed literally from a clone to a filter in one's own package.
 
 In a copy of the repository and an empty home, section after section, block after block:
     file="..."      becomes that file, whatever the language.
@@ -52,7 +52,7 @@ steps.write_atomically(workspace.BUILT, json.dumps({sys.argv[1]: digest}))
 
 
 def clone(folder: Path) -> Path:
-    """Copy what belongs to the repository, and lend the copy what takes minutes to make."""
+    """Copy the files of the repository; link the environments, which take minutes to make."""
     shutil.copytree(ROOT, folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
     (folder / ".venv").mkdir()
     for path in (ROOT / ".venv").iterdir():
@@ -123,7 +123,7 @@ class Newcomer:
         return Process(["bash", "-ec", script], self.environ)
 
     def wait_for(self, program: Process, topic: str | None) -> None:
-        """Wait until a program publishes a topic, or else serves its page."""
+        """Wait until a program publishes a topic or serves its page."""
         if topic:
             self.listener.listen(topic, GridMapMessage)
             self.listener.expect(topic)

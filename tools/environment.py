@@ -59,14 +59,14 @@ def setup(outer: Mapping[str, str], ros: bool) -> str:
 
 
 def setup_oldest(outer: Mapping[str, str]) -> None:
-    """Make `.venv-oldest`, without ROS, unless it is there."""
+    """Make `.venv-oldest`, without ROS, unless it exists."""
     fingerprint = _fingerprint("oldest", REQUIREMENTS_OLDEST)
     install = ("-r", REQUIREMENTS_OLDEST)
     _ensure_venv(VENV_OLDEST, fingerprint, outer, [], lambda: _pip(VENV_OLDEST, outer, *install))
 
 
 def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
-    """Make `.venv-docs`, which the packages to be documented are added to, unless it is there.
+    """Make `.venv-docs` for the documentation unless it exists.
 
     It stands apart because the versions of Ubuntu 24.04, which `.venv` holds beside a sourced ROS,
     are too old for Sphinx.
@@ -78,7 +78,7 @@ def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
 
 
 def is_set_up(ros: bool) -> bool:
-    """Tell whether `.venv` is complete, of today's requirements, and of this one of the worlds."""
+    """Return whether `.venv` is complete and fits the current requirements and ROS."""
     return _is_complete(VENV, _wanted(ros))
 
 
@@ -107,7 +107,7 @@ def _ensure_venv(
     options: Iterable[str],
     fill: Callable[[], None],
 ) -> None:
-    """Make `venv` anew unless it is complete and carries `fingerprint`."""
+    """Make `venv` again unless it is complete and has this `fingerprint`."""
     if _is_complete(venv, fingerprint):
         return
     stamp = _stamp(venv)
@@ -139,7 +139,7 @@ def _install_ros(outer: Mapping[str, str]) -> None:
 
 
 def _point_cmake_here() -> None:
-    """Replace, in the CMake files of the wheels, the Python paths of the machine they are from."""
+    """Replace the Python paths of the build machine in the CMake files of the wheels."""
     there = r"/opt/python/cp\d+-cp\d+"
     numpy = SITE_PACKAGES / "numpy" / "_core" / "include"
     for path in (VENV / "share").rglob("*.cmake"):
@@ -151,7 +151,7 @@ def _point_cmake_here() -> None:
 
 
 def _add_to_ros(outer: Mapping[str, str]) -> None:
-    """Add the missing tools, and keep installed packages at their version."""
+    """Install the missing tools, without changing versions of installed packages."""
     installed = {dist.name: dist.version for dist in importlib.metadata.distributions()}
     known = {str(name).lower() for name in installed}
     missing = [name for name in ADDED_TO_ROS if name.lower() not in known]
@@ -172,7 +172,7 @@ def _pins_of(names: Iterable[str]) -> list[str]:
 
 
 def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
-    """Return what to build in, and with `install/local_setup.*` on top what to run in."""
+    """Return the environment for builds; programs also source `install/local_setup.*`."""
     if ros:  # Packages of ROS come first; ours fill the gaps.
         ours = {
             "PATH": _path_list(outer.get("PATH"), VENV / "bin"),

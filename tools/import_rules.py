@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The import rules that go by a module's name, as a contract for import-linter."""
+"""Contracts for import-linter that depend on names of modules."""
 
 from grimp import ImportGraph
 from importlinter import Contract, ContractCheck, fields, output

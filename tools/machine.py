@@ -36,7 +36,7 @@ ROS is compiled against their versions, and a second copy would shadow them."""
 
 
 def outer_environment(environ: Mapping[str, str]) -> dict[str, str]:
-    """Return `environ` as it was before tools/env.sh, here or of another checkout, was sourced."""
+    """Return `environ` as it was before tools/env.sh (of any checkout) was sourced."""
     outer = dict(environ)
     roots = {str(ROOT), outer.pop("GRID_MAP_PY_ROOT", str(ROOT))}
     for name in PATH_LISTS:
@@ -54,7 +54,7 @@ def _is_below(path: str, roots: set[str]) -> bool:
 
 
 def ros_is_sourced(outer: Mapping[str, str]) -> bool:
-    """Tell whether a ROS that we can use is sourced; refuse one that we cannot use."""
+    """Return whether ROS is sourced; refuse an unsupported ROS."""
     distro = outer.get("ROS_DISTRO")
     if distro not in (None, "jazzy"):
         raise Refusal(
@@ -72,7 +72,7 @@ def ros_is_sourced(outer: Mapping[str, str]) -> bool:
 
 
 def check(outer: Mapping[str, str], ros: bool) -> None:
-    """Refuse, before any work, a machine on which the set-up or the build would fail."""
+    """Refuse a machine on which the set-up or the build would fail, before any work."""
     if " " in str(ROOT):
         raise Refusal(f"Move the workspace out of '{ROOT}' to a path without spaces.")
     system = f"{platform.system()} {platform.machine()}"
@@ -90,7 +90,7 @@ def check(outer: Mapping[str, str], ros: bool) -> None:
 
 
 def _lacking_programs(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
-    """Return what is needed for building and missing, each with its Debian package."""
+    """Return the missing programs that builds need, each with its Debian package."""
 
     def absent(*programs: str) -> bool:
         return not any(shutil.which(program, path=outer.get("PATH", "")) for program in programs)

@@ -87,7 +87,7 @@ def rows_of_class(cls: type) -> list[Row]:
 
 
 def attributes(cls: type) -> dict[str, str]:
-    """Return what the docstrings of a class and its bases say of their attributes."""
+    """Return the descriptions of attributes in the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         _, _, rest = (inspect.cleandoc(base.__doc__ or "")).partition("\nAttributes:\n")
@@ -120,7 +120,7 @@ def rows_of_node(executable: str) -> list[Row]:
 
 
 def module_of(executable: str) -> str:
-    """Return the module of an executable, as the packages announce it."""
+    """Return the module of an executable, from the packages' entry points."""
     for path in ROOT.glob("grid_map_*_py/setup.py"):
         if found := re.search(rf'"{executable} = ([\w.]+):main"', path.read_text()):
             return found[1]
@@ -167,7 +167,7 @@ def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:
 
 
 def kind(hint: Any) -> str:
-    """Return how a table names a type; one that may be None is left out in YAML instead."""
+    """Return the name of a type in the tables; YAML leaves out values of None."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
         return ", ".join(f"`{value}`" for value in arguments)
@@ -180,7 +180,7 @@ def kind(hint: Any) -> str:
 
 
 def written(name: str, value: object) -> str:
-    """Return a value as YAML has it."""
+    """Return a value in YAML notation."""
     if name == "color":
         return f"`0x{value:06X}`"
     if isinstance(value, list | tuple):
@@ -203,12 +203,12 @@ def table(name: str) -> str:
 
 
 def refreshed(text: str) -> str:
-    """Return a page with the tables as they should be."""
+    """Return a page with current tables."""
     return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n{found[3]}", text)
 
 
 def outdated(pages: Sequence[Path]) -> Iterator[tuple[Path, str]]:
-    """Yield the pages that differ from what they should be, and that."""
+    """Yield the outdated pages with their current text."""
     for page in pages:
         text = page.read_text(encoding="utf-8")
         if text != (new := refreshed(text)):

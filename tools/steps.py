@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Steps of the set-up that may be cut short or be tried twice at a time."""
+"""Set-up steps that tolerate interruption and concurrent runs."""
 
 import contextlib
 import fcntl
@@ -16,12 +16,12 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Refusal(Exception):
-    """The work cannot be done; the text says in one sentence what to change."""
+    """The set-up cannot run; the text says in one sentence what to change."""
 
 
 @contextlib.contextmanager
 def exclusive_lock() -> Iterator[None]:
-    """Let one process at a time change this workspace.
+    """Lock this workspace, so that one process at a time changes it.
 
     The programs that it starts inherit the lock. If it is killed while one of them goes on, the
     next run waits for that one instead of pulling the ground from under it.
@@ -37,7 +37,7 @@ def exclusive_lock() -> Iterator[None]:
 
 
 def run(*command: str | Path, environ: Mapping[str, str]) -> None:
-    """Run a program in the root of the workspace, holding the lock as long as it lives."""
+    """Run a program in the root of the workspace; it holds the lock until it ends."""
     words = [str(word) for word in command]
     # Without close_fds=False the program would not inherit the lock.
     code = subprocess.run(words, env=environ, cwd=ROOT, close_fds=False, check=False).returncode
@@ -57,7 +57,7 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def digest(*parts: str | bytes) -> str:
-    """Return one hash over all parts and the borders between them."""
+    """Return one hash over all parts and their lengths."""
     whole = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else part

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Remove old test results (`clear`), or count the new ones (`count`) and name what did not pass.
+"""Remove old test results (`clear`), or count new ones and list failures (`count`).
 
 `count` fails when a test failed, and when a Python package or the workspace reports no test.
 """

@@ -59,7 +59,7 @@ def _read_built() -> dict[str, str]:
 
 
 def _source_digest(package: Path, fingerprint: str) -> str:
-    """Return a hash over all that is installed of a package and over what builds it."""
+    """Return a hash over the installed sources of a package and its build tools."""
     parts: list[str | bytes] = [fingerprint]
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package)
@@ -70,7 +70,7 @@ def _source_digest(package: Path, fingerprint: str) -> str:
 
 
 def exports(outer: Mapping[str, str], ros: bool) -> None:
-    """Print how the shell, set back to `outer`, becomes the inner environment."""
+    """Print shell commands that turn the environment `outer` into the inner one."""
     if not environment.is_set_up(ros):
         world = "a sourced ROS" if ros else "a shell without ROS"
         raise Refusal(f"{ROOT} is not set up for {world}: run `make build` there first.")

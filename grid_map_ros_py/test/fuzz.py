@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Damaged input for every reader: nothing but a `GridMapError`, soon, and little memory.
+"""Fuzzing of all readers: damaged input must raise `GridMapError` quickly, in little memory.
 
 `python3 fuzz.py --seconds 60` goes through all targets with a new seed; the tests do so for a few
 seconds with a fixed one. What fails is printed with the seed that repeats it.
@@ -306,7 +306,7 @@ def _another(value: Any, kind: str, generator: random.Random) -> Any:
 
 
 def fuzz(target: Target, seconds: float, seed: int) -> dict[str, int]:
-    """Read damaged input for a while, and return how often it was refused and how often read.
+    """Read damaged input for some time; return how often it was refused and how often read.
 
     Raises:
         AssertionError: the reader did something else; it says how to repeat that.
@@ -351,7 +351,7 @@ def _outcome(target: Target, value: Any) -> str:
 
 
 def _size(result: Any) -> int:
-    """Return the bytes of what a reader returns: a map, an array, or several."""
+    """Return the size of a reader's result [bytes]: a map, an array, or several."""
     if isinstance(result, tuple):
         return sum(map(_size, result))
     if isinstance(result, GridMap):

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Bags: our readers and writers with each other, with rosbags and with C++ recordings."""
+"""Reading and writing bags, compared with the library rosbags and with C++ recordings."""
 
 import shutil
 import sqlite3

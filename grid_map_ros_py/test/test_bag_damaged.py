@@ -74,7 +74,7 @@ def test_empty_file_is_refused(path):
 
 
 def with_chunk(path: Path, compression: bytes, data: bytes, size: int, checksum: int = 0) -> Path:
-    """Write a file with a single chunk whose content claims to be of `size` bytes."""
+    """Write a file with a single chunk that declares a content of `size` bytes."""
     chunk = struct.pack("<QQQI", 0, 0, size, checksum)
     chunk += struct.pack("<I", len(compression)) + compression
     chunk += struct.pack("<Q", len(data)) + data

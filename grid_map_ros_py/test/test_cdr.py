@@ -40,7 +40,7 @@ def marker_with(points: np.ndarray, colors: np.ndarray, **fields: object) -> Mar
 
 
 def assert_encodes(actual: bytes, message: object, at_the_end: int = 8) -> None:
-    """Assert that `actual` is `message` byte for byte, but for padding."""
+    """Assert that `actual` equals the serialized `message`, except for padding."""
     expected = serialize_message(message)
     # rclpy leaves padding undefined, and for empty sequences it adds a few bytes at the end.
     assert 0 <= len(expected) - len(actual) <= at_the_end

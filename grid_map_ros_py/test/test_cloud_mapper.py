@@ -21,7 +21,7 @@ from grid_map_ros_py.messages import to_stamp
 
 
 class Hand:
-    """A clock that the test sets."""
+    """Clock for tests, set by hand."""
 
     now = 0.0
 

@@ -28,7 +28,7 @@ def a_map(second: int = 3) -> GridMap:
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capfd):
-    """Return a function that runs a command in a folder with bags, and returns what comes of it."""
+    """Return a function that runs a command in a folder with bags and returns code and output."""
     monkeypatch.chdir(tmp_path)
     with BagWriter("survey") as bag:
         for second in (1, 2, 3):

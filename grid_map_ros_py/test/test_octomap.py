@@ -129,7 +129,7 @@ paths = st.lists(st.integers(0, 7), min_size=1, max_size=16).map(tuple)
 
 @st.composite
 def trees(draw: st.DrawFn) -> dict[tuple[int, ...], bool]:
-    """Draw occupied and free leaves, of which none is in another."""
+    """Draw occupied and free leaves that do not contain one another."""
     start = draw(st.lists(st.integers(0, 7), min_size=10, max_size=12).map(tuple))
     ends = st.lists(st.integers(0, 7), min_size=1, max_size=4).map(tuple)
     chosen: dict[tuple[int, ...], bool] = {}

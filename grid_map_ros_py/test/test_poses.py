@@ -217,7 +217,7 @@ class TransformException(Exception):
 
 
 class Tree:
-    """Test double for the buffer of tf2, which knows all poses from a certain time on."""
+    """Stand-in for tf2's buffer; it knows all poses after a certain time."""
 
     def lookup_transform(self, target: str, source: str, time: Any) -> TransformStamped:
         if time.nanoseconds < SECOND:

@@ -20,7 +20,7 @@ from grid_map_ros_py.testing import Process, running, wait_until
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capfd):
-    """Return a function that runs a command in a folder with maps, and returns what comes of it."""
+    """Return a function that runs a command in a folder with maps and returns code and output."""
     monkeypatch.chdir(tmp_path)
     grid_map = GridMap((0.8, 0.6), 0.1, layers=("elevation", "slope", "color"), frame_id="odom")
     grid_map["elevation"] = np.arange(48.0).reshape(8, 6)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lines of equal height."""
+"""Contour lines."""
 
 import sys
 
@@ -23,12 +23,12 @@ def drawn(grid_map: GridMap, **params: object) -> Marker:
 
 
 def pieces(marker: Marker) -> np.ndarray:
-    """Return (N, 2, 3) begin and end of every piece of a line."""
+    """Return (N, 2, 3) start and end of every segment of a line."""
     return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 2, 3)
 
 
 def slope() -> GridMap:
-    """Return a map whose height is x, on cells of 1 m centerd at -3 to 3 m."""
+    """Return a map whose height is x, on cells of 1 m centered at -3 to 3 m."""
     grid_map = GridMap((7, 5), 1.0, layers=["elevation"], frame_id="odom")
     grid_map["elevation"][:] = grid_map.geometry.axes_in_map_order()[0][:, None]
     return grid_map

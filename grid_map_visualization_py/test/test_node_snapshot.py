@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Pictures of topics and of bags, taken by a process of its own."""
+"""The executable `snapshot`, run as a process."""
 
 import matplotlib.image
 import numpy as np

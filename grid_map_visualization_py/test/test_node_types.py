@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Every type of visualization, from a map to the listeners of a node in a process of its own."""
+"""Messages of every type of visualization, published by the node over DDS."""
 
 import gzip
 import json

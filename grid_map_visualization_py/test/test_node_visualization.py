@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node in a process of its own, over DDS."""
+"""The node `grid_map_visualization` as a process, over DDS."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -58,7 +58,7 @@ def forget(peer: Peer) -> None:
 
 
 def is_watched(peer: Peer, topic: str = "/grid_map") -> bool:
-    """Tell whether the node subscribes to the map."""
+    """Return whether the node subscribes to the map."""
     return peer.node.count_subscribers(topic) > 0
 
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The web viewer as users see it: a node, maps over DDS, and Chromium without a screen."""
+"""The web viewer: a node that receives maps over DDS, viewed in headless Chromium."""
 
 import re
 import shutil
@@ -97,7 +97,7 @@ class Browser:
         return decoded(self.tab.screenshot(clip=clip))
 
     def shows(self, *colors: tuple[int, int, int]) -> bool:
-        """Tell whether each of these colors covers at least 2 % of the scene."""
+        """Return whether each of these colors covers at least 2 % of the scene."""
         picture = self.picture()
         return all(share(picture, color) > 0.02 for color in colors)
 
@@ -143,7 +143,7 @@ def share(picture: np.ndarray, color: tuple[int, int, int]) -> float:
 
 
 def differs(picture: np.ndarray, other: np.ndarray) -> bool:
-    """Tell whether at least 0.5 % of two pictures are not the same."""
+    """Return whether at least 0.5 % of the pixels of two pictures differ."""
     return float((np.abs(picture.astype(int) - other) > 30).any(axis=-1).mean()) > 0.005
 
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The package as a whole."""
+"""Dependencies and imports of the package."""
 
 import importlib.util
 import subprocess

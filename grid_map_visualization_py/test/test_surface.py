@@ -57,7 +57,7 @@ def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
 
 
 def area_seen_from_above(triangles: np.ndarray) -> np.ndarray:
-    """Return twice the areas with sign: positive where the corners run counter-clockwise."""
+    """Return the doubled signed areas, positive for counter-clockwise corners."""
     first, second = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
 
@@ -227,7 +227,7 @@ def test_thinned_out_map_that_moves_keeps_the_cells_inside():
     grid_map["z"] = np.random.default_rng(2).random((40, 30))
 
     def shown() -> set[tuple[float, ...]]:
-        """Return where the cells are that stay, away from the borders."""
+        """Return the positions of the kept cells, away from the borders."""
         mesh = Surface(grid_map, "z", max_cells=200).mesh(GRAY)
         positions = mesh.vertices[:, :2] + mesh.origin[:2]
         return {(x, y) for x, y in positions.tolist() if abs(x) < 16 and abs(y) < 11}

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Visualizations are made from parameter files."""
+"""Visualizations built from parameter files."""
 
 import math
 from pathlib import Path

@@ -57,7 +57,7 @@ class Receiver(Node):
 
 
 def largest_segment() -> int:
-    """Return the size of the largest segment of shared memory that this process has [bytes]."""
+    """Return the size of this process's largest shared memory segment [bytes]."""
     lines = Path("/proc/self/maps").read_text().splitlines()
     ranges = [re.match(r"(\w+)-(\w+) ", line) for line in lines if "/dev/shm/fastrtps" in line]
     return max((int(found[2], 16) - int(found[1], 16) for found in ranges if found), default=0)

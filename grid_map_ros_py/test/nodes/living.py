@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A node with a behavior that the first argument names, such as `idle`, `busy` or `stuck`."""
+"""A node whose behavior is the first argument: `idle`, `busy`, `stuck`, ..."""
 
 import sys
 import time
