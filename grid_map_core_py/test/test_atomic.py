@@ -53,31 +53,22 @@ def exchange(request, monkeypatch) -> str:
     return request.param
 
 
-def test_killed_write_leaves_the_old_or_the_new_file(tmp_path):
-    path = tmp_path / "file"
-    path.write_text("old")
-    found = []
-    for _ in killed_at_every_step(lambda: save_file(path, "new")):
-        found.append(path.read_text())
-        path.write_text("old")
-    assert {*found} == {"old", "new"}
-    assert len(found) > 5
-    remove_remains(tmp_path)
-    assert names(tmp_path) == ["file"]
-
-
-def test_killed_write_leaves_the_old_or_the_new_folder(tmp_path):
-    path = tmp_path / "folder"
-    save_folder(path, "old")
-    found = []
-    for _ in killed_at_every_step(lambda: save_folder(path, "new")):
-        (content,) = read_folder(path)
-        found.append(content)
-        remove_remains(tmp_path)
-        assert names(tmp_path) == ["folder"]
-        save_folder(path, "old")
-    assert {*found} == {"old", "new"}
-    assert len(found) > 8
+def test_killed_write_leaves_the_old_or_the_new_file_and_folder(tmp_path):
+    file, folder = tmp_path / "file", tmp_path / "folder"
+    for path, save, read, steps in (
+        (file, save_file, lambda path: {path.read_text()}, 5),
+        (folder, save_folder, read_folder, 8),
+    ):
+        save(path, "old")
+        found = []
+        for _ in killed_at_every_step(lambda: save(path, "new")):  # noqa: B023
+            (content,) = read(path)
+            found.append(content)
+            remove_remains(tmp_path)
+            save(path, "old")
+        assert {*found} == {"old", "new"}
+        assert len(found) > steps
+    assert names(tmp_path) == ["file", "folder"]
 
 
 def test_killed_write_without_exchange_keeps_the_old_folder_beside(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`load` and `save`, which choose the format by the name of a file."""
 
+import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
@@ -102,6 +103,23 @@ def test_unknown_name_is_one_error(call, error, message):
     Path("a.doc").write_text("text")
     save(sample(), "a.npz")
     with pytest.raises(error, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("package", "call"),
+    [
+        ("pypcd4", lambda: load("a.pcd")),
+        ("trimesh", lambda: load("a.stl")),
+        ("rasterio", lambda: load("a.tif")),
+        ("rasterio", lambda: save(sample(), "a.tif")),
+    ],
+)
+def test_package_that_a_format_lacks_is_named(package, call, monkeypatch):
+    for name in ("a.pcd", "a.stl", "a.tif"):
+        Path(name).write_text("hello")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingPackageError, match=rf"a\..*: pip install {package}"):
         call()
 
 

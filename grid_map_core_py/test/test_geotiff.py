@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files, against rasterio."""
 
-import sys
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from grid_map_core_py import GridMap, GridMapError, MissingPackageError
+from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
@@ -174,11 +173,3 @@ def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
         assert found[0].filename == __file__
         with pytest.warns(UserWarning, match=warning):
             load_geotiff("dem.tif")
-
-
-def test_without_rasterio_one_error_names_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(
-        MissingPackageError, match=r"map\.tif: GeoTIFF needs .*: pip install rasterio"
-    ):
-        save(a_map(), "map.tif")

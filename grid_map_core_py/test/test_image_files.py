@@ -7,17 +7,15 @@ import tempfile
 import zlib
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from killing import killed_at_every_step
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import load_images, save_images
+from grid_map_core_py.files import load_images, load_map_server, save_images
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 
@@ -83,35 +81,15 @@ def test_only_the_wanted_layers_are_written(tmp_path):
 
 
 @pytest.mark.parametrize("start_index", [(0, 0), (2, 1)])
-def test_image_position_equals_map_server(tmp_path, start_index):
-    grid_map = GridMap((0.4, 0.3), 0.1, (1.0, 2.0), {"elevation": 0.0})
-    grid_map["elevation"][grid_map.get_index((0.85, 2.1))] = 1.0
-    grid_map = moved_in_buffer(grid_map, start_index)
-    path = save_images(grid_map, tmp_path / "images")
-    document = yaml.safe_load(path.read_text())
-    image = cv2.imread(str(path.parent / document["image"]), cv2.IMREAD_UNCHANGED)
-    assert image.shape == (3, 4)
-    ((row, column),) = np.argwhere(image == 65535).tolist()
-    # Its origin is the lower left pixel; x is to the right, y up.
-    x = document["origin"][0] + (column + 0.5) * document["resolution"]
-    y = document["origin"][1] + (image.shape[0] - row - 0.5) * document["resolution"]
-    assert np.hypot(x - 0.85, y - 2.1) < 1e-9
-    assert document["origin"][2] == 0.0
-
-
-def test_map_server_sees_occupancies_and_unknown_cells(tmp_path):
-    grid_map = GridMap((0.4, 0.1), 0.1, layers={"a": [[2.0], [3.0], [4.0], [np.nan]]})
-    path = save_images(grid_map, tmp_path / "images")
-    document = yaml.safe_load(path.read_text())
-    image = cv2.imread(str(path.parent / document["image"]), cv2.IMREAD_UNCHANGED)
-    # computed like nav2_map_server in mode `scale`
-    shade = image[0, :, 0] / 65535
-    occupancy = shade if document["negate"] else 1 - shade
-    free, occupied = document["free_thresh"], document["occupied_thresh"]
-    percent = np.rint((occupancy - free) / (occupied - free) * 100)
-    percent[image[0, :, 3] < 65535] = -1
-    assert document["mode"] == "scale"
-    assert percent.tolist() == [-1, 100, 50, 0]
+def test_map_server_shows_the_first_layer_as_occupancies(tmp_path, start_index):
+    values = np.array([[2.0, 3.0], [4.0, np.nan], [2.0, 2.0]])
+    grid_map = GridMap((0.3, 0.2), 0.1, (1.0, 2.0), {"a": values})
+    path = save_images(moved_in_buffer(grid_map, start_index), tmp_path / "images")
+    seen = load_map_server(path)
+    np.testing.assert_allclose(seen.position, grid_map.position)
+    assert (seen.size, seen.resolution) == (grid_map.size, grid_map.resolution)
+    np.testing.assert_array_equal(seen["occupancy"], 50 * (values - 2))
+    assert yaml.safe_load(path.read_text())["mode"] == "scale"
 
 
 def test_unusual_layer_names_get_files_of_their_own(tmp_path):
@@ -124,18 +102,6 @@ def test_unusual_layer_names_get_files_of_their_own(tmp_path):
 
 
 # --- writing --------------------------------------------------------------------------------------
-
-
-def test_killed_save_leaves_the_old_images_or_the_new_ones(tmp_path):
-    old, new = (GridMap((1, 1), 0.5, layers={"a": v, "b": v}) for v in (1.0, 2.0))
-    folder = tmp_path / "images"
-    save_images(old, folder)
-    found = set()
-    for _ in killed_at_every_step(lambda: save_images(new, folder)):
-        loaded = load_images(folder)
-        found.add((loaded["a"][0, 0], loaded["b"][0, 0]))
-        save_images(old, folder)
-    assert found == {(1.0, 1.0), (2.0, 2.0)}
 
 
 def test_folder_without_map_images_is_never_replaced(tmp_path):

@@ -38,6 +38,7 @@ assert set(gm.__all__) <= set(dir(gm))
 for name in gm.__all__:
     assert getattr(gm, name) is not None
 assert gm.load is gm.files.load
+assert not {"trimesh", "pypcd4", "rasterio"} & set(sys.modules)
 assert gm.elevation.RollingMap
 try:
     gm.lod

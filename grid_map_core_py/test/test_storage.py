@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from killing import killed_at_every_step
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import GridMapError
@@ -89,22 +88,6 @@ def test_only_the_wanted_layers_are_read(path):
     assert (loaded.layers, loaded.basic_layers) == (("variance",), ())
     with pytest.raises(LayerNotFoundError):
         load_npz(path, layers=["slope"])
-
-
-def test_killed_save_leaves_the_old_or_the_new_file(path):
-    save_npz(sample_map(1.0), path)
-    found = set()
-    for _ in killed_at_every_step(lambda: save_npz(sample_map(2.0), path)):
-        found.add(load_npz(path)["elevation"][0, 0])
-        save_npz(sample_map(1.0), path)
-    assert found == {1.0, 2.0}
-
-
-def test_a_folder_that_is_missing_is_named(tmp_path):
-    with pytest.raises(GridMapError, match=r"map\.npz: cannot be written: No such file"):
-        save_npz(sample_map(), tmp_path / "missing" / "map.npz")
-    with pytest.raises(GridMapError, match=r"map\.npz: cannot be read: No such file"):
-        load_npz(tmp_path / "map.npz")
 
 
 # --- damaged files --------------------------------------------------------------------------------

@@ -48,8 +48,6 @@ PACKAGES = {
 
 REQUIRED = ("numpy", "scipy", "cv2", "yaml", "grid_map_core_py")
 
-_PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-
 _PROBE = """
 import importlib, importlib.metadata, json, os, sys
 
@@ -86,7 +84,11 @@ def run(options: argparse.Namespace) -> int:
         if status == "broken" or (status == "missing" and name in REQUIRED)
     ]
     failures += [name for name, _ in problems]
-    version, settings = platform.python_version(), _settings()
+    beginnings = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_", "AMENT_PREFIX_PATH")
+    settings = {
+        name: os.environ[name] for name in sorted(os.environ) if name.startswith(beginnings)
+    }
+    version = platform.python_version()
     if options.json:
         keys = "status", "text", "gives", "remedy"
         facts: dict[str, Any] = {
@@ -132,12 +134,6 @@ def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
     return found
 
 
-def _settings() -> dict[str, str]:
-    """Return the environment variables of ROS and of its middleware."""
-    beginnings = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_", "AMENT_PREFIX_PATH")
-    return {name: os.environ[name] for name in sorted(os.environ) if name.startswith(beginnings)}
-
-
 def contradictions() -> Iterator[tuple[str, str]]:
     """Yield settings that cannot work or contradict one another, and the reason."""
     value = os.environ.get
@@ -159,15 +155,9 @@ def contradictions() -> Iterator[tuple[str, str]]:
     reach = value("ROS_AUTOMATIC_DISCOVERY_RANGE")
     if value("ROS_LOCALHOST_ONLY") == "1" and reach not in (None, "", "LOCALHOST"):
         yield "ROS_LOCALHOST_ONLY", f"overrules ROS_AUTOMATIC_DISCOVERY_RANGE, which is {reach}"
-    yield from filter(None, map(_profile, _PROFILES))
-
-
-def _profile(name: str) -> tuple[str, str] | None:
-    """Return a setting and the reason why the profile of Fast DDS that it names cannot be read."""
-    path = os.environ.get(name)
-    try:
-        if path:
-            ElementTree.parse(path)
-    except (OSError, ElementTree.ParseError) as error:
-        return name, f"{path} cannot be read: {error}"
-    return None
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        try:
+            if path := value(name):
+                ElementTree.parse(path)
+        except (OSError, ElementTree.ParseError) as error:
+            yield name, f"{path} cannot be read: {error}"

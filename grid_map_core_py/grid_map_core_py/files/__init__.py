@@ -3,7 +3,7 @@
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
 from ._atomic import new_file, new_folder
-from ._clouds import Fields, load_mesh, load_points
+from ._clouds import Fields, load_cloud, load_mesh, load_points
 from ._facts import map_facts
 from ._formats import (
     Format,
@@ -16,7 +16,6 @@ from ._formats import (
     save,
 )
 from ._geotiff import load_geotiff, save_geotiff
-from ._gridding import load_cloud
 from ._height_image import load_height_image, save_height_image
 from ._image_folder import load_images, save_images
 from ._map_server import load_map_server, save_map_server

@@ -1,23 +1,26 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Point clouds and meshes from files.
+"""Point clouds and meshes from files, and maps made of them.
 
 PCD files are read by the package `pypcd4`, PLY, OBJ and STL files by `trimesh`. Neither is needed
 unless such a file is to be read.
 """
 
 import importlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
-from ..conversions._point_layers import COLOR_FIELDS, as_colors
+from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError, MissingPackageError
+from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """(N,) values of the points by the name of the field."""
@@ -47,7 +50,11 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
         table = _read_pcd(file)
     else:
         geometries = _read_mesh(file)
-        table = _ply_table(geometries) or dict(zip("xyz", _vertices(geometries).T, strict=True))
+        # Only a PLY file has properties of its vertices.
+        data = _ply_elements(geometries[0]).get("vertex", {}).get("data", {})
+        columns = data if isinstance(data, dict) else data.dtype.names or ()
+        table = {name: np.asarray(data[name]).reshape(-1) for name in columns}
+        table = table or dict(zip("xyz", _vertices(geometries).T, strict=True))
     missing = [axis for axis in "xyz" if axis not in table]
     if missing:
         raise GridMapError(f"{file}: no field {missing[0]!r}, got {', '.join(table) or 'none'}")
@@ -85,6 +92,98 @@ def load_mesh(
     return _vertices(meshes), np.concatenate(faces).astype(np.int64)
 
 
+def load_cloud(
+    path: str | PathLike[str],
+    layers: Iterable[str] | None = None,
+    *,
+    resolution: float | None = None,
+    kind: Literal["points", "mesh"] | None = None,
+    height_layer: str = "elevation",
+    reduction: str = "max",
+    min_height: float = -np.inf,
+    max_height: float = np.inf,
+    frame_id: str = "map",
+) -> GridMap:
+    """Return a map that covers a point cloud or a mesh.
+
+    Args:
+        path: a PCD, PLY, OBJ or STL file.
+        layers: names of the layers to make: that of the heights and fields of the points; None
+            makes all.
+        resolution: side of a cell [m]; required.
+        kind: "points" or "mesh"; None takes the mesh if the file has faces.
+        height_layer: name of the layer of the heights.
+        reduction: reduction of the heights of the points in a cell, as in `from_points`.
+        min_height, max_height: points below and above are left out [m].
+        frame_id: frame of the map.
+
+    Raises:
+        LayerNotFoundError: the file lacks a layer.
+        GridMapError: `resolution` is missing, an option for points is given for a mesh, or the file
+            cannot be read or makes no map.
+    """
+    mesh = None if kind == "points" else _mesh(path, required=kind == "mesh")
+    points, fields = load_points(path) if mesh is None else (mesh[0], {})
+    if resolution is None:
+        lower, upper = _extent(path, points)
+        size = " x ".join(f"{high - low:.6g}" for low, high in zip(lower, upper, strict=True))
+        raise GridMapError(
+            f"{path}: resolution: expected the side of a cell [m], got nothing; "
+            f"the extent is {size} m"
+        )
+    wanted = select_layers(
+        [height_layer, *(name for name in fields if name != height_layer)], layers
+    )
+    if mesh is not None:
+        if (reduction, min_height, max_height) != ("max", -np.inf, np.inf):
+            raise GridMapError(
+                f"{path}: is a mesh; reduction, min_height and max_height are for points, and "
+                "kind 'points' takes the vertices of a mesh"
+            )
+        grid_map = from_mesh(*mesh, resolution, height_layer, frame_id=frame_id)
+    else:
+        grid_map = from_points(
+            points,
+            resolution,
+            {height_layer: reduction},
+            fields={name: fields[name] for name in wanted if name != height_layer},
+            min_height=min_height,
+            max_height=max_height,
+            frame_id=frame_id,
+        )
+    return grid_map.without_layers([name for name in grid_map if name not in wanted])
+
+
+def describe_cloud(path: str | PathLike[str]) -> dict[str, Any]:
+    """Return the numbers of points and faces, the fields and the extent of a file."""
+    mesh = _mesh(path, required=False)
+    points, fields = load_points(path)
+    lower, upper = _extent(path, points)
+    faces = 0 if mesh is None else len(mesh[1])
+    counts = {"points": len(points), "faces": faces, "fields": [*fields]}
+    return counts | {"lower": lower, "upper": upper}
+
+
+def _mesh(
+    path: str | PathLike[str], *, required: bool
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]] | None:
+    try:
+        return load_mesh(path)
+    except GridMapError:
+        # A file without faces may still hold points; reading the points reports any other problem.
+        if required:
+            raise
+        return None
+
+
+def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[float], list[float]]:
+    """Return the smallest and the largest x, y, z of the finite points."""
+    finite = points[np.isfinite(points[:, :3]).all(axis=1), :3]
+    if not len(finite):
+        raise GridMapError(f"{path}: no point is finite")
+    return finite.min(axis=0).tolist(), finite.max(axis=0).tolist()
+
+
 def _read_pcd(file: Path) -> Fields:
     """Return the fields of a PCD file by their names."""
     pypcd4 = _reader("pypcd4", file)
@@ -117,7 +216,10 @@ def _read_mesh(file: Path) -> list[Any]:
         # Trimesh would let another package guess what encoding this is.
         raise GridMapError(f"{file}: cannot be read: neither valid nor text in UTF-8") from error
     except Exception as error:
-        raise GridMapError(f"{file}: cannot be read: {_first_line(error)}{_hint(error)}") from error
+        hint = " (the faces of a binary PLY file must all have the same number of vertices)"
+        is_uneven = "PLY is unexpected length" in str(error)
+        text = _first_line(error) + hint * is_uneven
+        raise GridMapError(f"{file}: cannot be read: {text}") from error
     if not geometries:
         raise GridMapError(f"{file}: cannot be read: nothing found in it")
     return geometries
@@ -137,13 +239,6 @@ def _reader(package: str, file: Path) -> Any:
 def _first_line(error: Exception) -> str:
     """Return the first line of an error; details may follow in many lines."""
     return (str(error).splitlines() or [type(error).__name__])[0]
-
-
-def _hint(error: Exception) -> str:
-    """Return a reason other than damage."""
-    if "PLY is unexpected length" not in str(error):
-        return ""
-    return " (the faces of a binary PLY file must all have the same number of vertices)"
 
 
 def _ply_elements(geometry: Any) -> Mapping[str, Any]:
@@ -167,13 +262,6 @@ def _check_complete(geometry: Any) -> None:
 
 def _vertices(geometries: list[Any]) -> npt.NDArray[np.float64]:
     return np.concatenate([np.asarray(geometry.vertices, np.float64) for geometry in geometries])
-
-
-def _ply_table(geometries: list[Any]) -> Fields:
-    """Return the properties of a PLY file's vertices by their names, none for another file."""
-    data = _ply_elements(geometries[0]).get("vertex", {}).get("data", {})
-    names = data if isinstance(data, dict) else data.dtype.names or ()
-    return {name: np.asarray(data[name]).reshape(-1) for name in names}
 
 
 def _with_packed_colors(fields: Fields) -> Fields:

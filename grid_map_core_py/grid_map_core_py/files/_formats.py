@@ -15,8 +15,8 @@ from typing import Any, Protocol
 
 from ..errors import GridMapError, MissingPackageError
 from ..map._grid_map import GridMap
+from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
-from ._gridding import describe_cloud, load_cloud
 from ._height_image import load_height_image, save_height_image
 from ._image_folder import YAML_NAME, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
