@@ -45,17 +45,8 @@ if TYPE_CHECKING:
         MissingPackageError,
         OutOfMapError,
     )
-    from .files import (
-        load,
-        save,
-    )
-    from .map import (
-        BufferRegion,
-        GridGeometry,
-        GridMap,
-        Interpolation,
-        SignedDistanceField,
-    )
+    from .files import load, save
+    from .map import BufferRegion, GridGeometry, GridMap, Interpolation, SignedDistanceField
     from .regions import (
         Polygon,
         cells_to_mask,
@@ -113,73 +104,31 @@ __all__ = [
     "window_array",
 ]
 
-_ROOMS = {
-    "arrays": (
-        "max_of_finites",
-        "mean_of_finites",
-        "min_of_finites",
-        "number_of_finites",
-        "sum_of_finites",
-    ),
-    "conversions": (
-        "change_resolution",
-        "color_value_to_vector",
-        "color_vector_to_value",
-        "from_image",
-        "from_mesh",
-        "from_points",
-        "to_image",
-    ),
-    "errors": (
-        "ConfigError",
-        "GeometryError",
-        "GridMapError",
-        "LayerNotFoundError",
-        "MissingPackageError",
-        "OutOfMapError",
-    ),
-    "files": (
-        "load",
-        "save",
-    ),
-    "map": (
-        "BufferRegion",
-        "GridGeometry",
-        "GridMap",
-        "Interpolation",
-        "SignedDistanceField",
-    ),
-    "regions": (
-        "Polygon",
-        "cells_to_mask",
-        "circle_cells",
-        "ellipse_cells",
-        "line_cells",
-        "line_cells_between",
-        "map_cells",
-        "polygon_cells",
-        "sliding_windows",
-        "spiral_cells",
-        "submap_cells",
-        "window_array",
-    ),
-}
-"""Where the names are. A room is imported when one of its names is first asked for, so that
+_ROOMS = (
+    "errors",
+    "arrays",
+    "map",
+    "regions",
+    "conversions",
+    "files",
+    "elevation",
+    "plugins",
+    "testing",
+)
+"""Rooms; each imports only earlier ones. A name is searched in them when it is first used, so that
 programs such as `grid-map --help` need not wait for NumPy, SciPy and OpenCV."""
-
-_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOM_OF:
-        found = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
-    elif name in (*_ROOMS, "elevation", "plugins", "testing"):
-        found = import_module(f"{__name__}.{name}")
-    else:
+    if name in _ROOMS:
+        return import_module(f"{__name__}.{name}")
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    rooms = (import_module(f"{__name__}.{room}") for room in _ROOMS)
+    found = next(getattr(room, name) for room in rooms if name in room.__all__)
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *__all__, *_ROOMS]
+    return [*__all__, *_ROOMS, *(name for name in globals() if name.startswith("__"))]

@@ -3,13 +3,13 @@
 """Costs of navigation."""
 
 import math
-import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError
@@ -189,16 +189,12 @@ def test_memory_stays_below_three_times_the_result(size):
     grid_map.start_index = (17, 200)
     costmap = to_costmap(grid_map, "cost", CENTURY)
     for codec in (CENTURY, CostRange()):
-        for convert in (
-            lambda codec=codec: codec.to_costs(grid_map["cost"]),
-            lambda codec=codec: to_costmap(grid_map, "cost", codec).costmap,
-            lambda codec=codec: from_costmap(costmap, "cost", codec)["cost"],
-        ):
-            tracemalloc.start()
-            result = convert()
-            peak = tracemalloc.get_traced_memory()[1]
-            tracemalloc.stop()
-            assert peak < 3 * result.nbytes
+        peak, costs = peak_of(codec.to_costs, grid_map["cost"])
+        assert peak < 3 * costs.nbytes
+        peak, result = peak_of(to_costmap, grid_map, "cost", codec)
+        assert peak < 3 * result.costmap.nbytes
+        peak, result = peak_of(from_costmap, costmap, "cost", codec)
+        assert peak < 3 * result["cost"].nbytes
 
 
 @pytest.mark.parametrize(

@@ -160,14 +160,6 @@ def test_an_index_is_in_range_where_cpp_leaves_the_buffer():
         assert 0 <= column < geometry.size[1]
 
 
-@given(geometries, st.data())
-def test_center_of_a_cell_is_in_the_cell(geometry, data):
-    cell = [data.draw(st.integers(0, count - 1)) for count in geometry.size]
-    found, inside = geometry.cells_at(geometry.centers(cell))
-    assert inside
-    assert golden.pairs(found) == cell
-
-
 @given(geometries, st.tuples(coordinates, coordinates))
 def test_closest_position_is_inside_and_no_other_is_closer(geometry, position):
     closest = geometry.closest_position(position)

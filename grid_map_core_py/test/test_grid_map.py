@@ -356,21 +356,6 @@ class TestMove:
         assert_maps_equal(terrain, before)
         assert terrain.start_index == (0, 0)
 
-    @given(grid_maps(), st.integers(-15, 15), st.integers(-15, 15))
-    def test_there_and_back_keeps_the_overlap(self, grid_map, rows, columns):
-        before = grid_map.copy()
-        home = grid_map.position.copy()
-        grid_map.move(home + np.multiply((rows, columns), grid_map.resolution))
-        grid_map.move(home)
-        np.testing.assert_allclose(grid_map.position, home, atol=1e-9)
-        after, expected = grid_map.unwrapped("elevation"), before.unwrapped("elevation").copy()
-        # A move towards +x drops the last rows, towards -x the first; y likewise.
-        i, j = np.indices(expected.shape)
-        n, m = expected.shape
-        stayed = (i < n - rows) & (i >= -rows) & (j < m - columns) & (j >= -columns)
-        expected[~stayed] = np.nan
-        np.testing.assert_array_equal(after, expected)
-
     @given(grid_maps(), st.floats(-20, 20), st.floats(-20, 20))
     def test_values_stay_at_their_positions(self, grid_map, x, y):
         before = grid_map.copy()

@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Layers as images and images as layers."""
 
-import tracemalloc
-
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
+from memory import peak_of
 
 import golden
 from grid_map_core_py import (
@@ -410,29 +409,21 @@ def test_an_image_replaces_a_layer_and_nothing_else(terrain):
 # --- memory and mistakes --------------------------------------------------------------------------
 
 
-def peak_of(function) -> tuple[float, np.ndarray]:
-    tracemalloc.start()
-    result = function()
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak, result
-
-
 @pytest.mark.parametrize("size", [(1000, 800), (400, 400)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_memory_stays_below_three_times_the_result(dtype, channels, size):
     grid_map = GridMap(size, 1.0, layers={"height": 3.0, "color": 0.0})
     grid_map.start_index = (7, 300)
-    peak, image = peak_of(lambda: to_image(grid_map, "height", dtype, channels, 0, 5))
+    peak, image = peak_of(to_image, grid_map, "height", dtype, channels, 0, 5)
     assert peak < 3 * image.nbytes
     if channels > 1:
-        peak, image = peak_of(lambda: to_color_image(grid_map, "color", dtype, channels))
+        peak, image = peak_of(to_color_image, grid_map, "color", dtype, channels)
         assert peak < 3 * image.nbytes
     peak, result = peak_of(lambda: from_image(image, "height", 1.0, 0, 5)["height"])
     assert peak < 3 * result.nbytes
     for add, bounds in ((add_layer_from_image, (0, 5)), (add_color_layer_from_image, ())):
-        peak, _ = peak_of(lambda add=add, bounds=bounds: add(grid_map, image, "new", *bounds))
+        peak, _ = peak_of(add, grid_map, image, "new", *bounds)
         assert peak < 3 * result.nbytes
 
 

@@ -3,13 +3,13 @@
 """Values between cell centers."""
 
 import math
-import tracemalloc
 from functools import cache
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GridMap
@@ -283,14 +283,6 @@ def test_a_moved_map_has_the_same_values(method, drawn, data):
 
 
 @by_method
-@given(grid_maps())
-def test_value_at_cell_center_equals_the_cell(method, grid_map):
-    found = grid_map.at_position("elevation", grid_map.get_positions(), method)
-    cells = grid_map["elevation"].ravel("F")
-    np.testing.assert_allclose(found, cells, rtol=1e-9, atol=1e-9)
-
-
-@by_method
 @given(
     grid_map=finite_maps,
     slopes=st.tuples(*[st.floats(-2, 2)] * 3),
@@ -311,29 +303,6 @@ def test_planes_are_reproduced_away_from_the_border(method, grid_map, slopes, da
     # The cells hold the plane as float32.
     rounding = 1e-6 * (1.0 + np.abs(heights).max())
     np.testing.assert_allclose(found, constant + positions @ plane, rtol=0, atol=rounding)
-
-
-@given(places(finite_maps))
-def test_linear_values_stay_between_the_lowest_and_the_highest_cell(drawn):
-    grid_map, positions = drawn
-    found = grid_map.at_position("elevation", positions, LINEAR)
-    layer = grid_map["elevation"].astype(np.float64)
-    rounding = 1e-12 * np.abs(layer).max()
-    assert found.min() >= layer.min() - rounding
-    assert found.max() <= layer.max() + rounding
-
-
-@given(places(finite_maps))
-def test_cubic_methods_agree_except_in_border_half_cell(drawn):
-    grid_map, positions = drawn
-    inner = 0.5 * (grid_map.length - grid_map.resolution)
-    inside = (np.abs(positions - grid_map.position) <= inner).all(axis=1)
-    positions = positions[inside]
-    np.testing.assert_allclose(
-        grid_map.at_position("elevation", positions, CUBIC),
-        grid_map.at_position("elevation", positions, CUBIC_CONVOLUTION),
-        atol=1e-8,
-    )
 
 
 @given(
@@ -441,10 +410,7 @@ def test_values_do_not_depend_on_the_number_of_positions(method):
 def test_memory_stays_below_three_times_the_values(method):
     grid_map = bumpy(300)
     positions = np.random.default_rng(3).uniform(-140, 140, (500_000, 2))
-    tracemalloc.start()
-    values = grid_map.at_position("a", positions, method)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
+    peak, values = peak_of(grid_map.at_position, "a", positions, method)
     assert peak <= 3 * values.nbytes
 
 

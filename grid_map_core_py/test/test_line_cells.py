@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import golden
 from grid_map_core_py import GeometryError, GridMap, OutOfMapError
 from grid_map_core_py.regions import line_cells, line_cells_between
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 
 pairs = golden.pairs
 by_map = golden.by_map("iterators")
@@ -107,19 +107,6 @@ def test_a_line_is_clipped_to_the_map(grid_map, start, end):
     for found, index in zip((pairs(cells)[0], pairs(cells)[-1]), expected, strict=True):
         off = grid_map.get_position(found) - grid_map.get_position(index)
         assert np.abs(off).max() <= 1.001 * grid_map.resolution
-
-
-@given(grid_maps(), fractions, fractions)
-def test_a_line_on_a_moved_map_is_the_same(grid_map, start, end):
-    ends = grid_map.position + np.multiply([start, end], grid_map.length)
-    unmoved = moved_in_buffer(grid_map, (0, 0))
-    try:
-        expected = unmoved.get_positions(line_cells(unmoved, *ends))
-    except OutOfMapError:
-        with pytest.raises(OutOfMapError):
-            line_cells(grid_map, *ends)
-        return
-    np.testing.assert_array_equal(grid_map.get_positions(line_cells(grid_map, *ends)), expected)
 
 
 def test_a_line_right_across_the_map_is_exactly_clipped():

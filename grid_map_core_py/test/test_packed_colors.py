@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Colors packed into the bits of a float."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, color_value_to_vector, color_vector_to_value
@@ -135,10 +134,7 @@ def test_memory_stays_below_three_times_the_result(dtype, size):
         (color_vector_to_value, rgb),
         (color_value_to_vector, rgb[..., 0].astype(np.float32)),
     ):
-        tracemalloc.start()
-        result = function(argument)
-        peak = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
+        peak, result = peak_of(function, argument)
         assert peak < 3 * result.nbytes
 
 

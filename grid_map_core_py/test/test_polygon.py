@@ -5,12 +5,12 @@
 import copy
 import math
 import pickle
-import tracemalloc
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError
@@ -389,10 +389,7 @@ def test_wrong_arguments_are_named():
 def test_many_points_or_vertices_take_little_memory(vertices, count):
     circle = Polygon.from_circle((0, 0), 1.0, vertices)
     tried = np.random.default_rng(0).uniform(-1, 1, (count, 2))
-    tracemalloc.start()
-    inside = circle.is_inside(tried)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
+    peak, inside = peak_of(circle.is_inside, tried)
     assert peak < 6e6
     distances = np.hypot(*tried.T)
     assert inside[distances < 0.93].all()

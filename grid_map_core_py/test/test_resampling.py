@@ -3,13 +3,13 @@
 """Changes of resolution."""
 
 import math
-import tracemalloc
 
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, color_vector_to_value
@@ -260,32 +260,6 @@ def test_the_same_resolution_changes_nothing(flag):
     assert_maps_equal(change_resolution(grid_map, 0.05, flag), grid_map, rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("flag", "resolution"),
-    [
-        *((cv2.INTER_LINEAR, resolution) for resolution in (0.1, 0.05, 0.025, 0.0125)),
-        # OpenCV's cubic kernel keeps planes at symmetric places only; area enlarges in steps.
-        *(
-            (flag, resolution)
-            for flag in (cv2.INTER_CUBIC, cv2.INTER_AREA)
-            for resolution in (0.1, 0.05)
-        ),
-    ],
-)
-def test_planes_stay_planes_where_cells_fit(flag, resolution):
-    grid_map = GridMap((0.8, 1.2), 0.05, (3, -1))
-    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
-    grid_map["plane"] = 2 * x - 3 * y + 1
-    result = change_resolution(grid_map, resolution, flag)
-    x, y = np.meshgrid(*result.axes(), indexing="ij")
-    # At the border the kernels repeat the border cell.
-    edge = max(2, round(2 * 0.05 / resolution))
-    inner = slice(edge, -edge), slice(edge, -edge)
-    expected = (2 * x - 3 * y + 1)[inner]
-    assert expected.size
-    np.testing.assert_allclose(result["plane"][inner], expected, atol=1e-5)
-
-
 def test_one_cell_may_become_many_and_many_one():
     one = GridMap((0.2, 0.2), 0.2, layers={"height": 7.0})
     many = change_resolution(one, 0.01)
@@ -323,10 +297,7 @@ def test_a_map_without_layers_has_a_resolution_too():
 def test_memory_stays_below_three_times_the_result(resolution):
     grid_map = terrain(1000, 1100, holes=0.05)
     grid_map.start_index = (300, 1)
-    tracemalloc.start()
-    result = change_resolution(grid_map, resolution)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    peak, result = peak_of(change_resolution, grid_map, resolution)
     assert peak < 3 * result["elevation"].nbytes
 
 

@@ -3,12 +3,12 @@
 """Distances to the surface of a height layer, against loops over all columns."""
 
 import math
-import tracemalloc
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 from scipy.interpolate import RegularGridInterpolator
 
 import golden
@@ -143,17 +143,6 @@ def test_a_large_height_loses_no_digits():
     np.testing.assert_allclose(field.distances, expected, **ROUND_OFF)
 
 
-def test_a_step_is_seen_from_both_sides():
-    field = SignedDistanceField(step(), "elevation", 0.0, 2.0)
-    # x of the rows: 0.55, ..., 0.05 high; -0.05, ..., -0.55 low.
-    np.testing.assert_allclose(field.value((-0.05, 0, 0.5)), 0.1, **ROUND_OFF)
-    np.testing.assert_allclose(field.value((-0.25, 0, 0.2)), 0.2, **ROUND_OFF)
-    np.testing.assert_allclose(field.value((-0.25, 0, 1.4)), math.hypot(0.3, 0.4), **ROUND_OFF)
-    np.testing.assert_allclose(field.value((0.05, 0, 0.5)), -0.1, **ROUND_OFF)
-    np.testing.assert_allclose(field.value((0.35, 0, 0.8)), -0.2, **ROUND_OFF)
-    np.testing.assert_allclose(field.value((0.35, 0, 1.3)), 0.3, **ROUND_OFF)
-
-
 def test_on_top_of_its_column_a_node_has_distance_zero():
     field = SignedDistanceField(step(), "elevation", 0.0, 2.0)
     tops = field.value([(-0.35, 0, 0.0), (0.35, 0, 1.0)])
@@ -170,17 +159,6 @@ def test_a_moved_map_has_the_same_field(grid_map, start):
         for one in (grid_map, moved)
     ]
     np.testing.assert_array_equal(fields[0].distances, fields[1].distances)
-
-
-def test_moved_map_keeps_its_distances():
-    grid_map = hills()
-    grid_map.move((3.2, -2.1))
-    assert grid_map.start_index != (0, 0)
-    grid_map["elevation"][np.isnan(grid_map["elevation"])] = -0.2
-    field = SignedDistanceField(grid_map, "elevation", -0.5, 0.5)
-    expected = distances_of_nodes(grid_map, field.levels)
-    found = field.value(nodes_of(field).reshape(-1, 3))
-    np.testing.assert_allclose(found, expected.ravel(), **ROUND_OFF)
 
 
 # The C++ library
@@ -243,36 +221,10 @@ def test_values_are_trilinear_between_the_nodes():
     np.testing.assert_allclose(field.value(points), trilinear(field)(points), **ROUND_OFF)
 
 
-def test_a_midpoint_has_the_mean_of_its_nodes():
-    field = hills_field()
-    nodes, distances = nodes_of(field), field.distances
-    middles = 0.5 * (nodes[:-1] + nodes[1:]).reshape(-1, 3)
-    means = 0.5 * (distances[:-1] + distances[1:]).ravel()
-    np.testing.assert_allclose(field.value(middles), means, **ROUND_OFF)
-
-
 def test_values_go_on_linearly_outside():
     field = hills_field()
     points = points_around(field, 1.0)
     np.testing.assert_allclose(field.value(points), trilinear(field)(points), rtol=1e-6, atol=1e-5)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("side", [-1, 1])
-def test_slope_beyond_each_face_continues_last_two_nodes(axis, side):
-    field = hills_field()
-    nodes = nodes_of(field)
-    inner = np.array([4, 3, 5])
-    # Rows and columns run against x and y.
-    last = (field.shape[axis] - 1) * (side == (1 if axis == 2 else -1))
-    outer, before = inner.copy(), inner.copy()
-    outer[axis], before[axis] = last, last + (1 if last == 0 else -1)
-    outer, before = tuple(outer), tuple(before)
-    beyond = nodes[outer] + 3 * (nodes[outer] - nodes[before])
-    slope = field.distances[outer] - field.distances[before]
-    np.testing.assert_allclose(
-        field.value(beyond), field.distances[outer] + 3 * slope, rtol=1e-5, atol=1e-6
-    )
 
 
 @given(grid_maps(max_side=4, allow_nan=False, allow_infinity=False))
@@ -319,14 +271,6 @@ def test_gradients_are_finite_differences_of_the_values():
         difference = field.value(points + offset) - field.value(points - offset)
         expected[:, axis] = difference / (2 * h)
     np.testing.assert_allclose(field.gradient(points), expected, atol=1e-4)
-
-
-@pytest.mark.parametrize("height", [-0.4, 0.0, 0.25, 0.33, 3.0])
-def test_over_a_flat_map_the_gradient_points_up(height):
-    field = SignedDistanceField(flat(height=0.25), "elevation", 0.0, 1.0)
-    values, gradients = field.value_and_gradient([(0.0, 0.0, height), (0.04, -1.0, height)])
-    np.testing.assert_allclose(values, height - 0.25, **ROUND_OFF)
-    np.testing.assert_allclose(gradients, [(0, 0, 1)] * 2, atol=1e-5)
 
 
 def test_at_a_node_the_gradient_is_the_central_difference():
@@ -414,15 +358,6 @@ def test_missing_data_can_be_taken_for_free_space():
     field = SignedDistanceField(grid_map, "elevation", 0.0, 1.0, unknown="free")
     # The nearest column is 0.3 m away, and 0.4 m below.
     np.testing.assert_allclose(field.value((0.25, 0.0, 0.4)), 0.5, **ROUND_OFF)
-
-
-def test_infinite_heights_are_walls_and_holes():
-    grid_map = flat((3, 1), height=0.0)
-    grid_map["elevation"][0], grid_map["elevation"][2] = np.inf, -np.inf
-    field = SignedDistanceField(grid_map, "elevation", -1.0, 5.0)
-    np.testing.assert_allclose(field.value([(0.1, 0, 4.0), (0.1, 0, -1)]), [-0.1, -0.2], 1e-6)
-    np.testing.assert_allclose(field.value([(0.0, 0, 4.0), (0.0, 0, -1)]), [0.1, -0.1], 1e-6)
-    np.testing.assert_allclose(field.value([(-0.1, 0, 4.0), (-0.1, 0, -1)]), [0.2, 0.1], 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -525,23 +460,13 @@ def test_points_can_be_limited_by_their_distance():
     assert field.to_points(upper=-10.0).shape == (0, 4)
 
 
-def peak_of(operation):
-    tracemalloc.start()
-    try:
-        result = operation()
-        return tracemalloc.get_traced_memory()[1], result
-    finally:
-        tracemalloc.stop()
-
-
 @pytest.mark.parametrize(("rows", "columns", "levels"), [(900, 700, 2), (400, 300, 12)])
 def test_building_takes_little_more_memory_than_the_field(rows, columns, levels):
     grid_map = hills(rows=rows, columns=columns)
     grid_map.move(grid_map.position + 0.5)
     grid_map["elevation"][np.isnan(grid_map["elevation"])] = 0.0
-    peak, field = peak_of(
-        lambda: SignedDistanceField(grid_map, "elevation", 0.0, 0.1 * (levels - 1))
-    )
+    limits = 0.0, 0.1 * (levels - 1)
+    peak, field = peak_of(SignedDistanceField, grid_map, "elevation", *limits)
     assert field.levels.size == levels
     assert peak <= 3 * field.distances.nbytes
 
@@ -549,9 +474,9 @@ def test_building_takes_little_more_memory_than_the_field(rows, columns, levels)
 def test_queries_and_export_take_little_more_memory_than_they_return():
     field = hills_field(rows=90, columns=60)
     points = points_around(field, 0.1, 200_000)
-    peak, values = peak_of(lambda: field.value(points))
+    peak, values = peak_of(field.value, points)
     assert peak <= 3 * values.nbytes
-    peak, gradients = peak_of(lambda: field.gradient(points))
+    peak, gradients = peak_of(field.gradient, points)
     assert peak <= 3 * gradients.nbytes
     peak, exported = peak_of(field.to_points)
     assert peak <= 3 * exported.nbytes

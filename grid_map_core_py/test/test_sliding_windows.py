@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Windows around cells, one by one and all at once."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
@@ -94,20 +93,6 @@ def test_window_array_of_moved_map_equals_unmoved(edges, grid_map, size):
         np.testing.assert_array_equal(windows[row - margin, column - margin], window)
 
 
-def test_windows_of_an_empty_layer_are_empty():
-    grid_map = GridMap((0.3, 0.3), 0.1, layers=["elevation"])
-    for edges in ALL_EDGES:
-        for _, window in sliding_windows(grid_map, "elevation", edges, 3):
-            assert np.isnan(window).all()
-    assert np.isnan(window_array(grid_map, "elevation", "mean", 3)).all()
-
-
-def test_a_mean_skips_infinities():
-    grid_map = GridMap((0.2, 0.1), 0.1, layers={"elevation": [[np.inf], [2.0]]})
-    (_, window), _ = sliding_windows(grid_map, "elevation", "mean", 3)
-    np.testing.assert_array_equal(window, [[2, 2, 2], [2, np.inf, 2], [2, 2, 2]])
-
-
 def test_windows_are_read_only_snapshots_of_the_layer():
     grid_map = GridMap((0.3, 0.3), 0.1, layers={"elevation": 1.0})
     for edges in ALL_EDGES:
@@ -169,8 +154,5 @@ def test_cropped_windows_do_not_fit_into_one_array():
 def test_all_windows_take_little_more_memory_than_promised(edges, layers):
     grid_map = GridMap((30, 20), 0.1, layers={"elevation": 1.0})
     grid_map.start_index = (7, 9)
-    tracemalloc.start()
-    window_array(grid_map, "elevation", edges, 5)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
+    peak, _ = peak_of(window_array, grid_map, "elevation", edges, 5)
     assert peak < 3 * layers * grid_map["elevation"].nbytes

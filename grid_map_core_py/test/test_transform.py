@@ -3,12 +3,12 @@
 """Maps in another frame."""
 
 import itertools
-import tracemalloc
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
@@ -174,32 +174,6 @@ def test_the_corners_lie_on_the_result(grid_map, transform):
         assert (np.abs(corner[:2] - result.position) <= 0.5 * result.length + 1e-9).all()
 
 
-def without_cells_without_height(grid_map):
-    """Return a map where the cells whose height is not finite are empty in all layers."""
-    empty = ~np.isfinite(grid_map["elevation"])
-    return grid_map.with_layers(
-        {layer: np.where(empty, np.nan, grid_map[layer]) for layer in grid_map}
-    )
-
-
-@given(grid_maps(("elevation", "extra")), st.sampled_from([0.0, 0.25, 0.4]))
-def test_the_identity_keeps_cells_that_have_a_height(grid_map, ratio):
-    result = grid_map.get_transformed_map(np.eye(4), "elevation", grid_map.frame_id, ratio)
-    assert_maps_equal(result, without_cells_without_height(grid_map))
-    assert result.start_index == (0, 0)
-
-
-@given(grid_maps(("elevation", "extra")))
-def test_a_quarter_turn_turns_the_layers(grid_map):
-    result = grid_map.get_transformed_map(YAW90, "elevation", "new")
-    assert result.size == grid_map.size[::-1]
-    x, y = grid_map.position
-    np.testing.assert_allclose(result.position, (-y, x), atol=1e-9)
-    expected = without_cells_without_height(grid_map)
-    for layer in grid_map:
-        np.testing.assert_array_equal(result[layer], np.rot90(expected.unwrapped(layer)))
-
-
 @pytest.mark.parametrize("size", [(40_000, 1), (1, 40_000), (2, 20_000), (200, 300)])
 def test_maps_of_many_cells_are_complete_and_in_order(size):
     values = np.arange(np.prod(size)).reshape(size)
@@ -221,20 +195,6 @@ def test_of_equally_high_cells_the_last_one_stays():
     np.testing.assert_array_equal(result["number"], [[3, 4], [4, 4]])
 
 
-def test_the_highest_point_stays_and_takes_its_layers_along():
-    grid_map = GridMap(
-        (3, 1), 1.0, layers={"number": [[1], [2], [3]], "elevation": [[0], [5], [1]]}
-    )
-    grid_map.basic_layers = ["number"]
-    grid_map.timestamp = 7
-    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", sample_ratio=1.0)
-    assert result["number"].ravel().tolist() == [2, 2, 2]
-    assert result["elevation"].ravel().tolist() == [5, 5, 5]
-    assert result.layers == grid_map.layers
-    assert result.basic_layers == ("number",)
-    assert (result.frame_id, result.timestamp) == ("new", 7)
-
-
 def test_samples_close_the_gaps_of_a_turned_map():
     grid_map = GridMap((20, 20), 0.5, layers={"elevation": 1.0})
     turned, closed = (
@@ -252,13 +212,6 @@ def test_points_that_come_down_beside_the_result_are_lost():
     grid_map["elevation"][0, 0] = 100.0
     result = grid_map.get_transformed_map(rigid(pitch=0.5), "elevation", "new")
     assert np.nanmax(result["elevation"]) < 2
-
-
-def test_an_empty_map_stays_empty():
-    grid_map = GridMap((4, 2), 1.0, layers=["elevation", "extra"])
-    result = grid_map.get_transformed_map(rigid(yaw=1.0), "elevation", "new", 0.5)
-    assert np.isnan(result["elevation"]).all()
-    assert np.isnan(result["extra"]).all()
 
 
 @pytest.mark.parametrize("center", [(1, 2), (-1, -2)])
@@ -322,8 +275,5 @@ def test_needs_little_memory(layers, start):
     names = ["elevation", "a", "b", "c"][:layers]
     grid_map = GridMap((800, 700), 1.0, layers=dict.fromkeys(names, 1.0))
     grid_map.start_index = start
-    tracemalloc.start()
-    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", 0.25)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
+    peak, result = peak_of(grid_map.get_transformed_map, np.eye(4), "elevation", "new", 0.25)
     assert peak <= 3.0 * sum(result[layer].nbytes for layer in result)

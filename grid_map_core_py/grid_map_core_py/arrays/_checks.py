@@ -65,6 +65,22 @@ def as_number(value: object, name: str) -> float:
         raise GeometryError(f"{name}: expected a number, got {value!r}") from error
 
 
+def as_finite(
+    value: object,
+    name: str,
+    expected: str = "a finite number",
+    *,
+    least: float = -math.inf,
+    above: float = -math.inf,
+) -> float:
+    """Return `value` as a finite float, at least `least` and more than `above`."""
+    number = as_number(value, name)
+    if not (math.isfinite(number) and number >= least and number > above):
+        limit = f" >= {least:g}" if math.isfinite(least) else ""
+        raise GeometryError(f"{name}: expected {expected}{limit}, got {value!r}")
+    return number
+
+
 def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
     """Return `values` as an array of real numbers of any type; masked values become NaN."""
     try:

@@ -8,16 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import Positions
+from ._checks import Integers, Positions
 
-_PIECE = 2**15
-"""Number of elements in a piece of a large array."""
-
-_SMALL_PIECE = 2**10
-"""Smallest number of elements in a piece."""
-
-CHUNK = 2**13
-"""Number of points in a chunk."""
+_PIECE = 2**15  # number of elements in a piece of a large array
+_SMALL_PIECE = 2**10  # smallest number of elements in a piece
+CHUNK = 2**13  # number of points in a chunk
 
 
 def elementwise(
@@ -72,3 +67,25 @@ def interleaved(pair: Sequence[float] | Positions, points: npt.NDArray[Any]) -> 
     values = np.empty(2 * min(len(points), CHUNK), points.dtype)
     values[0::2], values[1::2] = pair
     return values
+
+
+def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
+    """Yield the members of groups that are laid out one after another, at most `limit` at once.
+
+    Args:
+        counts: (G,) how many members each group has.
+
+    Yields:
+        groups: (n,) the group of each member.
+        members: (n,) its number within the group, from 0.
+    """
+    ends = np.cumsum(counts)
+    total = int(ends[-1]) if len(ends) else 0
+    for first in range(0, total, limit):
+        last = min(first + limit, total)
+        begin, end = np.searchsorted(ends, (first, last - 1), side="right")
+        here = slice(begin, end + 1)
+        starts = ends[here] - counts[here]
+        taken = np.minimum(ends[here], last) - np.maximum(starts, first)
+        groups = np.repeat(np.arange(begin, end + 1), taken)
+        yield groups, np.arange(first, last) - np.repeat(starts, taken)

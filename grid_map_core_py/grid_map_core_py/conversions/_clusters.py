@@ -10,17 +10,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from ..arrays._checks import Positions
-from ..arrays._ragged import Integers, expanded
+from ..arrays._checks import Integers, Positions
+from ..arrays._pieces import expanded
 from ..map._geometry import BORDER_TOLERANCE
 
 Edges: TypeAlias = list[tuple[Integers, Integers]]
 
-_NEIGHBORS = 8
-"""Number of nearest neighbors that each point is linked to in the first pass."""
-
-_QUERIES = 1 << 16
-"""Number of points that query the search tree in one call."""
+_NEIGHBORS = 8  # number of nearest neighbors that each point is linked to in the first pass
+_QUERIES = 1 << 16  # number of points that query the search tree in one call
 
 
 def euclidean_clusters(

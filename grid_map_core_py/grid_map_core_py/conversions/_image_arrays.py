@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Size, as_number
+from ..arrays._checks import Layer, Size, as_finite, as_number
 from ..arrays._pieces import piece_of, slices
 from ..arrays._statistics import max_of_finites, min_of_finites
 from ..errors import GeometryError
@@ -53,8 +53,7 @@ _TO_GRAY = {
     ("rgb", 3): cv2.COLOR_RGB2GRAY,
     ("rgb", 4): cv2.COLOR_RGBA2GRAY,
 }
-_TIE = 1e-9
-"""Tolerance [cells] for rounding a number of cells that is nearly a half."""
+_TIE = 1e-9  # tolerance [cells] for rounding a number of cells that is nearly a half
 
 
 # --- from layers to images ------------------------------------------------------------------------
@@ -379,8 +378,7 @@ def change_resolution(
         GeometryError: the resolution is not positive or leaves no cell, or OpenCV does not know the
             interpolation.
     """
-    target = as_number(resolution, "resolution")
-    _check(np.isfinite(target) and target > 0, "resolution", "a positive number", resolution)
+    target = as_finite(resolution, "resolution", "a positive number", above=0.0)
     factor = grid_map.resolution / target
     rows, columns = (int(cells * factor + 0.5 + _TIE) for cells in grid_map.size)
     expected = f"at most twice the length {tuple(grid_map.length.tolist())} of the map"

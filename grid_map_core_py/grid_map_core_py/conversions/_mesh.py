@@ -6,29 +6,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Mask, Size
-from ..arrays._ragged import Integers, expanded
+from ..arrays._checks import Integers, Layer, Mask, Positions, Size
+from ..arrays._pieces import expanded
 from ..errors import GeometryError, GridMapError
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
-_TRIANGLES = 1 << 13
-"""Number of triangles in a chunk, whose temporaries fit into the cache."""
-
+_TRIANGLES = 1 << 13  # number of triangles in a chunk, whose temporaries fit into the cache
+# Number of pairs of a triangle and a cell in a chunk, whose temporaries fit into the cache.
 _PAIRS = 1 << 13
-"""Number of pairs of a triangle and a cell in a chunk, whose temporaries fit into the cache."""
 
-_ROUNDING = 1e-9
-"""Bound of the rounding error of the distance to an edge [cells]."""
-
-Values: TypeAlias = npt.NDArray[np.float64]
+_ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cells]
 
 
 def rasterize_triangles(
@@ -149,7 +144,7 @@ class _Triangles:
         tolerance: by how many cells a center may miss an edge and still be hit.
     """
 
-    def __init__(self, rows: Values, columns: Values, z: Values, tolerance: float) -> None:
+    def __init__(self, rows: Positions, columns: Positions, z: Positions, tolerance: float) -> None:
         along_rows, along_columns = _edges(rows), _edges(columns)
         area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
         lengths = np.hypot(along_rows, along_columns)
@@ -162,7 +157,7 @@ class _Triangles:
         self._slack = tolerance * kept_of(lengths) / np.abs(area)
         self._tolerance = tolerance
 
-    def hits(self, size: Size) -> Iterator[tuple[Integers, Values]]:
+    def hits(self, size: Size) -> Iterator[tuple[Integers, Positions]]:
         """Yield the numbers (n,) of cells, column after column, and the heights (n,) there."""
         first_row, row_count = self._range(self._rows, size[0])
         first_column, column_count = self._range(self._columns, size[1])
@@ -174,7 +169,7 @@ class _Triangles:
             hit, heights = self._heights(triangles, rows, columns)
             yield (rows + size[0] * columns)[hit], heights[hit]
 
-    def _range(self, corners: Values, cells: int) -> tuple[Integers, Integers]:
+    def _range(self, corners: Positions, cells: int) -> tuple[Integers, Integers]:
         """Return the first cell under each triangle along one axis, and how many there are."""
         first = np.ceil(np.clip(corners.min(axis=0) - self._tolerance, 0, cells))
         last = np.floor(np.clip(corners.max(axis=0) + self._tolerance, -1, cells - 1))
@@ -182,7 +177,7 @@ class _Triangles:
 
     def _heights(
         self, triangles: Integers, rows: Integers, columns: Integers
-    ) -> tuple[Mask, Values]:
+    ) -> tuple[Mask, Positions]:
         """Return a mask of the triangles that contain the cell centers, and their heights there.
 
         Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
@@ -206,7 +201,7 @@ class _Triangles:
         return hit, heights / total
 
 
-def _edges(corners: Values) -> Values:
+def _edges(corners: Positions) -> Positions:
     """Return the extent (3, T) along one axis of the edge opposite to each corner."""
     first, second, third = corners
     return np.array([third - second, first - third, second - first])

@@ -13,16 +13,14 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Positions, as_number
-from ..arrays._ragged import Integers
+from ..arrays._checks import Integers, Positions, as_number
 from ..errors import ConfigError, GridMapError
 from ..map._grid_map import GridMap
 from ..plugins._parameters import build, check
 from ._point_layers import fitting_geometry
 from ._voxels import downsample, finite_points
 
-_POINTS = 1 << 16
-"""Number of points in a chunk, which bounds memory; a cell is never divided."""
+_POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
 
 Triple = tuple[float, ...]
 
@@ -334,8 +332,8 @@ _SECTIONS: Mapping[str, type[Any]] = {
     "grid_map": Grid,
 }
 
+# Parameters that upstream writes as a mapping of three letters to numbers.
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Parameters that upstream writes as a mapping of three letters to numbers."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Mask, Positions, as_number, as_numbers, as_pair
+from ..arrays._checks import Layer, Mask, Positions, as_finite, as_number, as_numbers, as_pair
 from ..errors import ConfigError, GeometryError, GridMapError
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
@@ -41,11 +41,9 @@ COLOR_FIELDS = ("rgb", "rgba", "color")
 _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
 
-_CHUNK = 1 << 16
-"""Number of points in a chunk, whose temporaries fit into the cache."""
-
+_CHUNK = 1 << 16  # number of points in a chunk, whose temporaries fit into the cache
+# Largest number of cells of a fitted map (256 MB per layer); a stray point would need more.
 _MOST_CELLS = 2**26
-"""Largest number of cells of a fitted map (256 MB per layer); a stray point would need more."""
 
 
 def rasterize(
@@ -172,9 +170,7 @@ def fitting_geometry(
         GridMapError: the grid would have more than 2**26 cells.
         GeometryError: the resolution is not positive and finite.
     """
-    resolution = as_number(resolution, "resolution")
-    if not (np.isfinite(resolution) and resolution > 0):
-        raise GeometryError(f"resolution: expected a positive number, got {resolution!r}")
+    resolution = as_finite(resolution, "resolution", "a positive number", above=0.0)
     rounding = BORDER_TOLERANCE + 4 * np.spacing(np.abs([lower, upper]).max())
     with np.errstate(over="ignore"):
         cells, tolerance = (upper - lower) / resolution, rounding / resolution

@@ -197,9 +197,7 @@ class MeanColor:
         return packed.view(np.float32)
 
 
-_SHIFTS = np.array([16, 8, 0], np.uint32)
-"""Bit positions of red, green and blue in a packed color."""
-
+_SHIFTS = np.array([16, 8, 0], np.uint32)  # bit positions of red, green and blue in a packed color
 _SIGN = np.uint32(1 << 31)
 
 

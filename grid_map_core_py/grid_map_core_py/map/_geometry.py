@@ -34,14 +34,11 @@ from . import _ring_buffer as ring_buffer
 BORDER_TOLERANCE = 1e-9
 """Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
 
+# Smallest resolution [m]; smaller numbers lose digits.
 _SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
-"""Smallest resolution [m]; smaller numbers lose digits."""
 
-_LARGEST_SIDE = 2**31
-"""Largest number of cells along a side; larger layers cannot be addressed."""
-
-_LARGEST_SHIFT = 2.0**52
-"""Largest shift [cells]; beyond it, float64 cannot count single cells."""
+_LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
+_LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,11 +26,9 @@ from ._geometry import GridGeometry
 if TYPE_CHECKING:
     from ._grid_map import GridMap
 
-Numbers: TypeAlias = npt.NDArray[np.float64]
 Places: TypeAlias = npt.NDArray[np.intp]
 
-_PADDING = 2
-"""Number of cells beyond the border that an axis repeats."""
+_PADDING = 2  # number of cells beyond the border that an axis repeats
 
 
 class Interpolation(Enum):
@@ -63,7 +61,7 @@ _FALLBACKS = {
 
 def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
-) -> float | Numbers:
+) -> float | Positions:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
     try:
         method = Interpolation(interpolation)
@@ -95,7 +93,7 @@ class _Around(NamedTuple):
     """
 
     places: Places
-    weights: Numbers
+    weights: Positions
     indices: Places
     cells: npt.NDArray[np.float32]
 
@@ -136,7 +134,7 @@ class _Surface:
         # For single numbers Python is faster than NumPy.
         self._sides = list(zip(geometry.position.tolist(), geometry.length.tolist(), strict=True))
 
-    def coordinates(self, points: Positions) -> Numbers:
+    def coordinates(self, points: Positions) -> Positions:
         """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
         xy = np.ascontiguousarray(points.T)
         # Rounding keeps the order: if the extremes are inside, all positions are.
@@ -151,7 +149,7 @@ class _Surface:
         return xy
 
     def values(
-        self, xy: Numbers, method: Interpolation, scratch: _Scratch
+        self, xy: Positions, method: Interpolation, scratch: _Scratch
     ) -> npt.NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
         if method is Interpolation.NEAREST:
@@ -167,7 +165,7 @@ class _Surface:
             values[missing] = self.values(rest, _FALLBACKS[method], scratch)
         return values
 
-    def _weighted_sums(self, xy: Numbers, method: Interpolation, scratch: _Scratch) -> Numbers:
+    def _weighted_sums(self, xy: Positions, method: Interpolation, scratch: _Scratch) -> Positions:
         # As in C++, a position on a line of centers uses the cells on one side only.
         below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
         around = scratch.around(2 if method is Interpolation.LINEAR else 4, xy.shape[1])
@@ -182,17 +180,17 @@ class _Surface:
         np.add(rows, columns[:, np.newaxis], out=around.indices)
         self._data.take(around.indices, mode="clip", out=around.cells)
         sums = np.einsum("crn,rn->cn", around.cells, around.weights[:, 0])
-        values: Numbers = np.einsum("cn,cn->n", sums, around.weights[:, 1])
+        values: Positions = np.einsum("cn,cn->n", sums, around.weights[:, 1])
         return values
 
-    def _cells(self, xy: Numbers) -> Numbers:
+    def _cells(self, xy: Positions) -> Positions:
         """Return (2, N) rows and columns from the corner, rounded as `GridGeometry` rounds them."""
         cells = xy - self._half
         cells -= self._center
         cells /= -self._geometry.resolution
         return cells
 
-    def _between(self, xy: Numbers, *, closed_above: bool) -> tuple[Places, Numbers]:
+    def _between(self, xy: Positions, *, closed_above: bool) -> tuple[Places, Positions]:
         """Return between which rows and columns of cell centers coordinates (2, N) lie.
 
         Args:
@@ -218,7 +216,7 @@ class _Surface:
         return cells.astype(np.intp), t
 
 
-def _set_weights(weights: Numbers, t: Numbers) -> None:
+def _set_weights(weights: Positions, t: Positions) -> None:
     """Set the weights (K, ...) of K neighbors in a row, the lowest one first.
 
     Args:
@@ -244,7 +242,7 @@ def _set_weights(weights: Numbers, t: Numbers) -> None:
     above -= bend
 
 
-def _continue_slopes(weights: Numbers, below: Places, size: Size) -> None:
+def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
     """Give a corner beyond the border the slope of the border cell, in cubic weights (4, 2, N).
 
     With repeated cells alone its slope would be zero.

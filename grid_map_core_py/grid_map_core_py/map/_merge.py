@@ -18,8 +18,7 @@ from ._layer_names import select_layers
 if TYPE_CHECKING:
     from ._grid_map import GridMap
 
-_BLOCK = 1 << 15
-"""Number of cells copied at a time, which fit into the cache."""
+_BLOCK = 1 << 15  # number of cells copied at a time, which fit into the cache
 
 
 def add_data_from(

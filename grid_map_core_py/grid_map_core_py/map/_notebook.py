@@ -23,12 +23,8 @@ from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
 if TYPE_CHECKING:
     from ._grid_map import GridMap
 
-THUMBNAIL = 96
-"""Pixels of the longer side of a layer's picture in the table."""
-
-PICTURE = 480
-"""Pixels of the longer side of the single picture."""
-
+THUMBNAIL = 96  # pixels of the longer side of a layer's picture in the table
+PICTURE = 480  # pixels of the longer side of the single picture
 _COLUMNS = ("layer", "min", "max", "mean", "NaN", "")
 _OPAQUE = 255
 

@@ -24,20 +24,15 @@ from . import _ring_buffer as ring_buffer
 if TYPE_CHECKING:
     from scipy import sparse
 
+# Largest reach of a kernel [cells] (Lanczos); resampling by area adds half a target cell.
 _REACH = 5
-"""Largest reach of a kernel [cells] (Lanczos); resampling by area adds half a target cell."""
 
-_CHANNELS = 4
-"""Number of image channels that OpenCV resizes with every interpolation."""
-
-_BLOCK = 2**16
-"""Number of source and target cells in a block of a large layer."""
-
+_CHANNELS = 4  # number of image channels that OpenCV resizes with every interpolation
+_BLOCK = 2**16  # number of source and target cells in a block of a large layer
+# Number of cells in a block of a small layer, whose temporaries stay small beside it.
 _SMALL_BLOCK = 2**14
-"""Number of cells in a block of a small layer, whose temporaries stay small beside it."""
 
-_TIE = 1e-9
-"""Tolerance [cells] for target cells in the middle between two source cells."""
+_TIE = 1e-9  # tolerance [cells] for target cells in the middle between two source cells
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,8 @@ Nodes: TypeAlias = npt.NDArray[np.float32]
 _Coordinates: TypeAlias = list[Positions]
 """Three (N,) float64: the coordinates of N points along each axis."""
 
-_MOST_NODES = 2**31
-"""Largest number of nodes (8 GiB); a larger field is a mistake in its heights."""
-
-_STRIP = 1 << 16
-"""Number of cells in a strip, which fit into the cache."""
+_MOST_NODES = 2**31  # largest number of nodes (8 GiB); a larger field is a mistake in its heights
+_STRIP = 1 << 16  # number of cells in a strip, which fit into the cache
 
 
 class SignedDistanceField:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Mask, Size, as_number
+from ..arrays._checks import Layer, Mask, Positions, Size, as_finite
 from ..errors import GeometryError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 
@@ -29,7 +29,6 @@ _SMALL_BLOCK, _LARGE_BLOCK = 1 << 13, 1 << 14
 Fewer cost more in calls than they save in the cache; more would outweigh a small map.
 """
 
-_Numbers: TypeAlias = npt.NDArray[np.float64]
 _Indices: TypeAlias = npt.NDArray[np.intp]
 
 
@@ -42,9 +41,7 @@ def transformed_map(
 ) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)
-    ratio = as_number(sample_ratio, "sample_ratio")
-    if not math.isfinite(ratio):
-        raise GeometryError(f"sample_ratio: expected a finite number, got {sample_ratio!r}")
+    ratio = as_finite(sample_ratio, "sample_ratio")
     step = ratio * grid_map.resolution
     steps = [(0.0, 0.0)]
     if ratio > 0:
@@ -68,7 +65,7 @@ def transformed_map(
     return result
 
 
-def _as_rigid(transform: ArrayLike) -> _Numbers:
+def _as_rigid(transform: ArrayLike) -> Positions:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
     try:
         # dtype=object prevents silent conversions, for example of complex numbers.
@@ -91,7 +88,7 @@ def _as_rigid(transform: ArrayLike) -> _Numbers:
     return matrix
 
 
-def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
+def _footprint(geometry: GridGeometry, matrix: Positions) -> GridGeometry:
     """Return the smallest grid around the moved corners at height 0."""
     x, y = (geometry.position + np.outer((0.5, -0.5), geometry.length)).T
     # Summed in this order, the mean is rounded as in the C++ library.
@@ -103,7 +100,7 @@ def _footprint(geometry: GridGeometry, matrix: _Numbers) -> GridGeometry:
     return GridGeometry(np.maximum(size, 1) * geometry.resolution, geometry.resolution, center)
 
 
-def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _Numbers:
+def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) -> Positions:
     """Return one coordinate (cols, rows) of moved points.
 
     Args:
@@ -112,7 +109,7 @@ def _moved(row: _Numbers, x: _Numbers, y: _Numbers, lift: _Numbers | float) -> _
         y: (cols,) before the move.
         lift: sum of height and translation, per point or for all points.
     """
-    moved: _Numbers = row[0] * x + (row[1] * y)[:, None]
+    moved: Positions = row[0] * x + (row[1] * y)[:, None]
     moved += lift
     return moved
 
@@ -139,13 +136,13 @@ class _Points:
         steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
 
-    x: _Numbers
-    y: _Numbers
+    x: Positions
+    y: Positions
     heights: Layer
-    matrix: _Numbers
+    matrix: Positions
     steps: list[tuple[float, float]]
 
-    def moved(self, rows: slice, columns: slice) -> Iterator[list[_Numbers]]:
+    def moved(self, rows: slice, columns: slice) -> Iterator[list[Positions]]:
         """Yield, for every step, x, y, z (cols, rows) of the points; -inf in z where is none."""
         x, y = self.x[rows], self.y[columns]
         z = self.heights.T[columns, rows].astype(np.float64)
@@ -192,7 +189,7 @@ class _Surface:
         values[self._is_empty] = np.nan
         return values.reshape(self.geometry.size, order="F")
 
-    def add(self, points: Iterable[list[_Numbers]], sources: _Indices) -> None:
+    def add(self, points: Iterable[list[Positions]], sources: _Indices) -> None:
         """Drop points onto the grid, several from each source.
 
         Of points of the same height, the one of the last source stays.
@@ -218,7 +215,7 @@ class _Surface:
         return ~np.isfinite(self._heights)
 
     def _landed(
-        self, x: _Numbers, y: _Numbers, z: _Numbers
+        self, x: Positions, y: Positions, z: Positions
     ) -> tuple[_Indices, npt.NDArray[np.float32]]:
         """Return the cells under points, counted column after column, and their heights.
 
@@ -237,9 +234,9 @@ class _Surface:
         cells += np.trunc(row, out=row)
         return cells.astype(np.intp).reshape(-1), heights.reshape(-1)
 
-    def _offsets(self, values: _Numbers, axis: int) -> _Numbers:
+    def _offsets(self, values: Positions, axis: int) -> Positions:
         """Return the distance of x or y from the corner in rows or columns, with fractions."""
-        offsets: _Numbers = values - 0.5 * self.geometry.length[axis]
+        offsets: Positions = values - 0.5 * self.geometry.length[axis]
         offsets -= self.geometry.position[axis]
         offsets /= -self.geometry.resolution
         return offsets

@@ -4,19 +4,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Mask, Positions, Size, as_pair, as_size, as_text
 from ..errors import OutOfMapError
 from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
-from ._assembly import empty_cells
-
-if TYPE_CHECKING:
-    from ..map._grid_map import GridMap
+from ._cells import empty_cells
 
 
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:

@@ -12,12 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Mask, Positions, as_number, as_numbers, as_pair, as_positions
+from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
 from ..errors import GeometryError
 from ..map._geometry import BORDER_TOLERANCE
 
-_CHUNK = 2**16
-"""Number of pairs of a point and an edge in a chunk, which fits into the cache."""
+_CHUNK = 2**16  # number of pairs of a point and an edge in a chunk, which fits into the cache
 
 
 class BoundingBox(NamedTuple):
@@ -76,7 +75,8 @@ class Polygon:
         Raises:
             GeometryError: there are too few vertices, or a number is negative or not finite.
         """
-        return cls(as_pair(center, "center") + _arc((_radius(radius), 0.0), _number(n, 2), 1.0))
+        start = as_finite(radius, "radius", least=0.0), 0.0
+        return cls(as_pair(center, "center") + _arc(start, _number(n, 2), 1.0))
 
     @classmethod
     def convex_hull_of_two_circles(
@@ -93,7 +93,7 @@ class Polygon:
             GeometryError: there are too few vertices, or a number is negative or not finite.
         """
         first, second = as_pair(center1, "center1"), as_pair(center2, "center2")
-        radius, n = _radius(radius), _number(n, 3)
+        radius, n = as_finite(radius, "radius", least=0.0), _number(n, 3)
         if (first == second).all():
             return cls.from_circle(first, radius, n)
         x, y = radius * _normalized(second - first)
@@ -189,7 +189,7 @@ class Polygon:
         if len(self._vertices) != 2 or (self._vertices[0] == self._vertices[1]).all():
             raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {self!r}")
         start, end = self._vertices
-        x, y = _finite(thickness, "thickness") * _normalized(end - start)
+        x, y = as_finite(thickness, "thickness") * _normalized(end - start)
         across = np.array([y, -x])
         return Polygon([start + across, start - across, end - across, end + across])
 
@@ -203,7 +203,7 @@ class Polygon:
         Raises:
             GeometryError: the polygon has no area, or the margin is not finite.
         """
-        margin = _finite(margin, "margin")
+        margin = as_finite(margin, "margin")
         if not len(self._vertices):
             return self
         corners, of_vertex = self._corners()
@@ -332,30 +332,14 @@ def _arc(start: tuple[float, float], n: int, turns: float) -> Positions:
 def _chain(points: list[list[float]]) -> list[list[float]]:
     """Return the half of a convex hull to the right of sorted points."""
     chain: list[list[float]] = []
-    for point in points:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0.0:
+    for x, y in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:  # a turn to the left
+                break
             chain.pop()
-        chain.append(point)
+        chain.append([x, y])
     return chain
-
-
-def _turn(a: list[float], b: list[float], c: list[float]) -> float:
-    """Return a positive number if the path a, b, c turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _finite(value: object, name: str) -> float:
-    number = as_number(value, name)
-    if not math.isfinite(number):
-        raise GeometryError(f"{name}: expected a finite number, got {value!r}")
-    return number
-
-
-def _radius(value: object) -> float:
-    radius = _finite(value, "radius")
-    if radius < 0:
-        raise GeometryError(f"radius: expected a finite number >= 0, got {value!r}")
-    return radius
 
 
 def _number(n: int, least: int) -> int:

@@ -7,15 +7,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import product
-from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from ..arrays._checks import Layer, Size, as_number
+from ..arrays._checks import Layer, Size, as_finite
 from ..errors import GeometryError, GridMapError
-
-if TYPE_CHECKING:
-    from ..map._grid_map import GridMap
+from ..map._grid_map import GridMap
 
 EdgeHandling: TypeAlias = Literal["inside", "crop", "empty", "mean"]
 """Treatment of a window that reaches beyond the map: it is left out, cropped to the map, padded
@@ -100,9 +98,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
             f"window_size, window_length: expected one of them, got {size!r} and {length!r}"
         )
     if length is not None:
-        meters = as_number(length, "window_length")
-        if not (math.isfinite(meters) and meters > 0):
-            raise GeometryError(f"window_length: expected a length > 0 [m], got {length!r}")
+        meters = as_finite(length, "window_length", "a length > 0 [m]", above=0.0)
         cells = math.floor(meters / resolution + 0.5)
         return cells if cells % 2 else cells + 1
     if not isinstance(size, int | np.integer) or size < 1 or size % 2 == 0:

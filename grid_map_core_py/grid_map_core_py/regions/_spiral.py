@@ -6,25 +6,22 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Integers, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._grid_map import GridMap
 from ..map._ring_buffer import close_ring, place
-from ._assembly import checked_radius, empty_cells
-from ._circle import circle_cells
+from ._cells import checked_radius, empty_cells
+from ._shapes import circle_cells
 
-if TYPE_CHECKING:
-    from ..map._grid_map import GridMap
-
+# Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells.
 KEPT_RINGS = 128
-"""Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells."""
 
+# Largest distance [cells] from the map, so that squares of distances are exact integers.
 FAR = 2.0**30
-"""Largest distance [cells] from the map, so that squares of distances are exact integers."""
 
 
 def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:

@@ -1,0 +1,137 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cells of discs, ellipses and polygons, and chords of discs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays._checks import Cells, Integers, Mask, Positions, as_finite, as_pair
+from ..errors import GeometryError
+from ..map._geometry import BORDER_TOLERANCE
+from ..map._grid_map import GridMap
+from ._cells import bands, cells_of_mask, cells_of_runs, checked_radius, empty_cells
+from ._polygon import Polygon, edge_x
+
+
+def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
+    """Return the cells (rows, cols) whose center is in a disc, row after row.
+
+    The disc is closed: a center within 1e-9 m of the rim is inside. Cells beyond the map are left
+    out.
+
+    Args:
+        center: (2,) center of the disc [m]; it may be outside the map.
+        radius: [m], not negative.
+
+    Raises:
+        GeometryError: the radius is negative, or a number is not finite.
+    """
+    limit, center = checked_radius(radius), as_pair(center, "center")
+    rows, _ = grid_map.geometry.box(center - limit, center + limit)
+    x, y = grid_map.geometry.axes_in_map_order()
+    # The run of a row that misses the disc is empty: its half chord is negative.
+    half = half_chords(limit, x[rows] - center[0])
+    start = (-y).searchsorted(-(center[1] + half), side="left")
+    stop = (-y).searchsorted(-(center[1] - half), side="right")
+    return cells_of_runs(grid_map, rows.start, start, stop)
+
+
+def half_chords(radius: float, distances: Positions) -> Positions:
+    """Return half the lengths of chords of a disc; negative for lines that miss the disc.
+
+    Args:
+        radius: radius of the disc, more than 0. Add `BORDER_TOLERANCE` [m] to include cell centers
+            on the rim, as `circle_cells` does.
+        distances: (...) from the center of the disc to the chords, in the unit of the radius.
+    """
+    # Dividing by the radius first keeps the squares from overflowing.
+    across = distances / radius
+    rest = (1.0 - across) * (1.0 + across)
+    halves: Positions = radius * np.copysign(np.sqrt(np.abs(rest)), rest)
+    return halves
+
+
+def ellipse_cells(
+    grid_map: GridMap, center: ArrayLike, length: ArrayLike, rotation: float = 0.0
+) -> Cells:
+    """Return the cells (rows, cols) whose center is in an ellipse, row after row.
+
+    With u and v the coordinates along the axes, these are the centers with
+    u^2 / (length_x / 2)^2 + v^2 / (length_y / 2)^2 <= 1, in floating point: unlike the rim of
+    `circle_cells`, this one has no tolerance. Cells beyond the map are left out.
+
+    Args:
+        center: (2,) center of the ellipse [m]; it may be outside the map.
+        length: (2,) lengths of the full axes [m], along x and y before the rotation; if one is 0,
+            there are no cells.
+        rotation: counter-clockwise [rad].
+
+    Raises:
+        GeometryError: a length is negative, or a number is not finite.
+    """
+    center, half_axes = as_pair(center, "center"), 0.5 * as_pair(length, "length")
+    if (half_axes < 0).any():
+        raise GeometryError(f"length: expected no negative numbers, got {length!r}")
+    angle = as_finite(rotation, "rotation", "a finite angle [rad]")
+    cosine, sine = math.cos(angle), math.sin(angle)
+    (a, b), (squared_a, squared_b) = half_axes, half_axes**2
+    reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
+    reach += BORDER_TOLERANCE
+    rows, columns = grid_map.geometry.box(center - reach, center + reach)
+    x, y = grid_map.geometry.axes_in_map_order()
+    x, y = x[rows, None] - center[0], y[columns] - center[1]
+
+    def is_inside(x: Positions) -> Mask:
+        along, across = cosine * x + sine * y, sine * x - cosine * y
+        return np.asarray(along**2 / squared_a + across**2 / squared_b <= 1.0)
+
+    mask: Mask = np.empty((x.size, y.size), dtype=np.bool_)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        for band in bands(mask):
+            mask[band] = is_inside(x[band])
+    return cells_of_mask(grid_map, rows, columns, mask)
+
+
+def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
+    """Return the cells (rows, cols) whose center is in a polygon, row after row.
+
+    They are those whose center `Polygon.is_inside` takes, without the cells beyond the map.
+
+    Args:
+        polygon: a polygon, or its (V, 2) vertices [m].
+
+    Raises:
+        GeometryError: the vertices have another shape or are not finite.
+    """
+    vertices = Polygon.of(polygon).vertices
+    if not len(vertices):
+        return empty_cells(0)
+    rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
+    x, y = grid_map.geometry.axes_in_map_order()
+    x, y = x[rows], y[columns]
+    # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
+    start, end, crossed = _crossings(y, vertices)
+    first_below = (-x).searchsorted(-edge_x(start, end, y[crossed]), side="right")
+    flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
+    np.add.at(flips.reshape(-1), first_below * y.size + crossed, np.uint8(1))
+    np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
+    flips &= 1
+    return cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
+
+
+def _crossings(y: Positions, vertices: Positions) -> tuple[Positions, Positions, Integers]:
+    """Return for every crossing of an edge and a column the edge's two ends and the column.
+
+    As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
+    """
+    below = (-y).searchsorted(-vertices[:, 1], side="right")
+    before = np.arange(-1, below.size - 1)
+    first = np.minimum(below, below[before])
+    counts = np.abs(below - below[before])
+    edges = np.arange(len(vertices)).repeat(counts)
+    columns = np.arange(edges.size) + (first + counts - counts.cumsum()).repeat(counts)
+    return vertices[edges], vertices[edges - 1], columns
