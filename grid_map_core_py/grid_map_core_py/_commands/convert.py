@@ -21,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     add_destination(parser)
     add_layers(parser, "convert this layer, instead of all")
-    parser.add_argument("--frame", help="frame of the map, in place of that of the source")
+    parser.add_argument(
+        "--frame", help="coordinate frame of the map (default: frame of the source)"
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     add_choice_of_map(parser, "all, if the destination is a bag, else the last one")
 

@@ -24,8 +24,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     add_choice_of_map(parser)
     add_layers(parser, "show this layer, instead of all")
-    parser.add_argument("--bins", type=int, default=16, help="of the histograms (%(default)s)")
-    parser.add_argument("--histogram", action="store_true", help="show the histograms at length")
+    parser.add_argument(
+        "--bins", type=int, default=16, help="number of bins of the histograms (%(default)s)"
+    )
+    parser.add_argument("--histogram", action="store_true", help="show every bin of the histograms")
     add_json(parser)
 
 

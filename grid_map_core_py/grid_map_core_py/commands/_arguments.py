@@ -22,29 +22,39 @@ def add_source(parser: argparse.ArgumentParser, help: str = SOURCES) -> None:  #
     group.add_argument(
         "--resolution", type=float, help="clouds, meshes, height images: side of a cell [m]"
     )
-    group.add_argument("--black", type=float, help="height images, also written: height of black")
-    group.add_argument("--white", type=float, help="height images, also written: height of white")
-    group.add_argument("--height-layer", metavar="NAME", help="their layer (elevation)")
+    group.add_argument(
+        "--black", type=float, help="height images, read or written: height of black [m]"
+    )
+    group.add_argument(
+        "--white", type=float, help="height images, read or written: height of white [m]"
+    )
+    group.add_argument(
+        "--height-layer", metavar="NAME", help="name of the layer of heights (elevation)"
+    )
     group.add_argument(
         "--as",
         dest="kind",
         choices=("points", "mesh"),
-        help="clouds and meshes: (mesh, if there are faces)",
+        help="clouds and meshes: read as (mesh if the file has faces)",
     )
     group.add_argument(
         "--reduce",
         dest="reduction",
         choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
-        help="clouds: height of the points in a cell (max)",
+        help="clouds: reduction of the heights in a cell (max)",
     )
-    group.add_argument("--min-height", type=float, help="clouds: leave out points below [m]")
-    group.add_argument("--max-height", type=float, help="clouds: leave out points above [m]")
+    group.add_argument(
+        "--min-height", type=float, help="clouds: smallest height of points that are used [m]"
+    )
+    group.add_argument(
+        "--max-height", type=float, help="clouds: largest height of points that are used [m]"
+    )
 
 
 def add_choice_of_map(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
     """Add which map of a bag to take."""
     group = parser.add_argument_group("bags")
-    topic = group.add_argument("--topic", help="of the maps, if the bag has several")
+    topic = group.add_argument("--topic", help="topic of the maps, if the bag has several")
     completed(topic, complete_topics)
     group.add_argument(
         "--index", type=int, help=f"which map, 0 is the first, -1 the last ({which})"
@@ -67,20 +77,26 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
         "layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
-    group.add_argument("-f", "--force", action="store_true", help="replace what is there")
+    group.add_argument("-f", "--force", action="store_true", help="replace existing files")
     completed(
         group.add_argument("--to", metavar="FORMAT", help=_FORMAT),
         partial(complete_formats, writes=True),
     )
     group.add_argument(
-        "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: smaller files"
+        "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: compress the file"
     )
     group.add_argument(
-        "--bits", type=int, choices=(8, 16, 32), help="images: of a pixel (16, 32 for .tif)"
+        "--bits", type=int, choices=(8, 16, 32), help="images: bits per pixel (16; 32 for .tif)"
     )
-    group.add_argument("--mode", choices=("trinary", "scale", "raw"), help="map_server (trinary)")
-    group.add_argument("--crs", help="GeoTIFF: such as EPSG:25832 (that of a GeoTIFF source)")
-    group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: format (mcap)")
+    group.add_argument(
+        "--mode",
+        choices=("trinary", "scale", "raw"),
+        help="map_server: mode of the image (trinary)",
+    )
+    group.add_argument(
+        "--crs", help="GeoTIFF: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
+    )
+    group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format (mcap)")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
 

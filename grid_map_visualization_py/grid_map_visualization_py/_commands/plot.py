@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
     parser.add_argument("picture", type=Path, help=f"file that ends in {', '.join(ENDINGS)}")
-    parser.add_argument("-f", "--force", action="store_true", help="replace what is there")
+    parser.add_argument("-f", "--force", action="store_true", help="replace existing files")
     add_choice_of_map(parser)
     add_style(parser)
 
@@ -58,8 +58,8 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     _add_layer(picture, "--color-layer", "not flat: layer that gives the colors (the heights)")
     picture.add_argument("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
     _add_layer(picture, "--shade-by", "flat: heights that the light falls on (no light)")
-    picture.add_argument("--exaggeration", type=float, help="factor on the heights (1)")
-    picture.add_argument("--title", help="above the picture (layer and frame)")
+    picture.add_argument("--exaggeration", type=float, help="factor that scales the heights (1)")
+    picture.add_argument("--title", help="text above the picture (layer and frame)")
     picture.add_argument("--dpi", type=float, default=110.0, help="pixels per inch (110)")
     colors = parser.add_argument_group("colors")
     colors.add_argument(
@@ -68,7 +68,7 @@ def add_style(parser: argparse.ArgumentParser) -> None:
         help="color: packed colors (for layers whose name ends in color)",
     )
     completed(
-        colors.add_argument("--color-map", help="name in Matplotlib (viridis)"),
+        colors.add_argument("--color-map", help="color map of Matplotlib (viridis)"),
         complete_color_maps,
     )
     colors.add_argument("--lower", type=float, help="value at the lower end (the smallest)")
@@ -76,7 +76,7 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     colors.add_argument(
         "--invert", action="store_const", const=True, help="swap the ends of the color map"
     )
-    colors.add_argument("--label", help="of the color bar (the name of the layer)")
+    colors.add_argument("--label", help="label of the color bar (name of the layer)")
 
 
 def complete_color_maps(**_: Any) -> list[str]:

@@ -27,15 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     add_choice_of_map(parser)
     completed(
-        parser.add_argument("--layer", help="of the heights (elevation, or the first)"),
+        parser.add_argument("--layer", help="layer of the heights (elevation, or the first layer)"),
         complete_layers,
     )
     completed(
-        parser.add_argument("--color-layer", default="", help="of the colors (the heights)"),
+        parser.add_argument(
+            "--color-layer", default="", help="layer of the colors (layer of the heights)"
+        ),
         complete_layers,
     )
     completed(
-        parser.add_argument("--color-map", default="viridis", help="of Matplotlib (%(default)s)"),
+        parser.add_argument(
+            "--color-map", default="viridis", help="color map of Matplotlib (%(default)s)"
+        ),
         complete_color_maps,
     )
     parser.add_argument(
@@ -43,10 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     page = parser.add_argument_group("page")
     page.add_argument(
-        "--host", default="127.0.0.1", help="address to serve at (%(default)s: this machine alone)"
+        "--host", default="127.0.0.1", help="address to serve at (%(default)s: this machine only)"
     )
-    page.add_argument("--port", type=int, default=8080, help="(%(default)s); 0 takes a free one")
-    page.add_argument("--open", action="store_true", help="open a browser, too")
+    page.add_argument(
+        "--port",
+        type=int,
+        default=8080,
+        help="port of the page (%(default)s); 0 selects a free port",
+    )
+    page.add_argument("--open", action="store_true", help="also open a browser")
 
 
 def run(options: argparse.Namespace) -> int:

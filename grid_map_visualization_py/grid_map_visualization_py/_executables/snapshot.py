@@ -68,7 +68,7 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
         prog="snapshot",
         description="Draw the next map of a topic. For maps in files there is 'grid-map plot'.",
     )
-    parser.add_argument("--topic", default="/grid_map", help="of the maps (%(default)s)")
+    parser.add_argument("--topic", default="/grid_map", help="topic of the maps (%(default)s)")
     parser.add_argument(
         "--timeout", type=float, default=10.0, help="longest time to wait for a map [s] (10)"
     )
