@@ -53,7 +53,12 @@ class GridMapServerNode(Node):
         about = "topic of the map, published whenever it changes"
         topic = _read_topic(self, "output_topic", "/grid_map", about)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
-        self._begin()
+        about = "bag whose last map is loaded at the start; empty means none"
+        path = read_parameter(self, "file_path", str, "", description=about)
+        about = "topic in that bag; empty means the only topic with maps"
+        bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
+        if path:
+            self._take(load_from_bag(path, bag_topic or None, unwrap=False))
         self._subscribe()
         for kind, name, callback in (
             (GetGridMap, "get_grid_map", self._on_get_grid_map),
@@ -64,14 +69,6 @@ class GridMapServerNode(Node):
         ):
             self.create_service(kind, f"~/{name}", callback)
         self.get_logger().info(f"serves {self._publisher.topic_name}")
-
-    def _begin(self) -> None:
-        about = "bag whose last map is loaded at the start; empty means none"
-        path = read_parameter(self, "file_path", str, "", description=about)
-        about = "topic in that bag; empty means the only topic with maps"
-        topic = read_parameter(self, "bag_topic", str, "", description=about)
-        if path:
-            self._take(load_from_bag(path, topic or None, unwrap=False))
 
     def _subscribe(self) -> None:
         topic = _read_topic(self, "input_topic", "", "topic of maps to serve; empty means none")

@@ -75,10 +75,15 @@ def from_grid_cells(
     timestamp = from_stamp(message.header.stamp)
     side = _side(message, resolution)
     centers = _centers(message)
-    if geometry is None:
-        geometry = _covering(centers, side)
-    else:
+    if geometry is not None:
         _side(message, geometry.resolution)
+    elif not len(centers):
+        raise MessageError("cells", "a cell, or a geometry for the map", [])
+    else:
+        lower, upper = centers.min(axis=0) - 0.5 * side, centers.max(axis=0) + 0.5 * side
+        with np.errstate(over="ignore"):
+            check_cells("cells", (upper - lower) / side)
+        geometry = fitting_geometry(lower, upper, side, hold_edges=False)
     (rows, cols), inside = geometry.cells_at(centers)
     values = np.full(geometry.size, np.nan, np.float32, order="F")
     values[rows[inside], cols[inside]] = COVERED
@@ -155,12 +160,3 @@ def _centers(message: "GridCells") -> npt.NDArray[np.float64]:
         index = int(np.argmin(finite))
         raise MessageError(f"cells[{index}]", "finite coordinates", pairs[index])
     return centers
-
-
-def _covering(centers: npt.NDArray[np.float64], side: float) -> GridGeometry:
-    if not len(centers):
-        raise MessageError("cells", "a cell, or a geometry for the map", [])
-    lower, upper = centers.min(axis=0) - 0.5 * side, centers.max(axis=0) + 0.5 * side
-    with np.errstate(over="ignore"):
-        check_cells("cells", (upper - lower) / side)
-    return fitting_geometry(lower, upper, side, hold_edges=False)

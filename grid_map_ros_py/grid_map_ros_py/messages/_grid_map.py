@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid_map_msgs/GridMap` and `GridMap`."""
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -112,7 +111,9 @@ def from_message(
     geometry = from_info(message.info)
     views = _layer_views(message, geometry.size)
     start = received_start(message, geometry.size)
-    _check_basic_layers(message)
+    for index, name in enumerate(message.basic_layers):
+        if name not in message.layers:
+            raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
     names = select_layers(views, layers)
     grid_map = GridMap.from_geometry(
         geometry, frame_id=message.header.frame_id, timestamp=from_stamp(message.header.stamp)
@@ -145,16 +146,14 @@ def from_info(info: "GridMapInfo", field: str = "info") -> GridGeometry:
     """
     resolution = check_positive(f"{field}.resolution", info.resolution)
     for name in ("length_x", "length_y"):
-        _check_length(f"{field}.{name}", getattr(info, name), resolution)
+        length = check_positive(f"{field}.{name}", getattr(info, name))
+        cells = length / resolution
+        if not (cells + 0.5 >= 1 and cells <= LARGEST_SIDE):
+            expected = f"1 to {LARGEST_SIDE} cells of {resolution} m"
+            raise MessageError(f"{field}.{name}", expected, length)
     position = check_position(f"{field}.pose.position", info.pose.position)
     check_unrotated(f"{field}.pose.orientation", info.pose.orientation)
     return GridGeometry(np.array([info.length_x, info.length_y]), resolution, np.array(position))
-
-
-def _check_length(field: str, length: float, resolution: float) -> None:
-    cells = check_positive(field, length) / resolution
-    if not (math.floor(min(cells, LARGEST_SIDE) + 0.5) >= 1 and cells <= LARGEST_SIDE):
-        raise MessageError(field, f"1 to {LARGEST_SIDE} cells of {resolution} m", length)
 
 
 def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
@@ -181,12 +180,6 @@ def received_start(message: "GridMapMessage", size: Size) -> Size:
         if not 0 <= index < cells:
             raise MessageError(f"{name}_start_index", f"0 to {cells - 1}", index)
     return start
-
-
-def _check_basic_layers(message: "GridMapMessage") -> None:
-    for index, name in enumerate(message.basic_layers):
-        if name not in message.layers:
-            raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
 
 
 def _layer(view: Layer, start: Size, *, copy: bool) -> Layer:

@@ -75,13 +75,21 @@ def from_multi_array(
     """
     column_major = _is_column_major(message.layout.dim, f"{field}.layout.dim")
     shape = size[::-1] if column_major else size
-    for axis, (dim, cells) in enumerate(zip(message.layout.dim, shape, strict=True)):
-        if dim.size != cells:
-            expected = f"{cells} ({dim.label} of {size[0]} x {size[1]} cells)"
+    for axis, (dim, count) in enumerate(zip(message.layout.dim, shape, strict=True)):
+        if dim.size != count:
+            expected = f"{count} ({dim.label} of {size[0]} x {size[1]} cells)"
             raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
-    _check_count(message, size, field)
-    _check_strides(message, shape, field)
-    values: Layer = np.asarray(message.data)[message.layout.data_offset :].reshape(shape)
+    offset, cells = message.layout.data_offset, size[0] * size[1]
+    if len(message.data) != offset + cells:
+        expected = f"{offset + cells} values ({size[0]} x {size[1]} cells"
+        expected += f" after data_offset {offset})" if offset else ")"
+        raise MessageError(f"{field}.data", expected, len(message.data))
+    strides = (0, 1, *shape, cells)
+    for axis, dim in enumerate(message.layout.dim):
+        if dim.stride not in strides:
+            expected = f"one of {strides}, as there is no padding"
+            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
+    values: Layer = np.asarray(message.data)[offset:].reshape(shape)
     return values.T if column_major else values
 
 
@@ -95,19 +103,3 @@ def _is_column_major(dim: "list[MultiArrayDimension]", field: str) -> bool:
     if second != other:
         raise MessageError(f"{field}[1].label", f"{other!r} after {first!r}", second)
     return bool(first == COLUMN_LABEL)
-
-
-def _check_strides(message: "Float32MultiArray", shape: Size, field: str) -> None:
-    strides = (0, 1, *shape, shape[0] * shape[1])
-    for axis, dim in enumerate(message.layout.dim):
-        if dim.stride not in strides:
-            expected = f"one of {strides}, as there is no padding"
-            raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
-
-
-def _check_count(message: "Float32MultiArray", size: Size, field: str) -> None:
-    offset = message.layout.data_offset
-    if len(message.data) != offset + size[0] * size[1]:
-        expected = f"{offset + size[0] * size[1]} values ({size[0]} x {size[1]} cells"
-        expected += f" after data_offset {offset})" if offset else ")"
-        raise MessageError(f"{field}.data", expected, len(message.data))

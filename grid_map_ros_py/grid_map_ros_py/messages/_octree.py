@@ -238,7 +238,13 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
         MessageError: there are more than `MOST_VOXELS`.
     """
     levels = {level.depth: level for level in leaves}
-    count = sum(_count_within(level, first, last) for level in levels.values())
+    count = 0
+    for level in levels.values():
+        start = level.keys.compress(level.occupied, axis=1) * np.int32(level.side)
+        end = np.minimum(start + np.int32(level.side), last[:, None] + 1)
+        overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
+        # In floats, where no product overflows.
+        count += int(overlap.prod(axis=0, dtype=np.float64).sum())
     if count > MOST_VOXELS:
         raise MessageError("data", f"at most {MOST_VOXELS} occupied voxels", count)
     keys = np.empty((3, 0), np.int32)
@@ -251,15 +257,6 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
         within = (keys >= (first >> shift)[:, None]) & (keys <= (last >> shift)[:, None])
         keys = keys.compress(within.all(axis=0), axis=1)
     return keys
-
-
-def _count_within(leaves: Leaves, first: Voxel, last: Voxel) -> int:
-    """Return the number of voxels of a box that occupied leaves cover."""
-    start = leaves.keys.compress(leaves.occupied, axis=1) * np.int32(leaves.side)
-    end = np.minimum(start + np.int32(leaves.side), last[:, None] + 1)
-    overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
-    # Floats, because products of integers could overflow.
-    return int(overlap.prod(axis=0, dtype=np.float64).sum())
 
 
 def _raise_to(

@@ -50,8 +50,15 @@ def to_point_cloud(
     names = select_layers(grid_map.layers, layers)
     if point_layer not in names:
         names = (point_layer, *names)
-    fields = [field for name in names for field in _fields_of(name, point_layer, names)]
-    _check_unique(fields)
+    fields: list[str] = []
+    for name in names:
+        if name == point_layer:
+            fields += AXES
+        else:
+            fields.append("rgb" if name == "color" and "rgb" not in names else name)
+    for axis in AXES:
+        if fields.count(axis) > 1:
+            raise MessageError("fields", f"no layer called {axis!r} beside the coordinates", fields)
     valid = grid_map.valid_mask((point_layer, *grid_map.basic_layers))
     return _message(grid_map, fields, _interleaved(grid_map, names, point_layer, valid))
 
@@ -77,20 +84,6 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
     return to_point_cloud(
         grid_map.with_layers({FLAT_LAYER: flat}), FLAT_LAYER, [*others, FLAT_LAYER]
     )
-
-
-def _fields_of(name: str, point_layer: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    if name == point_layer:
-        return AXES
-    if name == "color" and "rgb" not in names:
-        return ("rgb",)
-    return (name,)
-
-
-def _check_unique(fields: list[str]) -> None:
-    for name in AXES:
-        if fields.count(name) > 1:
-            raise MessageError("fields", f"no layer called {name!r} beside the coordinates", fields)
 
 
 def _interleaved(

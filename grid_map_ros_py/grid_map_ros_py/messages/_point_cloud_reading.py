@@ -131,7 +131,7 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
             it, the expected and the actual value.
     """
     check_layout(message)
-    return {field.name: _column(message, field) for field in message.fields}
+    return {field.name: _view(message, field) for field in message.fields}
 
 
 def read_columns(
@@ -155,7 +155,7 @@ def read_columns(
     axes = [_one_number(message, name) for name in AXES]
     chosen = _chosen(message, fields)
     names = layer_names(message)
-    columns = {names[field.name]: _column(message, field) for field in chosen}
+    columns = {names[field.name]: _view(message, field) for field in chosen}
     return _positions(message, axes), columns
 
 
@@ -221,12 +221,6 @@ def _chosen(message: "PointCloud2", names: Iterable[str] | None) -> "list[PointF
     return others
 
 
-def _column(message: "PointCloud2", field: "PointField") -> npt.NDArray[Any]:
-    """Return the values (N,) or (N, count) of a field."""
-    shape = (field.count,) if field.count > 1 else ()
-    return _view(message, field, shape)
-
-
 def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
     """Return x, y, z as (N, 3)."""
     x = axes[0]
@@ -236,14 +230,18 @@ def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[
         for k, axis in enumerate(axes)
     )
     if side_by_side and TYPES[x.datatype].kind == "f":
-        return _view(message, x, (3,))
-    columns = [_column(message, axis) for axis in axes]
+        return _view(message, x, 3)
+    columns = [_view(message, axis) for axis in axes]
     dtype = np.result_type(np.float32, *columns)
     return np.stack(columns, axis=1, dtype=dtype, casting="unsafe")
 
 
-def _view(message: "PointCloud2", first: "PointField", shape: tuple[int, ...]) -> npt.NDArray[Any]:
-    """Return (N, *shape) adjacent numbers of every point, starting at a field."""
+def _view(
+    message: "PointCloud2", first: "PointField", count: int | None = None
+) -> npt.NDArray[Any]:
+    """Return (N,) or (N, count) adjacent numbers of every point, starting at a field."""
+    count = first.count if count is None else count
+    shape = (count,) if count > 1 else ()
     rows, dtype = (message.height, message.width), TYPES[first.datatype]
     if not message.height * message.width:
         return np.empty((0, *shape), dtype)

@@ -40,8 +40,7 @@ def to_polygon(
         MessageError: the timestamp, the height or a vertex does not fit the message.
     """
     messages = messages_of("geometry_msgs")
-    message = messages.PolygonStamped()
-    _set_header(message, frame_id, timestamp)
+    message = _stamped(messages.PolygonStamped(), frame_id, timestamp)
     vertices = _raised(polygon.vertices, height)
     with np.errstate(over="ignore"):
         single = vertices.astype(np.float32)
@@ -96,7 +95,7 @@ def to_line_marker(
             is invalid.
         GeometryError: the color does not have four components from 0 to 1.
     """
-    marker = _marker(frame_id, timestamp)
+    marker = _stamped(messages_of("visualization_msgs").Marker(), frame_id, timestamp)
     marker.type = marker.LINE_STRIP
     marker.scale.x = as_number(line_width, "line_width")
     if not 0 <= marker.scale.x < math.inf:
@@ -117,7 +116,7 @@ def to_triangle_list_marker(
 
     Arguments and errors: see `to_line_marker`. There is one color per triangle.
     """
-    marker = _marker(frame_id, timestamp)
+    marker = _stamped(messages_of("visualization_msgs").Marker(), frame_id, timestamp)
     marker.type = marker.TRIANGLE_LIST
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     # The fan of `Polygon.triangulate`, without an object for every triangle.
@@ -125,12 +124,6 @@ def to_triangle_list_marker(
     corners = np.arange(count)[:, None] + (0, 1, 2)
     corners[:, 0] = 0
     return _filled(marker, polygon.vertices[corners.ravel()], height, color, count)
-
-
-def _marker(frame_id: str, timestamp: int) -> "Marker":
-    marker = messages_of("visualization_msgs").Marker()
-    _set_header(marker, frame_id, timestamp)
-    return marker
 
 
 def _filled(
@@ -157,5 +150,6 @@ def _raised(vertices: npt.NDArray[np.float64], height: float) -> npt.NDArray[np.
     return np.pad(vertices, ((0, 0), (0, 1)), constant_values=((0, 0), (0, height)))
 
 
-def _set_header(message: Any, frame_id: str, timestamp: int) -> None:
+def _stamped(message: Any, frame_id: str, timestamp: int) -> Any:
     message.header.frame_id, message.header.stamp = frame_id, to_stamp(timestamp)
+    return message
