@@ -92,12 +92,9 @@ def _fingerprint(kind: str, *sources: Path) -> str:
     return digest(RECIPE, kind, str(ROOT), *python, *(path.read_bytes() for path in sources))
 
 
-def _stamp(venv: Path) -> Path:
-    return venv / ".complete"
-
-
 def _is_complete(venv: Path, fingerprint: str) -> bool:
-    return _stamp(venv).exists() and _stamp(venv).read_text() == fingerprint
+    stamp = venv / ".complete"
+    return stamp.exists() and stamp.read_text() == fingerprint
 
 
 def _ensure_venv(
@@ -110,7 +107,7 @@ def _ensure_venv(
     """Make `venv` again unless it is complete and has this `fingerprint`."""
     if _is_complete(venv, fingerprint):
         return
-    stamp = _stamp(venv)
+    stamp = venv / ".complete"
     say(f"Making {venv.name} with Python {platform.python_version()}; this takes minutes, once ...")
     # The stamp goes first, so that a removal that is cut short leaves none behind.
     stamp.unlink(missing_ok=True)
@@ -135,11 +132,7 @@ def _install_ros(outer: Mapping[str, str]) -> None:
     _pip(VENV, outer, "-r", REQUIREMENTS, "-c", CONSTRAINTS)
     # A requirement of ROS brings the outdated lark-parser, whose files are on top of lark's.
     _pip(VENV, outer, "--force-reinstall", "--no-deps", *_pins_of(["lark"]))
-    _point_cmake_here()
-
-
-def _point_cmake_here() -> None:
-    """Replace the Python paths of the build machine in the CMake files of the wheels."""
+    # The CMake files of the wheels name the Python paths of the machine that built them.
     there = r"/opt/python/cp\d+-cp\d+"
     numpy = SITE_PACKAGES / "numpy" / "_core" / "include"
     for path in (VENV / "share").rglob("*.cmake"):

@@ -81,7 +81,10 @@ def check(outer: Mapping[str, str], ros: bool) -> None:
             f"Wheels of ROS 2 exist for x86-64 Linux only, and this is {system}: install ROS 2"
             " Jazzy and source it, or work in a container that has it."
         )
-    lacking = _lacking_programs(outer, ros) | (_lacking_modules() if ros else {})
+    lacking = _lacking_programs(outer, ros)
+    if ros:
+        absent = (module for module in BESIDE_ROS if importlib.util.find_spec(module) is None)
+        lacking |= {module: BESIDE_ROS[module] for module in absent}
     if lacking:
         raise Refusal(
             f"This machine lacks {', '.join(lacking)}: install what is missing (Debian and Ubuntu:"
@@ -107,11 +110,3 @@ def _lacking_programs(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
         "colcon": ("python3-colcon-common-extensions", ros and absent("colcon")),
     }
     return {what: package for what, (package, missing) in needs.items() if missing}
-
-
-def _lacking_modules() -> dict[str, str]:
-    return {
-        module: package
-        for module, package in BESIDE_ROS.items()
-        if importlib.util.find_spec(module) is None
-    }

@@ -25,7 +25,7 @@ import os
 import re
 import sys
 import typing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -78,12 +78,12 @@ class Row:
 
 def rows_of_class(cls: type) -> list[Row]:
     """Return a row per parameter of a filter or visualization."""
-    hints, meanings = typing.get_type_hints(cls), attributes(cls)
-    return [
-        Row(field.name, kind(hints[field.name]), default_of(field), meanings.get(field.name, ""))
-        for field in dataclasses.fields(cls)
-        if field.init
-    ]
+    hints, meanings, rows = typing.get_type_hints(cls), attributes(cls), []
+    for field in filter(lambda field: field.init, dataclasses.fields(cls)):
+        name, has_default = field.name, field.default not in (dataclasses.MISSING, None)
+        default = written(name, field.default) if has_default else ""
+        rows.append(Row(name, kind(hints[name]), default, meanings.get(name, "")))
+    return rows
 
 
 def attributes(cls: type) -> dict[str, str]:
@@ -99,11 +99,6 @@ def attributes(cls: type) -> dict[str, str]:
             plain = re.sub(r'"([\w/]+)"', r"`\1`", " ".join(text.split()).rstrip("."))
             found |= dict.fromkeys(names.split(", "), plain)
     return found
-
-
-def default_of(field: "dataclasses.Field[Any]") -> str:
-    is_given = field.default is not dataclasses.MISSING and field.default is not None
-    return written(field.name, field.default) if is_given else ""
 
 
 # --- nodes ----------------------------------------------------------------------------------------
@@ -202,19 +197,6 @@ def table(name: str) -> str:
     return "\n".join([*head, *map(str, rows), ""])
 
 
-def refreshed(text: str) -> str:
-    """Return a page with current tables."""
-    return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n{found[3]}", text)
-
-
-def outdated(pages: Sequence[Path]) -> Iterator[tuple[Path, str]]:
-    """Yield the outdated pages with their current text."""
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        if text != (new := refreshed(text)):
-            yield page, new
-
-
 def main() -> int:
     """Write or check the tables; return the exit code."""
     parser = argparse.ArgumentParser(description="Write the tables of parameters, from the code.")
@@ -225,12 +207,17 @@ def main() -> int:
     options = parser.parse_args()
     # Nodes must not discover others.
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "OFF"
-    differing = list(outdated(options.pages or sorted((ROOT / "docs").rglob("*.md"))))
-    for page, text in differing:
-        print(page, "is outdated: run `make tables`" if options.check else "is written")
-        if not options.check:
-            page.write_text(text, encoding="utf-8")
-    return int(options.check and bool(differing))
+    code = 0
+    for page in options.pages or sorted((ROOT / "docs").rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        new = TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n{found[3]}", text)
+        if new != text and options.check:
+            print(page, "is outdated: run `make tables`")
+            code = 1
+        elif new != text:
+            page.write_text(new, encoding="utf-8")
+            print(page, "is written")
+    return code
 
 
 if __name__ == "__main__":

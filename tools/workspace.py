@@ -38,7 +38,7 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
     """Run `colcon build` for the packages whose sources differ from what is installed."""
     packages = sorted(path.parent for path in ROOT.glob("*/package.xml"))
     wanted = {package.name: _source_digest(package, fingerprint) for package in packages}
-    built = _read_built()
+    built = json.loads(BUILT.read_text()) if BUILT.exists() else {}
     current = {name: value for name, value in built.items() if wanted.get(name) == value}
     if wanted == built:
         return
@@ -52,10 +52,6 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
         say(f"Building {', '.join(outdated)} ...")
         run("colcon", "build", "--packages-select", *outdated, environ=inner)
     write_atomically(BUILT, json.dumps(wanted))
-
-
-def _read_built() -> dict[str, str]:
-    return dict(json.loads(BUILT.read_text())) if BUILT.exists() else {}
 
 
 def _source_digest(package: Path, fingerprint: str) -> str:

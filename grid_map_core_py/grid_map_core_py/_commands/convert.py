@@ -4,14 +4,8 @@
 
 import argparse
 from collections.abc import Iterator
-from contextlib import ExitStack
 
-from ..commands._arguments import (
-    add_choice_of_map,
-    add_destination,
-    add_layers,
-    add_source,
-)
+from ..commands._arguments import add_choice_of_map, add_destination, add_layers, add_source
 from ..commands._maps import Destination, TimedMap, open_records
 from ..commands._progress import ProgressBar
 
@@ -31,9 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Convert the maps of a file, and print their number."""
     destination = Destination(options)
-    with open_records(options, destination, options.layers) as records, ExitStack() as stack:
-        is_long = len(records) > 1 and not options.quiet
-        progress = stack.enter_context(ProgressBar()) if is_long else None
+    with (
+        open_records(options, destination, options.layers) as records,
+        ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
+    ):
 
         def maps() -> Iterator[TimedMap]:
             for done, record in enumerate(records, 1):
@@ -42,8 +37,7 @@ def run(options: argparse.Namespace) -> int:
                     grid_map.frame_id = options.frame
                 yield record.time, grid_map
                 del grid_map
-                if progress:
-                    progress(done, len(records))
+                progress(done, len(records))
 
         count = destination.write(maps())
     destination.tell(count)

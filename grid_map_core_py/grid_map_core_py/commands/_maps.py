@@ -10,7 +10,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -29,25 +29,19 @@ TimedMap: TypeAlias = "tuple[int | None, GridMap]"
 STANDARD = "-"
 """Names standard input or output, which are of the format npz."""
 
-_READING = {
-    **{name: name for name in ("topic", "index", "resolution", "height_layer", "kind")},
-    **{name: name for name in ("reduction", "min_height", "max_height")},
-    "black": "lower",
-    "white": "upper",
-}
-_WRITING = {
-    **{name: name for name in ("compress", "bits", "mode", "crs", "storage")},
-    "output_topic": "topic",
-    "black": "lower",
-    "white": "upper",
-}
-"""Options of the command line by where argparse keeps them, and their names in formats."""
+_READING = (
+    *("topic", "index", "resolution", "black", "white", "height_layer"),
+    *("kind", "reduction", "min_height", "max_height"),
+)
+_WRITING = ("compress", "bits", "mode", "crs", "storage", "output_topic", "black", "white")
+_NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
+"""Options of the command line by where argparse keeps them, and their other names in formats."""
 
 _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
 
 def _choose(
-    options: argparse.Namespace, names: Mapping[str, str], elsewhere: Iterable[str], *, writes: bool
+    options: argparse.Namespace, names: Iterable[str], elsewhere: Iterable[str], *, writes: bool
 ) -> "tuple[Format, dict[str, Any]]":
     """Return the format of the source or destination, and the options given for it.
 
@@ -64,11 +58,9 @@ def _choose(
 
     path = options.destination if writes else options.source
     wanted = options.to if writes else getattr(options, "from_format", None)
-    given = {
-        called: value
-        for name, called in names.items()
-        if (value := getattr(options, name, None)) is not None
-    }
+    values = {name: getattr(options, name, None) for name in names}
+    flags = {_NAMES.get(name, name): name for name in names if values[name] is not None}
+    given = {called: values[name] for called, name in flags.items()}
     if path == STANDARD:
         if wanted not in (None, "npz"):
             side = "output" if writes else "input"
@@ -80,8 +72,8 @@ def _choose(
             found = find(Path(path), given, name=wanted)
         except GridMapError:
             found = find(Path(path), name=wanted)
-    for name, called in names.items():
-        if called in given and called not in (*known(found), *elsewhere):
+    for called, name in flags.items():
+        if called not in (*known(found), *elsewhere):
             flag = _FLAGS.get(name, f"--{name.replace('_', '-')}")
             having = ", ".join(one.name for one in formats().values() if called in known(one))
             raise UsageError(f"{flag} is for {having}, and this is {found.name}")
@@ -256,11 +248,16 @@ class Destination:
             return self.format.save_maps(self.path, maps, **topic | self._given)
         count = 0
         for _, grid_map in maps:
-            if self.path == STANDARD:
-                self._write_to_standard_output(grid_map)
-            else:
-                self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
             count += 1
+            if self.path != STANDARD:
+                self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
+                continue
+            # An archive is not written from its beginning to its end.
+            with tempfile.TemporaryDirectory(prefix="grid-map-") as folder:
+                path = Path(folder, "map.npz")
+                self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
+                with path.open("rb") as file:
+                    shutil.copyfileobj(file, sys.stdout.buffer)
         if not count:
             raise CommandError(f"{self.path}: there is no map to write")
         return count
@@ -269,14 +266,6 @@ class Destination:
         """Print the number of maps that were written, unless they went to a pipe."""
         if self.path != STANDARD:
             message(f"{count} {'map' if count == 1 else 'maps'} in {self.path}")
-
-    def _write_to_standard_output(self, grid_map: "GridMap") -> None:
-        # Writing an archive needs seeking, which a pipe cannot do.
-        with tempfile.TemporaryDirectory(prefix="grid-map-") as folder:
-            path = Path(folder, "map.npz")
-            self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
-            with path.open("rb") as file:
-                shutil.copyfileobj(file, sys.stdout.buffer)
 
 
 def check_free(path: str, *, force: bool) -> None:

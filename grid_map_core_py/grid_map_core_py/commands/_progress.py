@@ -24,11 +24,17 @@ class ProgressBar:
     Args:
         stream: None means standard error.
         clock: returns the time [s].
+        quiet: show nothing.
     """
 
     def __init__(
-        self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        quiet: bool = False,
     ) -> None:
+        self._quiet = quiet
         self._stream = stream or sys.stderr
         self._clock = clock
         self._begin = clock()
@@ -65,8 +71,9 @@ class ProgressBar:
         self._shown = text
 
     def _write(self, text: str) -> None:
-        self._stream.write(text)
-        self._stream.flush()
+        if not self._quiet:
+            self._stream.write(text)
+            self._stream.flush()
 
 
 def progress_text(done: int, total: int | None, seconds: float) -> str:

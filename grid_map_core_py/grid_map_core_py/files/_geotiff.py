@@ -102,36 +102,41 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
         GridMapError: the file is damaged or no raster, its pixels are no squares along the axes, it
             lacks a layer, or rasterio is not installed.
     """
-    with _opened(path) as raster:
-        _warn_of_unit(raster, path)
-        names = _names(raster.descriptions)
+    with _opened(path) as (raster, names, basic, grid_map):
         wanted = select_layers(names, layers)
         found = {name: _read_band(raster, names.index(name) + 1) for name in wanted}
-        grid_map = _empty_map(raster).with_layers(found)
-        grid_map.basic_layers = [name for name in _basic_layers(raster) if name in found]
+        grid_map = grid_map.with_layers(found)
+        grid_map.basic_layers = [name for name in basic if name in found]
         return grid_map
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the metadata of the map in a file; raises the errors of `load_geotiff`."""
-    with _opened(path) as raster:
-        _warn_of_unit(raster, path)
-        names = _names(raster.descriptions)
-        basic = [name for name in _basic_layers(raster) if name in names]
+    """Return what the file tells about its map; errors are those of `load_geotiff`."""
+    with _opened(path) as (raster, names, basic, grid_map):
         crs = {"crs": raster.crs.to_string()} if raster.crs else {}
-        return {"map": crs | map_facts(_empty_map(raster), names, basic)}
+        basic = [name for name in basic if name in names]
+        return {"map": crs | map_facts(grid_map, names, basic)}
 
 
 @contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[Any]:
-    """Open a raster for reading."""
+def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, list[str], list[str], GridMap]]:
+    """Open a raster; yield it, the names of layers and basic layers, and the map without layers."""
     rasterio = _rasterio(path)
     with storage_errors(Path(path), "read"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             raster = rasterio.open(path)
         with raster:
-            yield raster
+            _warn_of_unit(raster, path)
+            tags = json.loads(raster.tags().get(_TAG, "{}"))
+            if not isinstance(tags, dict):
+                raise ValueError(f"its tag {_TAG} is damaged")
+            frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
+            grid_map = GridMap.from_geometry(
+                _geometry(raster), frame_id=frame_id, timestamp=timestamp
+            )
+            basic = [str(name) for name in tags.get("basic_layers", ())]
+            yield raster, _names(raster.descriptions), basic, grid_map
 
 
 def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
@@ -146,26 +151,8 @@ def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
         warnings.warn(
             f"{path}: is in {unit}, which are taken for meters; "
             "'gdalwarp -t_srs EPSG:...' projects it",
-            stacklevel=4,
+            stacklevel=6,
         )
-
-
-def _empty_map(raster: Any) -> GridMap:
-    """Return the map without its layers."""
-    tags = _tags(raster)
-    frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
-    return GridMap.from_geometry(_geometry(raster), frame_id=frame_id, timestamp=timestamp)
-
-
-def _basic_layers(raster: Any) -> list[str]:
-    return [str(name) for name in _tags(raster).get("basic_layers", ())]
-
-
-def _tags(raster: Any) -> dict[str, Any]:
-    tags = json.loads(raster.tags().get(_TAG, "{}"))
-    if not isinstance(tags, dict):
-        raise ValueError(f"its tag {_TAG} is damaged")
-    return tags
 
 
 def _rasterio(path: str | PathLike[str]) -> Any:

@@ -27,7 +27,12 @@ def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:
         if file.stat().st_size > largest:
             raise GridMapError(f"{file}: larger than {largest} bytes")
         text = file.read_bytes()
-        _check_depth(file, text)
+        depth = 0
+        for event in yaml.parse(text, _Loader):
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > _DEEPEST:
+                raise GridMapError(f"{file}: nested more than {_DEEPEST} times")
         return yaml.load(text, _Loader)
     except OSError as error:
         raise GridMapError(f"{file}: cannot be read: {error.strerror}") from error
@@ -35,12 +40,3 @@ def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:
     except (yaml.YAMLError, ValueError) as error:
         problem = " ".join(str(error).split())
         raise GridMapError(f"{file}: no valid YAML: {problem}") from error
-
-
-def _check_depth(file: Path, text: bytes) -> None:
-    depth = 0
-    for event in yaml.parse(text, _Loader):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEEPEST:
-            raise GridMapError(f"{file}: nested more than {_DEEPEST} times")

@@ -5,7 +5,7 @@
 import argparse
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, redirect_stdout
+from contextlib import redirect_stdout
 from typing import TYPE_CHECKING
 
 from grid_map_core_py.commands import (
@@ -58,9 +58,10 @@ def run(options: argparse.Namespace) -> int:
     destination = Destination(options, usual_topic="/filtered_map")
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
-    with open_records(options, destination) as records, ExitStack() as stack:
-        is_long = len(records) > 1 and not options.quiet
-        progress = stack.enter_context(ProgressBar()) if is_long else None
+    with (
+        open_records(options, destination) as records,
+        ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
+    ):
 
         def maps() -> "Iterator[tuple[int | None, GridMap]]":
             for filtered in filter_maps(
