@@ -167,14 +167,6 @@ def targets() -> list[Target]:
     result.append(
         Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message)
     )
-    cloud = serialize(to_point_cloud(grid_map, "elevation"))
-    result.append(
-        Target(
-            "PointCloud2, raw",
-            (cloud,),
-            lambda data: from_point_cloud(view(data, PointCloud2), resolution=0.1),
-        )
-    )
     result.append(
         Target(
             "Costmap",

@@ -84,6 +84,8 @@ def test_parameter_file_may_name_the_node_in_any_way(
     found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n", node)))
     assert found["tree"] == TREE
     assert (found["rate"], found["color"], found["names"]) == (2.0, 0, ["default"])
+    described = {"rate": "how often", "color": "", "filters.filter1.name": "what runs"}
+    assert found["descriptions"] == described
     assert found["declared"] == {
         "filter_chain_parameter_name": "STRING",
         "rate": "DOUBLE",
@@ -107,14 +109,6 @@ def test_parameter_file_may_name_the_node_in_any_way(
         "filters.filter2.params.weights": "DOUBLE_ARRAY",
         "filters.filter10.name": "STRING",
     }
-
-
-def test_parameters_carry_their_description_each_of_a_tree_too(
-    start: Start, tmp_path: Path
-) -> None:
-    found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n")))
-    described = {"rate": "how often", "color": "", "filters.filter1.name": "what runs"}
-    assert found["descriptions"] == described
 
 
 def test_numbers_are_read_as_the_kind_that_is_asked_for(start: Start, tmp_path: Path) -> None:

@@ -62,16 +62,11 @@ def test_signal_ends_the_node_with_exit_code_0(
     assert process.lines == ["alive\n", "destroyed\n"]
 
 
-def test_second_interrupt_ends_a_callback_that_never_comes_back(start: Start) -> None:
-    process = start("living.py", "stuck")
-    wait_until_alive(process)
-    interrupt_until_it_ends(process)
-    assert process.wait() == 0
-    assert process.lines == ["alive\n", "destroyed\n"]
-
-
-def test_interrupts_while_the_node_ends_change_nothing(start: Start) -> None:
-    process = start("living.py", "idle")
+@pytest.mark.parametrize("habit", ["idle", "stuck"])
+def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
+    start: Start, habit: str
+) -> None:
+    process = start("living.py", habit)
     wait_until_alive(process)
     interrupt_until_it_ends(process)
     assert process.wait() == 0

@@ -12,7 +12,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_core_py.testing import moved_in_buffer
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     add_color_layer_from_image,
@@ -63,13 +63,6 @@ def test_move_demo_stored_its_maps_all_over_the_buffer() -> None:
     assert len(starts) > 10
     assert max(row for row, _ in starts) > 35
     assert max(column for _, column in starts) > 35
-
-
-def test_map_is_the_same_world_unwrapped_or_not() -> None:
-    for published in recorded(MOVE, "grid_map", GridMapMessage):
-        unwrapped = from_message(published.message)
-        assert unwrapped.start_index == (0, 0)
-        assert_maps_equal(unwrapped, from_message(published.message, unwrap=False))
 
 
 @pytest.mark.parametrize(

@@ -40,21 +40,6 @@ if TYPE_CHECKING:
     from ._tf_poses import TfPoses, has_tf
     from ._throttle import LogThrottle
 
-_MODULES = {
-    "LatchedSubscription": "_subscription",
-    "LogThrottle": "_throttle",
-    "MapSubscription": "_subscription",
-    "TfPoses": "_tf_poses",
-    "check_topic": "_parameters",
-    "has_tf": "_tf_poses",
-    "map_qos": "_qos",
-    "quiet_start": "_start",
-    "read_parameter": "_parameters",
-    "read_parameter_tree": "_parameters",
-    "read_positive": "_parameters",
-    "run": "_spin",
-}
-
 __all__ = [
     "LatchedSubscription",
     "LogThrottle",
@@ -71,10 +56,15 @@ __all__ = [
 ]
 
 
+_MODULES = ("_start", "_throttle", "_qos", "_parameters", "_spin", "_subscription", "_tf_poses")
+"""Modules in which a name is searched when it is first used; the first two need no rclpy."""
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_MODULES[name]}", __name__), name)
+    modules = (importlib.import_module(f".{module}", __name__) for module in _MODULES)
+    value = next(getattr(module, name) for module in modules if hasattr(module, name))
     globals()[name] = value
     return value
 
