@@ -9,6 +9,7 @@ exit code is 0 only if every topic delivered in time.
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from statistics import median
 
@@ -62,35 +63,30 @@ class DemoReportNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
         self._throttle = LogThrottle()
-        self._directory = user_path(
-            read_parameter(
-                self, "output_directory", str, "demo_output", description="folder of the pictures"
-            )
-        )
+        about = "folder of the pictures"
+        folder = read_parameter(self, "output_directory", str, "demo_output", description=about)
+        self._directory = user_path(folder)
         # Fail now instead of after a minute of collecting.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
-        self._needed = read_parameter(
-            self, "messages", int, 3, description="number of messages to wait for on every topic"
-        )
+        about = "number of messages to wait for on every topic"
+        self._needed = read_parameter(self, "messages", int, 3, description=about)
         check(self._needed >= 1, "messages", "at least 1", self._needed)
         self._counts = dict.fromkeys([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN], 0)
         self._times: dict[str, list[float]] = {}
         self._latencies: list[float] = []
         self._filtered: GridMap | None = None
-        self._count_messages(INPUT, GridMapMessage)
-        for topic, message_type in SHOWN.items():
-            self._count_messages(topic, message_type)
+        for topic, message_type in {INPUT: GridMapMessage, **SHOWN}.items():
+            # Raw messages are counted without converting them to Python.
+            count = partial(self._on_raw, topic)
+            self.create_subscription(message_type, topic, count, map_qos(), raw=True)
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
         self._timeout = read_positive(self, "timeout", 60.0, description="maximum time to wait [s]")
         self.create_timer(self._timeout, self._give_up)
 
-    def _count_messages(self, topic: str, message_type: type) -> None:
-        """Count the messages of a topic without converting them to Python."""
-        self.create_subscription(
-            message_type, topic, lambda _: self._count(topic), map_qos(), raw=True
-        )
+    def _on_raw(self, topic: str, _message: bytes) -> None:
+        self._count(topic)
 
     def _on_filtered(self, received: ReceivedMap) -> None:
         try:

@@ -47,17 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="filters_demo", description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "--report", metavar="DIRECTORY", help="write pictures there, print a table and end"
-    )
-    parser.add_argument(
-        "--view",
-        metavar="PORT",
-        nargs="?",
-        type=int,
-        const=8080,
-        help="show the filtered map in the browser, at http://127.0.0.1:8080 or another port",
-    )
+    about = "write pictures there, print a table and end"
+    parser.add_argument("--report", metavar="DIRECTORY", help=about)
+    about = "show the filtered map in the browser, at http://127.0.0.1:8080 or another port"
+    parser.add_argument("--view", metavar="PORT", nargs="?", type=int, const=8080, help=about)
     words = sys.argv[1:] if arguments is None else arguments
     # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.
     return parser.parse_args(list(takewhile(lambda word: word != "--ros-args", words)))

@@ -91,9 +91,8 @@ class GridMapToImageDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_to_image_demo")
         self._throttle = LogThrottle()
-        topic = read_parameter(
-            self, "grid_map_topic", str, "/grid_map", description="topic of the map"
-        )
+        about = "topic of the map"
+        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         check_topic(self, "grid_map_topic", topic)
         about = "image file in an existing folder; its ending sets the format"
         file = read_parameter(self, "file", str, "~/.ros/grid_map.png", description=about)
@@ -107,23 +106,15 @@ class GridMapToImageDemoNode(Node):
         layer = read_parameter(self, "layer", str, "elevation", description="layer that is saved")
         bits = read_parameter(self, "bits", int, 8, description="8 or 16 bits per channel")
         check(bits in DTYPES, "bits", "8 or 16", bits)
+        about = "the layer holds packed colors; true by default only for `color`"
+        is_color = read_parameter(self, "is_color", bool, layer == COLOR_LAYER, description=about)
+        about = "cells without a value are transparent instead of black"
+        transparent = read_parameter(self, "use_transparency", bool, False, description=about)
         return Picture(
             layer=layer,
             bits=bits,
-            is_color=read_parameter(
-                self,
-                "is_color",
-                bool,
-                layer == COLOR_LAYER,
-                description="the layer holds packed colors; true by default only for `color`",
-            ),
-            is_transparent=read_parameter(
-                self,
-                "use_transparency",
-                bool,
-                False,
-                description="cells without a value are transparent instead of black",
-            ),
+            is_color=is_color,
+            is_transparent=transparent,
             lower=self._read_bound("lower", "value of black; nan for the smallest"),
             upper=self._read_bound("upper", "value of white; nan for the largest"),
         )

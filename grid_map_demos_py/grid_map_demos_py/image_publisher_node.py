@@ -29,13 +29,12 @@ from grid_map_ros_py.nodes import (
 
 from .share import share, user_path
 
-# OpenCV has colors in the order BGR.
-NAMES = ("mono8", "bgr8", "bgra8", "mono16", "bgr16", "bgra16")
-FLOAT_NAMES = ("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4")
-ENCODING_OF = {
-    (ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in (*NAMES, *FLOAT_NAMES)
-}
-"""ROS encodings by data type and number of channels."""
+NAMES = (
+    *("mono8", "bgr8", "bgra8", "mono16", "bgr16", "bgra16"),
+    *("32FC1", "32FC3", "32FC4", "64FC1", "64FC3", "64FC4"),
+)
+ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name in NAMES}
+"""ROS encodings by data type and number of channels; OpenCV has colors in the order BGR."""
 
 
 def read_image(path: Path) -> core.Image:
@@ -87,9 +86,8 @@ class ImagePublisherNode(Node):
         about = "image file; empty for the terrain in this package"
         path = read_parameter(self, "image_path", str, "", description=about)
         topic = read_parameter(self, "topic", str, "image", description="topic of the image")
-        self._frame_id = read_parameter(
-            self, "frame_id", str, "map", description="coordinate frame of the image"
-        )
+        about = "coordinate frame of the image"
+        self._frame_id = read_parameter(self, "frame_id", str, "map", description=about)
         rate = read_positive(self, "publish_rate", 0.5, description="images per second [Hz]")
         self._path = user_path(path) if path else share("data", "terrain.png")
         self._publisher = self.create_publisher(Image, check_topic(self, "topic", topic), map_qos())

@@ -42,13 +42,18 @@ class ImageToGridmapDemoNode(Node):
         super().__init__("image_to_gridmap_demo")
         self._throttle = LogThrottle()
         self._map: GridMap | None = None
-        topic = read_parameter(
-            self, "image_topic", str, "/image", description="topic of the images"
-        )
-        self._resolution = read_positive(
-            self, "resolution", 0.03, description="side of a pixel on the ground [m]"
-        )
-        self._heights = self._read_heights()
+        about = "topic of the images"
+        topic = read_parameter(self, "image_topic", str, "/image", description=about)
+        about = "side of a pixel on the ground [m]"
+        self._resolution = read_positive(self, "resolution", 0.03, description=about)
+        about = "height of black pixels [m]"
+        low = read_parameter(self, "min_height", float, 0.0, description=about)
+        about = "height of white pixels [m]"
+        high = read_parameter(self, "max_height", float, 1.0, description=about)
+        check(math.isfinite(low), "min_height", "a finite number", low)
+        other = math.isfinite(high) and high != low
+        check(other, "max_height", f"a finite number other than min_height, {low}", high)
+        self._heights = low, high
         about = "coordinate frame of the map; empty for the frame of the image"
         self._frame_id = read_parameter(self, "map_frame_id", str, "map", description=about)
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
@@ -58,18 +63,6 @@ class ImageToGridmapDemoNode(Node):
             self, Image, topic, self._receive, hears_best_effort=True
         )
         self.get_logger().info(f"makes maps from the images on {topic}")
-
-    def _read_heights(self) -> tuple[float, float]:
-        low = read_parameter(
-            self, "min_height", float, 0.0, description="height of black pixels [m]"
-        )
-        high = read_parameter(
-            self, "max_height", float, 1.0, description="height of white pixels [m]"
-        )
-        check(math.isfinite(low), "min_height", "a finite number", low)
-        other = math.isfinite(high) and high != low
-        check(other, "max_height", f"a finite number other than min_height, {low}", high)
-        return low, high
 
     def _receive(self, message: Image) -> None:
         try:

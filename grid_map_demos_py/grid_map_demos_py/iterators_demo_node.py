@@ -50,24 +50,18 @@ REGIONS: dict[str, Callable[[GridMap], Cells]] = {
 }
 """Functions that return the cells (rows, cols) of a region, in the order of the demo."""
 
-OUTLINES = {"a polygon": STAR}
-
 WINDOW = 3
 """Side of the sliding window in cells."""
 
-START_PAUSE = 2.0
-CELL_PAUSE = 0.02
-REGION_PAUSE = 1.0
-"""Pauses before the first region, after every cell and after every region [s]."""
+CELL_PAUSE, REGION_PAUSE = 0.02, 1.0
+"""Pauses after every cell and after every region [s]."""
 
 
 class Step(NamedTuple):
-    """A change of the map: the pause after it, and the title and polygon to publish."""
+    """A change of the map: the pause after it [s], the region it starts, the polygon to publish."""
 
     pause: float
-    """Time until the next step [s]."""
     title: str = ""
-    """Name of the region that starts with this step."""
     polygon: Polygon | None = None
 
 
@@ -78,7 +72,7 @@ def make_map() -> GridMap:
 
 def show_everything(grid_map: GridMap) -> Iterator[Step]:
     """Change a map step by step: all regions, then the sliding window."""
-    yield Step(START_PAUSE)
+    yield Step(2.0)
     for title, find_cells in REGIONS.items():
         yield from show_region(grid_map, title, find_cells(grid_map))
     yield from show_sliding_window(grid_map)
@@ -90,7 +84,7 @@ def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
     Outside of a demo, fill them at once: `grid_map["type"][cells] = 1.0`.
     """
     grid_map.clear_all()
-    yield Step(0.0, title, OUTLINES.get(title))
+    yield Step(0.0, title, STAR if title == "a polygon" else None)
     for row, column in zip(*cells, strict=True):
         grid_map["type"][row, column] = 1.0
         yield Step(CELL_PAUSE)

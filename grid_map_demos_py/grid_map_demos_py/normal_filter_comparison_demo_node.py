@@ -173,13 +173,11 @@ class NormalFilterComparisonDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("normal_filter_comparison_demo")
-        self._shape = read_parameter(
-            self, "shape", str, "wave", description=f"shape of the surface: {', '.join(SHAPES)}"
-        )
+        about = f"shape of the surface: {', '.join(SHAPES)}"
+        self._shape = read_parameter(self, "shape", str, "wave", description=about)
         check(self._shape in SHAPES, "shape", f"one of {', '.join(SHAPES)}", self._shape)
-        self._noise = read_parameter(
-            self, "noise_on_map", float, 0.015, description="largest noise, up or down [m]"
-        )
+        about = "largest noise, up or down [m]"
+        self._noise = read_parameter(self, "noise_on_map", float, 0.015, description=about)
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
         about = "share of outliers (infinite heights), 0 to 1"

@@ -53,16 +53,10 @@ class OctomapToGridmapDemoNode(Node):
             self._start_asking(check_topic(self, "octomap_service_topic", service))
 
     def _read_bounds(self, axis: str) -> tuple[float, float]:
-        low, high = (
-            read_parameter(
-                self,
-                f"{end}_{axis}",
-                float,
-                math.nan,
-                description=f"voxels with {comparison} {axis} are left out [m]; nan for no bound",
-            )
-            for end, comparison in (("min", "less"), ("max", "more"))
-        )
+        about = f"voxels with less {axis} are left out [m]; nan for no bound"
+        low = read_parameter(self, f"min_{axis}", float, math.nan, description=about)
+        about = f"voxels with more {axis} are left out [m]; nan for no bound"
+        high = read_parameter(self, f"max_{axis}", float, math.nan, description=about)
         check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
         return low, high
 

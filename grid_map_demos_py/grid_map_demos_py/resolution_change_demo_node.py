@@ -38,9 +38,8 @@ class ResolutionChangeDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("resolution_change_demo")
-        transparent = read_parameter(
-            self, "use_transparency", bool, False, description="cells around the star have no value"
-        )
+        about = "cells around the star have no value"
+        transparent = read_parameter(self, "use_transparency", bool, False, description=about)
         about = "interpolation method: " + ", ".join(INTERPOLATIONS)
         name = read_parameter(self, "interpolation", str, "cubic", description=about)
         check(name in INTERPOLATIONS, "interpolation", f"one of {[*INTERPOLATIONS]}", name)

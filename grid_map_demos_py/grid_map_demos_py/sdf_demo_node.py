@@ -87,20 +87,13 @@ class SdfDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_sdf_demo")
         self._throttle = LogThrottle()
-        self._layer = read_parameter(
-            self, "elevation_layer", str, "elevation", description="layer of the heights"
-        )
+        about = "layer of the heights"
+        self._layer = read_parameter(self, "elevation_layer", str, "elevation", description=about)
         about = "prefix of the topics full_sdf, free_space and occupied_space"
-        clouds = read_parameter(
-            self,
-            "pointcloud_topic",
-            str,
-            "/grid_map_sdf_demo/signed_distance_field",
-            description=about,
-        )
-        maps = read_parameter(
-            self, "grid_map_topic", str, "/grid_map", description="topic of the maps"
-        )
+        default = "/grid_map_sdf_demo/signed_distance_field"
+        clouds = read_parameter(self, "pointcloud_topic", str, default, description=about)
+        about = "topic of the maps"
+        maps = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
         self._full, self._free, self._occupied = (
             self.create_publisher(
                 PointCloud2, check_topic(self, "pointcloud_topic", f"{clouds}/{name}"), map_qos()

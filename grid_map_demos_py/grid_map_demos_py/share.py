@@ -6,12 +6,10 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
-PACKAGE = "grid_map_demos_py"
-
 
 def share(*parts: str) -> Path:
     """Return the path of an installed file, such as `share("config", "simple_demo.yaml")`."""
-    return Path(get_package_share_directory(PACKAGE), *parts)
+    return Path(get_package_share_directory("grid_map_demos_py"), *parts)
 
 
 def user_path(text: str) -> Path:

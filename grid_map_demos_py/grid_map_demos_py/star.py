@@ -6,7 +6,6 @@ import math
 
 from grid_map_core_py import GridMap, polygon_cells
 
-LENGTH = (1.2, 2.0)
 HEIGHT = 0.3
 
 VERTICES = [
@@ -32,6 +31,6 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
         has_ground: set cells around the star to 0; otherwise they are NaN.
     """
     ground = 0.0 if has_ground else math.nan
-    grid_map = GridMap(LENGTH, resolution, layers={layer: ground}, frame_id="map")
+    grid_map = GridMap((1.2, 2.0), resolution, layers={layer: ground}, frame_id="map")
     grid_map[layer][polygon_cells(grid_map, VERTICES)] = HEIGHT
     return grid_map

@@ -22,13 +22,11 @@ class TerrainPublisherNode(Node):
         topic = read_parameter(self, "topic", str, "/grid_map", description="topic of the map")
         about = "elevation model, an .npz file; empty for the one in this package"
         file = read_parameter(self, "file", str, "", description=about)
-        self._map = load_terrain(
-            user_path(file) if file else share("data", "jacksboro_fault_dem.npz"),
-            read_positive(self, "resolution", 0.03, description="side of a cell [m]"),
-            frame_id=read_parameter(
-                self, "frame_id", str, "map", description="coordinate frame of the map"
-            ),
-        )
+        path = user_path(file) if file else share("data", "jacksboro_fault_dem.npz")
+        resolution = read_positive(self, "resolution", 0.03, description="side of a cell [m]")
+        about = "coordinate frame of the map"
+        frame_id = read_parameter(self, "frame_id", str, "map", description=about)
+        self._map = load_terrain(path, resolution, frame_id=frame_id)
         rate = read_positive(self, "publish_rate", 1.0, description="maps per second [Hz]")
         self._publisher = self.create_publisher(
             GridMapMessage, check_topic(self, "topic", topic), map_qos()

@@ -103,16 +103,7 @@ class TutorialDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
-        self._read_parameters()
-        self._random = np.random.default_rng()
-        self._map = make_map()
-        self._filtered_cells = cells_to_filter(self._map)
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        self.get_logger().info(f"publishes {self._map} on {self._publisher.topic_name}")
-        self.create_timer(1.0 / self._rate, self._publish)
-
-    def _read_parameters(self) -> None:
-        self._rate = read_positive(self, "publish_rate", 30.0, description="maps per second [Hz]")
+        rate = read_positive(self, "publish_rate", 30.0, description="maps per second [Hz]")
         about = "largest noise, up or down [m]"
         self._noise = read_parameter(self, "noise", float, 0.015, description=about)
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
@@ -124,6 +115,12 @@ class TutorialDemoNode(Node):
         about = "radius of the disc for the weighted mean [m], at most 1.0"
         self._radius = read_positive(self, "radius", 0.1, description=about)
         check(self._radius <= MOST_RADIUS, "radius", f"at most {MOST_RADIUS}", self._radius)
+        self._random = np.random.default_rng()
+        self._map = make_map()
+        self._filtered_cells = cells_to_filter(self._map)
+        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        self.get_logger().info(f"publishes {self._map} on {self._publisher.topic_name}")
+        self.create_timer(1.0 / rate, self._publish)
 
     def _publish(self) -> None:
         now = self.get_clock().now().nanoseconds

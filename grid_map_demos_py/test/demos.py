@@ -4,9 +4,38 @@
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
-from grid_map_ros_py.testing import Process, wait_until
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message
+from grid_map_ros_py.testing import Process, peer, running_node, wait_until
+
+
+def published(
+    demo: str,
+    *pairs: str,
+    topic: str = "/grid_map",
+    count: int = 1,
+    until: Callable[[Process], bool] = lambda _: True,
+) -> tuple[list[GridMap], str]:
+    """Return the maps that a demo publishes, and its output; it must live for some seconds.
+
+    Args:
+        demo: module of the node without `_node`.
+        pairs: parameters, each as `name:=value`.
+        topic: topic of the maps.
+        count: number of maps to wait for.
+        until: condition to wait for.
+    """
+    with peer() as other:
+        other.listen(topic, GridMapMessage)
+        with running_node(f"grid_map_demos_py.{demo}_node", *parameters(*pairs)) as process:
+            other.expect(topic, count)
+            other.wait_until(lambda: until(process), "the condition")
+            lives(process)
+        return [from_message(message) for message in other.received[topic]], process.text
 
 
 def lives(process: Process, seconds: float = 3.0) -> None:

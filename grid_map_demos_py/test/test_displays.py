@@ -13,21 +13,8 @@ import yaml
 from grid_map_visualization_py import create
 
 PACKAGE = Path(__file__).parent.parent
-VISUALIZATIONS = {
-    "simple_demo": "simple_demo.yaml",
-    "iterators_demo": "iterators_demo.yaml",
-    "move_demo": "move_demo.yaml",
-    "tutorial_demo": "tutorial_demo.yaml",
-    "image_to_gridmap_demo": "image_to_gridmap_demo.yaml",
-    "opencv_demo": "opencv_demo.yaml",
-    "resolution_change_demo": "resolution_change_demo.yaml",
-    "octomap_to_gridmap_demo": "octomap_to_gridmap_demo.yaml",
-    "filters_demo": "filters_demo_visualization.yaml",
-    "interpolation_demo": "interpolation_demo.yaml",
-    "normal_filter_comparison_demo": "normal_filter_comparison_demo.yaml",
-    "sdf_demo": "sdf_demo.yaml",
-}
-"""Parameter files by demo; each has a configuration of RViz of its name."""
+DEMOS = sorted(path.name.removesuffix("_launch.xml") for path in (PACKAGE / "launch").iterdir())
+"""Demos with a launch file; each has a configuration of RViz of its name."""
 
 OWN_TOPICS = {
     "image_to_gridmap_demo": {"/image": "Image"},
@@ -65,12 +52,13 @@ STOCK = {
     "rviz_default_plugins/Orbit",
 }
 PANELS = {"3D", "DiagnosticSummary", "Image"}
-each_demo = pytest.mark.parametrize("demo", VISUALIZATIONS)
+each_demo = pytest.mark.parametrize("demo", DEMOS)
 
 
 def visualized(demo: str) -> dict[str, str]:
     """Return the type of message by topic of the visualizations."""
-    path = PACKAGE / "config" / VISUALIZATIONS[demo]
+    file = "filters_demo_visualization" if demo == "filters_demo" else demo
+    path = PACKAGE / "config" / f"{file}.yaml"
     found = {}
     for section in yaml.safe_load(path.read_text()).values():
         parameters = section["ros__parameters"]
@@ -109,11 +97,11 @@ def leaves(layout: Any) -> Iterator[str]:
 
 def test_every_configuration_belongs_to_a_demo_that_is_installed():
     setup = (PACKAGE / "setup.py").read_text()
-    assert {path.stem for path in (PACKAGE / "rviz").iterdir()} == {*VISUALIZATIONS}
-    assert {*LAYOUTS} <= {*VISUALIZATIONS}
+    assert {path.stem for path in (PACKAGE / "rviz").iterdir()} == {*DEMOS}
+    assert {*LAYOUTS} <= {*DEMOS}
     for folder in ("rviz", "foxglove"):
         assert f'glob("{folder}/*")' in setup
-    for demo in VISUALIZATIONS:
+    for demo in DEMOS:
         assert f'"{demo} = ' in setup
 
 

@@ -128,14 +128,11 @@ def test_image_shows_every_cell_at_its_position(bits, start):
         for y in (-0.1, 0.0, 0.1):
             grid_map["elevation"][grid_map.get_index((x, y))] = x + y / 10
     picture = Picture(layer="elevation", bits=bits, lower=-0.2, upper=0.2)
-    image = decode(encode(picture.draw(grid_map), Path("image.png")))
+    data = np.frombuffer(encode(picture.draw(grid_map), Path("image.png")), np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     shares = [[(0.2 + 0.15 - k * 0.1 + 0.01 - j * 0.01) / 0.4 for j in range(3)] for k in range(4)]
     assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
     np.testing.assert_allclose(image, np.multiply(shares, largest), atol=1.01)
-
-
-def decode(data: bytes) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
 
 
 # --- the star -------------------------------------------------------------------------------------

@@ -12,16 +12,18 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from demos import lives
+from demos import lives, parameters, published
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_demos_py.demo_report_node import report
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
-from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
+from grid_map_ros_py.testing import Process, peer, start_node, wait_until
 
 FILTERS_DEMO = "grid_map_demos_py.filters_demo"
+REPORT = "grid_map_demos_py.demo_report_node"
 PNG = b"\x89PNG\r\n"
 
 
@@ -49,12 +51,7 @@ def start_marked(*arguments: str) -> tuple[Process, str]:
 
 
 def test_simple_demo_publishes_a_moving_wave():
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node("grid_map_demos_py.simple_demo_node") as demo:
-            other.expect("/grid_map", 10)
-            lives(demo)
-        maps = [from_message(message) for message in other.received["/grid_map"]]
+    maps, _ = published("simple_demo", count=10)
     assert maps[0].size == (40, 67)
     assert maps[0].layers == ("elevation",)
     assert maps[0].frame_id == "map"
@@ -69,12 +66,8 @@ def test_simple_demo_publishes_a_moving_wave():
 
 
 def test_terrain_publisher_follows_its_parameters(terrain):
-    parameters = ["resolution:=1", "topic:=/ground", "frame_id:=odom"]
-    arguments = ["--ros-args", *(word for pair in parameters for word in ("-p", pair))]
-    with peer() as other:
-        other.listen("/ground", GridMapMessage)
-        with running_node("grid_map_demos_py.terrain_publisher_node", *arguments):
-            grid_map = from_message(other.expect("/ground"))
+    given = ["resolution:=1", "topic:=/ground", "frame_id:=odom"]
+    (grid_map, *_), _ = published("terrain_publisher", *given, topic="/ground")
     assert (grid_map.resolution, grid_map.frame_id) == (1.0, "odom")
     grid_map = grid_map.with_layers({"elevation": grid_map["elevation"] * np.float32(0.03)})
     np.testing.assert_allclose(grid_map["elevation"], terrain["elevation"], rtol=1e-5)
@@ -100,10 +93,10 @@ def test_filters_demo_delivers_topics_pictures_and_a_table(tmp_path):
         assert any(re.fullmatch(rf"{topic} [1-9]\d*", line) for line in lines), topic
 
 
-def test_filters_demo_runs_until_it_is_interrupted():
+def test_filters_demo_ignores_ros_arguments_and_runs_until_interrupted():
     with peer() as other:
         other.listen("/filtered_map", GridMapMessage)
-        demo, mark = start_marked()
+        demo, mark = start_marked("--ros-args", "-r", "__node:=demo")
         first = from_message(other.expect("/filtered_map", 1))
         second = from_message(other.expect("/filtered_map", 2))
         assert first.timestamp < second.timestamp
@@ -157,13 +150,6 @@ def test_unknown_arguments_end_the_filters_demo(words):
     assert "usage: filters_demo" in demo.text
 
 
-def test_filters_demo_ignores_ros_arguments():
-    demo, mark = start_marked("--ros-args", "-r", "__node:=demo")
-    wait_until(lambda: len(living(mark)) == 4, "the processes of the demo")
-    demo.send(signal.SIGINT)
-    assert demo.wait() == 0
-
-
 def test_killed_demo_leaves_no_process():
     demo, mark = start_marked()
     wait_until(lambda: len(living(mark)) == 4, "the processes of the demo")
@@ -173,31 +159,45 @@ def test_killed_demo_leaves_no_process():
 
 
 def test_report_names_topics_without_messages_after_the_timeout(tmp_path):
-    arguments = f"--ros-args -p timeout:=1.0 -p output_directory:={tmp_path}".split()
-    report = start_node("grid_map_demos_py.demo_report_node", *arguments)
-    assert report.wait() == 1
-    assert "after 1 s too few messages on /grid_map, /filtered_map, /diagnostics" in report.text
-    assert "Traceback" not in report.text
+    given = parameters("timeout:=1.0", f"output_directory:={tmp_path}")
+    process = start_node(REPORT, *given)
+    assert process.wait() == 1
+    assert "after 1 s too few messages on /grid_map, /filtered_map, /diagnostics" in process.text
+    assert "Traceback" not in process.text
     assert not list(tmp_path.iterdir())
 
 
 def test_report_counts_only_valid_maps_and_chain_diagnostics():
-    arguments = ["--ros-args", "-p", "timeout:=3.0"]
     ours = DiagnosticStatus(name="grid_map_filters: filter chain")
     battery = DiagnosticStatus(name="battery", values=[KeyValue(key="ms left", value="plenty")])
     strange = DiagnosticStatus(name=ours.name, values=[KeyValue(key="ms inpaint", value="few")])
     broken = to_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     broken.info.resolution = 0.0
     with peer() as other:
-        report = start_node("grid_map_demos_py.demo_report_node", *arguments)
+        process = start_node(REPORT, *parameters("timeout:=3.0"))
         for status in (battery, strange, ours, battery):
             other.publish("/diagnostics", DiagnosticArray(status=[status]), 10)
         other.publish("/filtered_map", broken)
-        assert report.wait() == 1
-    assert "Traceback" not in report.text
-    assert "'/diagnostics': 1," in report.text
-    assert "'/filtered_map': 0," in report.text
-    assert "ignored a map: info.resolution: expected a positive" in report.text
+        assert process.wait() == 1
+    assert "Traceback" not in process.text
+    assert "'/diagnostics': 1," in process.text
+    assert "'/filtered_map': 0," in process.text
+    assert "ignored a map: info.resolution: expected a positive" in process.text
+
+
+def test_report_lists_cells_layers_times_latency_and_messages():
+    grid_map = GridMap((4, 3), 1.0, layers=["elevation", "slope"])
+    times = {"inpaint": [2.0, 4.0, 3.0], "slope": [0.5, 0.5, 0.7]}
+    text = report(grid_map, times, 12.4, {"/in": 0, "/out": 7}, [Path("demo_output/a.png")])
+    lines = {" ".join(line.split()) for line in text.splitlines()}
+    assert {"cells 4 x 3 = 12", "layers 2"} <= lines
+    assert {
+        "inpaint 3.00",
+        "slope 0.50",
+        "whole chain 3.50",
+        "published to filtered 12 ms",
+    } <= lines
+    assert {"/in 0", "/out 7", "demo_output/a.png"} <= lines
 
 
 def test_failing_node_ends_the_demo(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import lives, parameters, published
 from pngs import write_png
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
@@ -22,12 +22,11 @@ from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.messages import from_stamp, to_pixels
 from grid_map_ros_py.testing import peer, running_node, start_node
 
-PACKAGE = "grid_map_demos_py"
 DATA = Path(__file__).parents[1] / "data"
 
 
 def module(demo: str) -> str:
-    return f"{PACKAGE}.{demo}_node"
+    return f"grid_map_demos_py.{demo}_node"
 
 
 # --- image_publisher ------------------------------------------------------------------------------
@@ -252,12 +251,7 @@ def test_a_demo_that_waits_for_a_map_can_be_interrupted(tmp_path):
 
 
 def test_the_star_is_blurred_by_the_kernel_of_the_moment():
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(module("opencv_demo")) as demo:
-            other.expect("/grid_map", 25)
-            lives(demo)
-        maps = [from_message(message) for message in other.received["/grid_map"]]
+    maps, _ = published("opencv_demo", count=25)
     expected = star_map("original", 0.01)
     image = to_image(expected, "original", np.uint16, 1, 0.0, 0.3)
     for grid_map in maps:
@@ -271,11 +265,7 @@ def test_the_star_is_blurred_by_the_kernel_of_the_moment():
 
 
 def test_the_star_has_no_ground_with_transparency():
-    given = parameters("use_transparency:=true", "publish_rate:=50")
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(module("opencv_demo"), *given):
-            grid_map = from_message(other.expect("/grid_map"))
+    (grid_map, *_), _ = published("opencv_demo", "use_transparency:=true", "publish_rate:=50")
     is_star = np.isfinite(grid_map["original"])
     assert np.unique(grid_map["original"][is_star]).tolist() == [np.float32(0.3)]
     assert 0.1 < is_star.mean() < 0.3
@@ -285,12 +275,7 @@ def test_the_star_has_no_ground_with_transparency():
 
 
 def test_cells_have_the_size_of_the_moment():
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(module("resolution_change_demo")) as demo:
-            other.expect("/grid_map", 5)
-            lives(demo)
-        maps = [from_message(message) for message in other.received["/grid_map"]]
+    maps, _ = published("resolution_change_demo", count=5)
     for grid_map in maps:
         side = resolution_at(1e-9 * grid_map.timestamp)
         assert grid_map.resolution == pytest.approx(side)
@@ -302,11 +287,8 @@ def test_cells_have_the_size_of_the_moment():
 
 
 def test_nearest_cells_know_only_star_and_nothing():
-    given = parameters("use_transparency:=true", "interpolation:=nearest", "publish_rate:=50")
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(module("resolution_change_demo"), *given):
-            grid_map = from_message(other.expect("/grid_map"))
+    given = ("use_transparency:=true", "interpolation:=nearest", "publish_rate:=50")
+    (grid_map, *_), _ = published("resolution_change_demo", *given)
     is_star = np.isfinite(grid_map["elevation"])
     assert 0.05 < is_star.mean() < 0.4
     assert np.unique(grid_map["elevation"][is_star]).tolist() == [np.float32(0.3)]

@@ -11,30 +11,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import published
 
-from grid_map_core_py import GridMap, load
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message
-from grid_map_ros_py.testing import Process, peer, running_node
+from grid_map_core_py import load
+from grid_map_ros_py.testing import Process
 
-MODULE = "octomap_to_gridmap_demo_node"
-DEMO = f"grid_map_demos_py.{MODULE}"
+DEMO = "grid_map_demos_py.octomap_to_gridmap_demo_node"
 ROOM = Path(__file__).parents[1] / "data" / "room.bt"
 
 
-def shown(*pairs: str) -> GridMap:
-    """Return the map that the demo publishes; the demo must live for some seconds."""
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(DEMO, *parameters(*pairs)) as demo:
-            grid_map = from_message(other.expect("/grid_map"))
-            lives(demo)
-    return grid_map
-
-
 def test_the_room_is_shown_below_its_ceiling():
-    grid_map = shown(f"octomap_path:={ROOM}", "max_z:=2", "min_x:=-1.0")
+    given = (f"octomap_path:={ROOM}", "max_z:=2", "min_x:=-1.0")
+    (grid_map,), _ = published("octomap_to_gridmap_demo", *given)
     assert (grid_map.frame_id, grid_map.layers) == ("map", ("elevation",))
     assert grid_map.basic_layers == ("elevation",)
     assert grid_map.timestamp > 0

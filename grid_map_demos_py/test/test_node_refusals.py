@@ -58,7 +58,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     "interpolation_demo": [
         ("world:=Cosine", "parameter 'world': expected one of Sine, Poly, Gauss, Tanh, got 'Co"),
         ("interpolation_type:=linear", "expected one of Nearest, Linear, Cubic_convolution, Cubic"),
-        ("groundtruth_resolution:=0.001", "expected at least 5 x 5 and at most 4000000 cells, fo"),
+        ("groundtruth_resolution:=0.001", "expected at least 5 x 5 and at most 4000000 cells, got"),
     ],
     "iterators_demo": [
         ("speed:=0.0", "parameter 'speed': expected a positive number"),
@@ -71,7 +71,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     "normal_filter_comparison_demo": [
         ("shape:=torus", "parameter 'shape': expected one of wave, plane, hill, cone, got 'tor"),
         ("noise_on_map:=-0.1", "parameter 'noise_on_map': expected 0 or a positive number, at"),
-        ("outliers_percentage:=5.0", "parameter 'outliers_percentage': expected 0.0 to 1.0, fo"),
+        ("outliers_percentage:=5.0", "parameter 'outliers_percentage': expected 0.0 to 1.0, got"),
         ("filters.filter1.name:=some", "filter 1"),
         ("noise_on_map:=1e308", "expected 0 or a positive number, at most 1000, got 1e+308"),
     ],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import published
 
 from grid_map_core_py import GridMap, circle_cells
 from grid_map_demos_py.tutorial_demo_node import (
@@ -18,20 +18,15 @@ from grid_map_demos_py.tutorial_demo_node import (
     root_mean_square,
     weighted_means,
 )
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import from_message, load_from_bag
-from grid_map_ros_py.testing import peer, running_node
+from grid_map_ros_py import load_from_bag
 
-MODULE = "tutorial_demo_node"
-RECORDING = (
-    Path(__file__).parents[2] / "grid_map_ros_py" / "test" / "data" / "cpp_tutorial_outputs.mcap"
-)
+DATA = Path(__file__).parents[2] / "grid_map_ros_py" / "test" / "data"
 
 
 @pytest.fixture(scope="module")
 def recorded() -> GridMap:
     """Return a map that the C++ tutorial demo has published."""
-    return load_from_bag(RECORDING, "/grid_map")
+    return load_from_bag(DATA / "cpp_tutorial_outputs.mcap", "/grid_map")
 
 
 def test_wave_equals_cpp(recorded):
@@ -72,18 +67,6 @@ def test_filter_weighs_by_the_distance_to_the_rim(radius):
     np.testing.assert_allclose(means, expected, rtol=1e-6)
 
 
-def test_normals_equal_those_of_the_wave():
-    grid_map = make_map()
-    add_wave(grid_map, 0.7)
-    normals = np.stack([grid_map[f"normal_{axis}"] for axis in "xyz"])
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=0), 1.0, rtol=1e-6)
-    # Rows and columns run against x and y.
-    slopes = np.gradient(grid_map["elevation"].astype(float), -grid_map.resolution)
-    for normal, slope in zip(normals, slopes, strict=False):
-        inner = np.s_[1:-1, 1:-1]
-        np.testing.assert_allclose((-normal / normals[2])[inner], slope[inner], atol=0.005)
-
-
 def test_noise_is_even_and_outliers_are_infinite():
     random = np.random.default_rng(0)
     grid_map = make_map()
@@ -111,13 +94,11 @@ def test_root_mean_square_skips_values_that_are_not_finite(values, expected):
 
 
 def test_the_tutorial_demo_publishes_all_layers_and_reports_the_error(recorded):
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(f"grid_map_demos_py.{MODULE}") as demo:
-            other.expect("/grid_map", 10)
-            other.wait_until(lambda: demo.text.count("root mean square error") >= 2, "the error")
-            lives(demo)
-        first, *_, last = (from_message(message) for message in other.received["/grid_map"])
+    (first, *_, last), _ = published(
+        "tutorial_demo",
+        count=10,
+        until=lambda process: process.text.count("root mean square error") >= 2,
+    )
     assert last.layers == recorded.layers
     assert (last.frame_id, last.geometry) == ("map", recorded.geometry)
     assert last.timestamp > first.timestamp
@@ -134,12 +115,8 @@ def test_the_tutorial_demo_publishes_all_layers_and_reports_the_error(recorded):
 
 
 def test_the_parameters_of_the_tutorial_demo_take_effect():
-    given = parameters("noise:=0", "outliers:=0", "radius:=0.02", "publish_rate:=4.0")
-    with peer() as other:
-        other.listen("/grid_map", GridMapMessage)
-        with running_node(f"grid_map_demos_py.{MODULE}", *given):
-            other.expect("/grid_map", 4)
-        maps = [from_message(message) for message in other.received["/grid_map"]]
+    given = ("noise:=0", "outliers:=0", "radius:=0.02", "publish_rate:=4.0")
+    maps, _ = published("tutorial_demo", *given, count=4)
     for grid_map in maps:
         assert not grid_map["noise"].any()
         # Discs with a radius of one cell.
