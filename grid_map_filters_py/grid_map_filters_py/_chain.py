@@ -94,8 +94,7 @@ class FilterChain:
         Raises:
             FilterError: a filter failed; the message names it.
         """
-        result, own = self._run(grid_map, observer, warnings)
-        start = self._start_index(grid_map, result)
+        result, start, own = self._run(grid_map, observer, warnings)
         if start != (0, 0):
             return result.with_start_index(start)
         return result.with_layers(
@@ -116,13 +115,12 @@ class FilterChain:
 
         Arguments and errors: see a call.
         """
-        result, _ = self._run(grid_map, observer, warnings)
-        return result, self._start_index(grid_map, result)
+        return self._run(grid_map, observer, warnings)[:2]
 
     def _run(
         self, grid_map: GridMap, observer: StepObserver | None, warnings: list[str] | None
-    ) -> tuple[GridMap, dict[str, Layer]]:
-        """Return the result, read-only, and the arrays behind those layers that are its own."""
+    ) -> tuple[GridMap, Size, dict[str, Layer]]:
+        """Return the read-only result, its start index, and the arrays of layers that it owns."""
         moved = grid_map.start_index != (0, 0)
         result = grid_map.with_start_index((0, 0)) if moved else grid_map
         own = {name: result[name] for name in result} if moved else {}
@@ -133,12 +131,10 @@ class FilterChain:
             if observer is not None:
                 observer(step, time.perf_counter() - begin)
             own = _own_layers(result, given, own)
-        return _read_only(result), own
-
-    def _start_index(self, grid_map: GridMap, result: GridMap) -> Size:
-        """Return the start index of the input if it fits the result, else (0, 0)."""
-        normalizes = any(isinstance(step.filter, BufferNormalizer) for step in self.steps)
-        return (0, 0) if normalizes or result.size != grid_map.size else grid_map.start_index
+        keeps_start = result.size == grid_map.size and not any(
+            isinstance(step.filter, BufferNormalizer) for step in self.steps
+        )
+        return _read_only(result), grid_map.start_index if keeps_start else (0, 0), own
 
     def __len__(self) -> int:
         return len(self.steps)

@@ -16,8 +16,6 @@ import yaml
 
 from .errors import FilterConfigError
 
-_KEY = re.compile(r"filter([1-9][0-9]*)")
-
 
 @dataclass(frozen=True)
 class StepConfig:
@@ -85,10 +83,9 @@ def read_chain(path: str | Path, name: str) -> object:
         raise FilterConfigError(f"{path}: {error}") from None
     if len(nodes) > 1:
         raise FilterConfigError(f"{path}: more than one node has {name!r}: {', '.join(nodes)}")
-    for parameters in nodes.values():
-        return parameters[name]
-    if name in content:
-        return content[name]
+    for parameters in [*nodes.values(), content]:
+        if name in parameters:
+            return parameters[name]
     lists = [value for value in content.values() if isinstance(value, list)]
     if len(lists) != 1:
         raise FilterConfigError(f"{path}: found no filter chain {name!r}")
@@ -177,7 +174,7 @@ def _numbered(config: Mapping[object, object]) -> list[object]:
     """Return the entries filter1 .. filterN in numeric order."""
     numbers = {}
     for key, entry in config.items():
-        match = _KEY.fullmatch(str(key))
+        match = re.fullmatch("filter([1-9][0-9]*)", str(key))
         if not match:
             raise FilterConfigError(f"filters: expected filter1 .. filterN, got {key!r}")
         numbers[int(match[1])] = entry

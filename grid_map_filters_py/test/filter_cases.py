@@ -72,150 +72,75 @@ def assert_bytes_near(color, expected):
 LAYERS = ("elevation", "other", "n_x", "n_y", "n_z")
 """The layers that the filters below read."""
 
+ONTO_ITSELF = {"input_layer": "elevation", "output_layer": "elevation"}
+COLOR = {"red": 0.1, "green": 0.5, "blue": 0.9, "output_layer": "color"}
+
 OF_ANY_MAP = [
-    ("gridMapFilters/BufferNormalizerFilter", {}),
-    ("gridMapFilters/DeletionFilter", {"layers": ["other"]}),
-    ("gridMapFilters/SetBasicLayersFilter", {"layers": ["other"]}),
-    (
-        "gridMapFilters/ColorFillFilter",
-        {"red": 0.1, "green": 0.5, "blue": 0.9, "output_layer": "color"},
-    ),
+    ("BufferNormalizer", {}),
+    ("Deletion", {"layers": ["other"]}),
+    ("SetBasicLayers", {"layers": ["other"]}),
+    ("ColorFill", COLOR),
 ]
 """Filters that work on maps without layers."""
 
+BLENDING = {"background_layer": "elevation", "foreground_layer": "other", "opacity": 0.4}
+RAMP = {"min": {"value": -1.0, "color": [0, 0, 1]}, "max": {"value": 1.0, "color": [1, 0, 0]}}
+NORMALS = {"input_layer": "elevation", "output_layers_prefix": "n_"}
+FILLING = {
+    "fill_hole_radius": 0.2,
+    "filter_existing_values": True,
+    "existing_value_radius": 0.1,
+    "fill_mask_layer": "mask",
+    "debug": True,
+    "debug_infill_mask_layer": "opened",
+}
+MEAN = {"expression": "meanOfFinites(elevation)", "edge_handling": "crop"}
+SCORES = {"input_layers": ["elevation", "other"], "critical_values": [1.0, 2.0]}
+
 OF_THEIR_LAYERS = [
-    (
-        "gridMapFilters/ColorFillFilter",
-        {"red": 0.1, "green": 0.5, "blue": 0.9, "mask_layer": "other", "output_layer": "color"},
-    ),
+    ("ColorFill", COLOR | {"mask_layer": "other"}),
     *(
-        (
-            "gridMapFilters/ColorBlendingFilter",
-            {
-                "background_layer": "elevation",
-                "foreground_layer": "other",
-                "blend_mode": mode,
-                "opacity": 0.4,
-                "output_layer": "color",
-            },
-        )
+        ("ColorBlending", BLENDING | {"blend_mode": mode, "output_layer": "color"})
         for mode in ("normal", "hard_light", "soft_light")
     ),
+    ("ColorMap", TO_OUT | RAMP),
+    ("Curvature", ONTO_ITSELF),
     (
-        "gridMapFilters/ColorMapFilter",
-        {
-            "input_layer": "elevation",
-            "output_layer": "color",
-            "min": {"value": -1.0, "color": [0, 0, 1]},
-            "max": {"value": 1.0, "color": [1, 0, 0]},
-        },
-    ),
-    ("gridMapFilters/CurvatureFilter", {"input_layer": "elevation", "output_layer": "elevation"}),
-    (
-        "gridMapFilters/LightIntensityFilter",
+        "LightIntensity",
         {"input_layers_prefix": "n_", "output_layer": "color", "light_direction": [0.3, 0.1, -1]},
     ),
-    (
-        "gridMapFilters/MedianFillFilter",
-        {
-            "input_layer": "elevation",
-            "output_layer": "elevation",
-            "fill_hole_radius": 0.2,
-            "filter_existing_values": True,
-            "existing_value_radius": 0.1,
-            "fill_mask_layer": "mask",
-            "debug": True,
-            "debug_infill_mask_layer": "opened",
-        },
-    ),
-    (
-        "gridMapFilters/MedianFillFilter",
-        {
-            "input_layer": "elevation",
-            "output_layer": "filled",
-            "fill_hole_radius": 0.3,
-            "fill_mask_layer": "other",
-        },
-    ),
-    (
-        "gridMapFilters/MinInRadiusFilter",
-        {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
-    ),
-    (
-        "gridMapFilters/TraversabilityFilter",
-        {
-            "input_layers": ["elevation", "other"],
-            "critical_values": [1.0, 2.0],
-            "output_layer": "out",
-        },
-    ),
-    ("gridMapFilters/DuplicationFilter", {"input_layer": "elevation", "output_layer": "out"}),
-    (
-        "gridMapFilters/MathExpressionFilter",
-        {"expression": "elevation + other", "output_layer": "out"},
-    ),
-    (
-        "gridMapFilters/MeanInRadiusFilter",
-        {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
-    ),
-    ("gridMapFilters/NormalColorMapFilter", {"input_layers_prefix": "n_", "output_layer": "color"}),
-    (
-        "gridMapFilters/NormalVectorsFilter",
-        {
-            "input_layer": "elevation",
-            "output_layers_prefix": "n_",
-            "normal_vector_positive_axis": "z",
-            "radius": 0.3,
-        },
-    ),
-    (
-        "gridMapFilters/NormalVectorsFilter",
-        {
-            "input_layer": "elevation",
-            "output_layers_prefix": "n_",
-            "normal_vector_positive_axis": "x",
-            "algorithm": "raster",
-        },
-    ),
-    (
-        "gridMapFilters/SlidingWindowMathExpressionFilter",
-        {
-            "input_layer": "elevation",
-            "output_layer": "elevation",
-            "expression": "meanOfFinites(elevation)",
-            "edge_handling": "crop",
-        },
-    ),
-    (
-        "gridMapFilters/ThresholdFilter",
-        {"layer": "elevation", "upper_threshold": 1.0, "set_to": 1.0},
-    ),
-    (
-        "gridMapCv/InpaintFilter",
-        {"input_layer": "elevation", "output_layer": "elevation", "radius": 0.3},
-    ),
+    ("MedianFill", ONTO_ITSELF | FILLING),
+    ("MedianFill", TO_OUT | {"fill_hole_radius": 0.3, "fill_mask_layer": "other"}),
+    ("MinInRadius", ONTO_ITSELF | {"radius": 0.3}),
+    ("Traversability", SCORES | {"output_layer": "out"}),
+    ("Duplication", TO_OUT),
+    ("MathExpression", {"expression": "elevation + other", "output_layer": "out"}),
+    ("MeanInRadius", ONTO_ITSELF | {"radius": 0.3}),
+    ("NormalColorMap", {"input_layers_prefix": "n_", "output_layer": "color"}),
+    ("NormalVectors", NORMALS | {"normal_vector_positive_axis": "z", "radius": 0.3}),
+    ("NormalVectors", NORMALS | {"normal_vector_positive_axis": "x", "algorithm": "raster"}),
+    ("SlidingWindowMathExpression", ONTO_ITSELF | MEAN),
+    ("Threshold", {"layer": "elevation", "upper_threshold": 1.0, "set_to": 1.0}),
+    ("Inpaint", ONTO_ITSELF | {"radius": 0.3}),
 ]
 """Filters that fail without their input layers."""
 
 HEIGHTS_TO_HEIGHTS = [
-    ("gridMapFilters/BilateralFilter", {"sigma_space": 0.1, "sigma_range": 0.5}),
-    ("gridMapFilters/GaussianBlurFilter", {"sigma": 0.1}),
-    ("gridMapFilters/GaussianBlurFilter", {"sigma": 0.1, "compute_empty_cells": True}),
-    ("gridMapFilters/DilationFilter", {"radius": 0.3}),
-    ("gridMapFilters/ErosionFilter", {"radius": 0.3, "compute_empty_cells": True}),
-    ("gridMapCv/InpaintFilter", {"radius": 0.3, "enclosed_holes_only": True, "max_hole_area": 0.3}),
+    ("Bilateral", {"sigma_space": 0.1, "sigma_range": 0.5}),
+    ("GaussianBlur", {"sigma": 0.1}),
+    ("GaussianBlur", {"sigma": 0.1, "compute_empty_cells": True}),
+    ("Dilation", {"radius": 0.3}),
+    ("Erosion", {"radius": 0.3, "compute_empty_cells": True}),
+    ("Inpaint", {"radius": 0.3, "enclosed_holes_only": True, "max_hole_area": 0.3}),
 ]
 """Filters from `input_layer` to `output_layer`, with their other parameters."""
 
 HEIGHTS_TO_MEASURES = [
-    ("gridMapFilters/RoughnessFilter", {"radius": 0.3}),
-    ("gridMapFilters/SlopeFilter", {}),
-    ("gridMapFilters/SlopeFilter", {"radius": 0.3}),
-    ("gridMapFilters/StepHeightFilter", {"radius": 0.3}),
-    (
-        "gridMapFilters/StepHeightFilter",
-        {"radius": 0.3, "second_window_radius": 0.3, "critical_value": 0.2},
-    ),
+    ("Roughness", {"radius": 0.3}),
+    ("Slope", {}),
+    ("Slope", {"radius": 0.3}),
+    ("StepHeight", {"radius": 0.3}),
+    ("StepHeight", {"radius": 0.3, "second_window_radius": 0.3, "critical_value": 0.2}),
 ]
 """Filters from `input_layer` to `output_layer` whose results do not depend on a height offset."""
 

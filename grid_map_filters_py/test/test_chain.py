@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import pytest
+from filter_cases import TO_OUT, step_of
 
 from grid_map_core_py import GridMap, LayerNotFoundError
 from grid_map_core_py.errors import ConfigError
@@ -134,7 +135,7 @@ def writes_with_opencv(grid_map):
     return grid_map
 
 
-@pytest.mark.parametrize("function", [writes, moves_in_place])
+@pytest.mark.parametrize("function", [writes, moves_in_place, writes_with_opencv])
 @pytest.mark.parametrize("before", [(), (adds_a_layer_twice,)])
 @pytest.mark.parametrize("start_index", [(0, 0), (1, 2)])
 def test_a_filter_that_writes_into_its_input_fails(grid_map, function, before, start_index):
@@ -142,18 +143,11 @@ def test_a_filter_that_writes_into_its_input_fails(grid_map, function, before, s
     untouched = grid_map.copy()
     with pytest.raises(FilterError) as caught:
         chain_of(*before, function)(grid_map)
-    assert str(caught.value).startswith(
-        f"filter {len(before) + 1} {function.__name__!r} (my/Filter): "
-        "it writes into a layer of its input ("
-    )
-    assert "with_layers" in str(caught.value)
-    assert_maps_equal(grid_map, untouched)
-
-
-def test_opencv_cannot_write_into_the_input_of_a_filter(grid_map):
-    untouched = grid_map.copy()
-    with pytest.raises(FilterError, match=r"filter 1 'writes_with_opencv' \(my/Filter\): "):
-        chain_of(writes_with_opencv)(grid_map)
+    name = f"filter {len(before) + 1} {function.__name__!r} (my/Filter): "
+    assert str(caught.value).startswith(name)
+    if function is not writes_with_opencv:
+        assert str(caught.value).startswith(f"{name}it writes into a layer of its input (")
+        assert "with_layers" in str(caught.value)
     assert_maps_equal(grid_map, untouched)
 
 
@@ -211,16 +205,8 @@ def test_empty_step_times_can_be_printed():
 
 
 def test_missing_layer_error_names_filter_and_layers(grid_map):
-    chain = FilterChain.from_config(
-        {
-            "filter1": step("first", "1"),
-            "filter2": {
-                "name": "copy",
-                "type": DUPLICATION,
-                "params": {"input_layer": "elevtion", "output_layer": "b"},
-            },
-        }
-    )
+    params = {"input_layer": "elevtion", "output_layer": "b"}
+    chain = FilterChain.from_config([step("first", "1"), COPY | {"params": params}])
     with pytest.raises(FilterError) as caught:
         chain(grid_map)
     assert str(caught.value) == (
@@ -233,15 +219,13 @@ def test_errors_of_a_filter_name_the_filter(grid_map):
     def broken(_):
         raise ZeroDivisionError("oops")
 
-    chain = FilterChain([Step(StepConfig(1, "bad", "my/Filter"), broken)])
-    with pytest.raises(FilterError, match=r"filter 1 'bad' \(my/Filter\): ZeroDivisionError: oops"):
-        chain(grid_map)
+    def empty(_):
+        return None
 
-
-def test_filter_that_returns_no_map_is_an_error(grid_map):
-    chain = FilterChain([Step(StepConfig(1, "bad", "my/Filter"), lambda _: None)])
-    with pytest.raises(FilterError, match=r"filter 1 'bad' \(my/Filter\): gave None instead of"):
-        chain(grid_map)
+    for function, message in [(broken, "ZeroDivisionError: oops"), (empty, "gave None instead of")]:
+        name = f"filter 1 '{function.__name__}' "
+        with pytest.raises(FilterError, match=rf"^{name}\(my/Filter\): {message}"):
+            chain_of(function)(grid_map)
 
 
 def test_only_warnings_of_filters_name_the_filter(grid_map):
@@ -250,11 +234,10 @@ def test_only_warnings_of_filters_name_the_filter(grid_map):
         warnings.warn("old", DeprecationWarning, stacklevel=1)
         return grid_map
 
-    chain = FilterChain([Step(StepConfig(1, "w", "my/Filter"), warns)])
     with pytest.warns() as caught:
-        chain(grid_map)
+        chain_of(warns)(grid_map)
     assert {(str(w.message), w.category) for w in caught} == {
-        ("filter 1 'w' (my/Filter): careful", FilterWarning),
+        ("filter 1 'warns' (my/Filter): careful", FilterWarning),
         ("old", DeprecationWarning),
     }
 
@@ -283,31 +266,12 @@ def test_one_chain_runs_in_many_threads(grid_map):
         all_run.wait()
         return grid_map
 
-    built_in = FilterChain.from_config(
-        [
-            step("double", "2 * elevation", "elevation"),
-            {
-                "name": "color",
-                "type": "gridMapFilters/ColorMapFilter",
-                "params": {
-                    "input_layer": "elevation",
-                    "output_layer": "color",
-                    "min": {"value": 0, "color": [0, 0, 1]},
-                    "max": {"value": 300, "color": [1, 0, 0]},
-                },
-            },
-            {
-                "name": "window",
-                "type": "gridMapFilters/SlidingWindowMathExpressionFilter",
-                "params": {
-                    "input_layer": "elevation",
-                    "output_layer": "mean",
-                    "expression": "meanOfFinites(elevation)",
-                    "edge_handling": "crop",
-                },
-            },
-        ]
-    )
+    ramp = {"min": {"value": 0, "color": [0, 0, 1]}, "max": {"value": 300, "color": [1, 0, 0]}}
+    mean = {"expression": "meanOfFinites(elevation)", "edge_handling": "crop"}
+    first = FilterChain.from_config([step("double", "2 * elevation", "elevation")]).steps
+    color = step_of("ColorMap", **TO_OUT, **ramp)
+    window = step_of("SlidingWindowMathExpression", **TO_OUT | {"output_layer": "mean"}, **mean)
+    built_in = FilterChain([*first, color, window])
     chain = FilterChain([*built_in.steps, Step(StepConfig(4, "w", "F"), warns)])
 
     def run(height):
@@ -336,11 +300,7 @@ def test_maps_are_unwrapped_after_a_filter_that_moves_them(grid_map):
         seen.append(grid_map)
         return grid_map
 
-    steps = [
-        Step(StepConfig(n + 1, name, name), f)
-        for n, (name, f) in enumerate({"moves": moves, "looks": looks}.items())
-    ]
-    FilterChain(steps)(grid_map)
+    chain_of(moves, looks)(grid_map)
     assert moves(grid_map).start_index != (0, 0)
     assert_maps_equal(seen[0], moves(grid_map))
     assert seen[0].start_index == (0, 0)
@@ -417,7 +377,10 @@ def with_params(type_name, **params):
                 "expected a string (quote it), got 3 (int)"
             ),
         ),
-        (with_params(MATH, expression="1 +", output_layer="b"), f"filter 1 'n' ({MATH}): "),
+        (
+            with_params(MATH, expression="abs(a -)", output_layer="b"),
+            f"filter 1 'n' ({MATH}): unexpected ')', expected a value\n    abs(a -)\n           ^",
+        ),
     ],
 )
 def test_wrong_configurations_are_refused_with_the_place(config, message):
@@ -452,13 +415,6 @@ def test_classes_that_are_no_filters_are_refused(monkeypatch, cls):
 )
 def test_parameters_below_replace_an_empty_value(parameters):
     assert nested(parameters) == {"filter1": {"params": {"radius": 1}}}
-
-
-def test_syntax_error_shows_the_place():
-    with pytest.raises(FilterConfigError) as caught:
-        FilterChain.from_config([step("n", "abs(a -)")])
-    lines = str(caught.value).splitlines()
-    assert any(line.strip() == "^" for line in lines)
 
 
 ROS2 = """
@@ -548,6 +504,7 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     ("text", "message"),
     [
         ("a: [", "not valid YAML"),
+        ("\udcff\udcfe", "not valid YAML"),
         ("3", "expected a YAML mapping, got 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
         ("a: {ros__parameters: {filters: 1, filters.filter1.name: a}}", "'filters' has a value, 1"),
@@ -562,18 +519,11 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
 )
 def test_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
     path = tmp_path / "chain.yaml"
-    path.write_text(text)
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_yaml(path)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
-
-
-def test_binary_file_is_refused(tmp_path):
-    path = tmp_path / "chain.yaml"
-    path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(FilterConfigError, match="not valid YAML"):
-        FilterChain.from_yaml(path)
 
 
 def test_missing_file_is_an_os_error(tmp_path):

@@ -297,10 +297,24 @@ def test_huge_cropped_window_covers_the_map(shape):
     np.testing.assert_array_equal(result, np.full(shape, layer.sum()))
 
 
-@pytest.mark.parametrize("edge_handling", ["inside", "empty", "mean"])
-def test_huge_padded_window_is_refused(edge_handling):
-    with pytest.raises(FilterError, match="a window of 1000001 cells is too large for a layer of"):
-        Expression("sum(e)").over_windows("e", terrain(), 10**6 + 1, edge_handling)
+@pytest.mark.parametrize(
+    ("layer", "window_size", "edge_handling", "message"),
+    [
+        *(
+            (np.ones((4, 5)), 10**6 + 1, edges, "a window of 1000001 cells is too large for a lay")
+            for edges in ("inside", "empty", "mean")
+        ),
+        *(
+            (np.ones((4, 5)), size, "crop", f"must be odd and positive, not {size}")
+            for size in (0, -1, 2, 4)
+        ),
+        (np.ones((4, 5)), 3, "wrap", "no edge handling 'wrap'; available: inside, crop"),
+        (np.ones(4), 3, "crop", "a layer has rows and columns"),
+    ],
+)
+def test_wrong_arguments_are_refused(layer, window_size, edge_handling, message):
+    with pytest.raises(FilterError, match=message):
+        Expression("sum(e)").over_windows("e", layer, window_size, edge_handling)
 
 
 def test_an_input_layer_hides_the_function_of_its_name():
@@ -340,19 +354,3 @@ def test_errors_in_windows_show_the_place(text, column, message):
 def test_kernel_does_not_fit_cropped_windows():
     with pytest.raises(ExpressionError, match="the shapes 3 x 3 and 2 x 2 do not match"):
         Expression(f"sumOfFinites({KERNEL} .* e)").over_windows("e", terrain(), 3, "crop")
-
-
-@pytest.mark.parametrize("window_size", [0, -1, 2, 4])
-def test_the_window_size_must_be_odd(window_size):
-    with pytest.raises(FilterError, match=f"must be odd and positive, not {window_size}"):
-        Expression("sum(e)").over_windows("e", terrain(), window_size, "crop")
-
-
-def test_an_unknown_edge_handling_is_an_error():
-    with pytest.raises(FilterError, match="no edge handling 'wrap'; available: inside, crop"):
-        Expression("sum(e)").over_windows("e", terrain(), 3, "wrap")
-
-
-def test_a_layer_without_columns_is_an_error():
-    with pytest.raises(FilterError, match="a layer has rows and columns"):
-        Expression("sum(e)").over_windows("e", np.ones(4, np.float32), 3, "crop")

@@ -23,6 +23,23 @@ def normals(grid_map, **params):
     return np.stack([result["normal_" + axis] for axis in "xyz"], axis=-1)
 
 
+def hills(rows: int, columns: int, holes: float = 0.1) -> np.ndarray:
+    random = np.random.default_rng(3)
+    layer = np.add.outer(np.sin(np.arange(rows) / 9), np.cos(np.arange(columns) / 7))
+    layer += 0.05 * random.normal(size=layer.shape)
+    layer[random.random(layer.shape) < holes] = np.nan
+    return np.asfortranarray(layer, dtype=np.float32)
+
+
+def best_normal(points):
+    """Return the upward normal of the least-squares plane, and the variances in ascending order."""
+    if len(points) < 3:
+        return np.array([0, 0, 1]), np.zeros(3)
+    values, vectors = np.linalg.eigh(np.cov(points.T, bias=True))
+    normal = vectors[:, 0] if values[1] > 1e-8 else np.array([0, 0, 1])
+    return normal * np.copysign(1.0, normal[2]), values
+
+
 @given(grid_maps(allow_moved=False), CELLS_OF_PLANES)
 @settings(max_examples=40)
 def test_area_normals_equal_least_squares_planes(grid_map, cells):
@@ -34,9 +51,7 @@ def test_area_normals_equal_least_squares_planes(grid_map, cells):
             assert np.isnan(normal).all()
             continue
         np.testing.assert_allclose(np.linalg.norm(normal), 1.0, rtol=1e-5)
-        values, vectors = (
-            np.linalg.eigh(np.cov(points.T, bias=True)) if len(points) >= 3 else (np.zeros(3), None)
-        )
+        expected, values = best_normal(points)
         if values[1] <= 1e-8:
             assert normal.tolist() == [0, 0, 1]
             continue
@@ -45,7 +60,7 @@ def test_area_normals_equal_least_squares_planes(grid_map, cells):
         variance = normal @ np.cov(points.T, bias=True) @ normal
         assert variance <= values[0] + 1e-5 * values[2]
         if values[1] - values[0] > 1e-2 * values[2]:
-            assert abs(normal @ vectors[:, 0]) == pytest.approx(1.0, abs=1e-4)
+            assert abs(normal @ expected) == pytest.approx(1.0, abs=1e-4)
 
 
 @pytest.mark.parametrize("params", [{"radius": 0.25}, {"algorithm": "raster"}, {}])
@@ -128,3 +143,94 @@ def test_raster_normals_are_one_sided_at_holes():
     expected = np.array([1.0, 0.0, 1.0]) / np.sqrt(2)
     for index in [(1, 2), (3, 2), (1, 1), (4, 3)]:
         np.testing.assert_allclose(result[index], expected, atol=1e-6)
+
+
+# --- tiles, and the plane of least squares --------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(300, 5), (5, 300), (271, 140)])
+@pytest.mark.parametrize("radius", [0.1, 0.25, 1.3])
+def test_tiles_have_no_seams(shape, radius):
+    layer = hills(*shape)
+    grid_map = ground(layer)
+    result = normals(grid_map, radius=radius)
+    for axis in range(3):
+        np.testing.assert_array_equal(np.isnan(result[..., axis]), np.isnan(layer))
+    places = np.arange(0, max(shape), 13)
+    for row, column in zip(places % shape[0], places % shape[1], strict=True):
+        if np.isfinite(layer[row, column]):
+            expected, _ = best_normal(points_in_disc(grid_map, (row, column), radius))
+            np.testing.assert_allclose(result[row, column], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("radius", [29.0, 1e6, 1e200])
+def test_disc_may_be_larger_than_tile_and_map(radius):
+    grid_map = ground(hills(300, 4, holes=0.0))
+    expected, _ = best_normal(points_in_disc(grid_map, (150, 2), min(radius, 1e3)))
+    np.testing.assert_allclose(normals(grid_map, radius=radius)[150, 2], expected, atol=1e-5)
+
+
+@given(
+    heights=st.lists(st.floats(-1, 1, width=32), min_size=25, max_size=25),
+    magnitude=st.integers(-6, 7),
+    holes=st.sets(st.integers(0, 24), max_size=20),
+)
+@settings(max_examples=300)
+def test_normals_have_the_direction_of_least_variance(heights, magnitude, holes):
+    layer = 10.0**magnitude * np.array(heights)
+    layer[list(holes - {12})] = np.nan
+    grid_map = ground(layer.reshape(5, 5))
+    normal = normals(grid_map, radius=0.25)[2, 2]
+    assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-6)
+    assert normal[2] >= 0
+    points = points_in_disc(grid_map, (2, 2), 0.25)
+    expected, variances = best_normal(points)
+    if variances[1] < 0.9e-8:
+        assert normal.tolist() == [0, 0, 1]
+    elif variances[1] > 1.1e-8:
+        spread = normal @ np.cov(points.T, bias=True) @ normal
+        # The error of float32 components grows with the spread of the heights.
+        assert spread <= variances[0] + 1e-6 * variances[1] + 1e-13 * variances[2]
+        if variances[1] - variances[0] > 1e-3 * variances[2]:
+            assert abs(normal @ expected) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_three_points_define_a_plane_and_two_do_not():
+    layer = np.full((3, 3), np.nan)
+    layer[0, 1], layer[1, 1] = 0.3, 0.2
+    assert normals(ground(layer), radius=0.15)[1, 1].tolist() == [0, 0, 1]
+    layer[1, 0] = 0.2
+    # z rises by 1 along x and is constant along y.
+    tilted = np.array([-1, 0, 1]) / np.sqrt(2)
+    np.testing.assert_allclose(normals(ground(layer), radius=0.15)[1, 1], tilted, atol=1e-6)
+
+
+@pytest.mark.parametrize(("resolution", "tilted"), [(2e-5, False), (2e-3, True)])
+def test_points_within_0_1_mm_define_no_plane(resolution, tilted):
+    heights = resolution * np.add.outer(np.arange(7.0), np.zeros(7))
+    z = normals(ground(heights, resolution), radius=2 * resolution)[..., 2]
+    np.testing.assert_allclose(z, np.sqrt(0.5) if tilted else 1.0, atol=1e-5)
+
+
+def slope_along(ahead, center, behind):
+    """Return the slope: central, else one-sided, else NaN."""
+    if np.isfinite([ahead, behind]).all():
+        return (ahead - behind) / (2 * 0.1)
+    one_sided = (ahead - center) if np.isfinite(ahead) else (center - behind)
+    return one_sided / 0.1 if np.isfinite(one_sided) else np.nan
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 9), (3, 3), (270, 7), (9, 140)])
+def test_raster_normals_follow_slopes_between_neighbors(shape):
+    layer = hills(*shape, holes=0.3)
+    layer[shape[0] // 2, shape[1] // 3] = np.inf
+    expected = np.full((*shape, 3), np.nan)
+    z = layer.astype(np.float64)
+    for row in range(1, shape[0] - 1):
+        for column in range(1, shape[1] - 1):
+            # Rows run towards -x, columns towards -y.
+            x = slope_along(z[row - 1, column], z[row, column], z[row + 1, column])
+            y = slope_along(z[row, column - 1], z[row, column], z[row, column + 1])
+            expected[row, column] = np.array([-x, -y, 1.0]) / np.sqrt(x * x + y * y + 1.0)
+    result = normals(ground(layer), algorithm="raster")
+    np.testing.assert_allclose(result, expected, atol=1e-6)

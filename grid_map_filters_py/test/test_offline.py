@@ -14,14 +14,9 @@ from grid_map_filters_py import FilterChain, FilterError, ProgressBar
 from grid_map_filters_py._offline import Failure, filter_maps
 from grid_map_filters_py._step_times import StepTimes
 
+TWICE = {"expression": "2 * height", "output_layer": "height"}
 CHAIN = FilterChain.from_config(
-    [
-        {
-            "name": "twice",
-            "type": "gridMapFilters/MathExpressionFilter",
-            "params": {"expression": "2 * height", "output_layer": "height"},
-        }
-    ]
+    [{"name": "twice", "type": "gridMapFilters/MathExpressionFilter", "params": TWICE}]
 )
 
 
@@ -33,9 +28,10 @@ def heights(filtered) -> list[float]:
     return [float(result.grid_map["height"][0, 0]) for result in filtered]
 
 
-def test_every_map_is_filtered():
-    maps = [a_map(height) for height in (1.0, 2.0, 3.0)]
-    results = list(filter_maps(CHAIN, maps))
+def test_every_map_is_filtered_and_timed():
+    maps, times = [a_map(height) for height in (1.0, 2.0, 3.0)], StepTimes()
+    results = list(filter_maps(CHAIN, maps, observer=times))
+    assert [(time.config.name, time.runs) for time in times] == [("twice", 3)]
     assert [result.index for result in results] == [0, 1, 2]
     for result, grid_map in zip(results, maps, strict=True):
         assert result.item is grid_map
@@ -140,13 +136,6 @@ def test_progress_is_called_with_count_and_total(as_source, total):
     assert told == [(1, total)]
     assert len(list(results)) == 1
     assert told == [(1, total), (2, total), (3, total)]
-
-
-def test_step_times_are_collected_over_all_maps():
-    times = StepTimes()
-    for _ in filter_maps(CHAIN, [a_map()] * 4, observer=times):
-        pass
-    assert [(time.config.name, time.runs) for time in times] == [("twice", 4)]
 
 
 def test_log_file_gets_one_line_when_a_run_fails():
