@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of the signed distance field: building it, and 100,000 queries.
 
-The terrain has holes, as for C++, which takes them for very deep; ours are free space.
+The terrain has holes, as for C++. C++ treats holes as very deep, this library as free space.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 """Yardstick: the current speed of one core.
 
 The same number was taken beside the C++ timings. Dividing by it makes times comparable that were
-not taken on the same machine or not at the same hour.
+measured on different machines or at different hours.
 """
 
 import statistics

@@ -16,7 +16,7 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 from scratch import PACKAGES, PYTHON_PACKAGES, ROOT
 
 ROSDEP_KEYS = {
-    "contourpy": "python3-matplotlib",  # which depends on this one
+    "contourpy": "python3-matplotlib",  # matplotlib depends on contourpy
     "cv2": "python3-opencv",
     "hypothesis": "python3-hypothesis",
     "lark": "python3-lark-parser",

@@ -4,7 +4,7 @@
 
     python3 tools/parameter_tables.py [--check] [PAGE ...]
 
-fills what stands on the pages, by default on all of `docs/`, between `<!-- parameters: NAME -->`
+fills the text on the pages, by default on all of `docs/`, between `<!-- parameters: NAME -->`
 and `<!-- end -->`. NAME is
 
     an executable       one that starts a node by `grid_map_ros_py.nodes.run`. The node is created,
@@ -12,7 +12,7 @@ and `<!-- end -->`. NAME is
     a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
     a visualization     or `surface`: says of them under `Attributes:`.
 
-With `--check` nothing is written; the exit code is 1 if a table is not what it should be.
+With `--check` nothing is written; the exit code is 1 if a table is outdated.
 """
 
 import argparse

@@ -10,11 +10,11 @@ Usage: tools/workspace setup|build|docs|oldest|exports
     oldest      make `.venv-oldest` with the oldest supported versions of what we require
     exports     print the assignments that tools/env.sh evaluates
 
-Two worlds are possible. A sourced ROS 2 Jazzy is used as it is, and `.venv` adds the few tools
+There are two modes. A sourced ROS 2 Jazzy is used as it is, and `.venv` adds the few tools
 that it lacks. Everywhere else `.venv` holds ROS 2 Jazzy itself, from PyPI wheels.
 
-Whatever is finished carries a stamp, written last, that says what it was made of. Work that was
-cut short has none and is done again.
+Each finished step writes a stamp with a hash of its inputs as its last action. An interrupted
+step has no stamp and is repeated.
 """
 
 import json

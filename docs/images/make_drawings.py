@@ -4,8 +4,8 @@
 
     python3 docs/images/make_drawings.py [FOLDER]
 
-writes one SVG per figure into the folder, `docs/images/conventions` by default. What stands in the
-cells, and where they lie, is asked of real maps. As on the page, x points up and y to the left.
+writes one SVG per figure into the folder, `docs/images/conventions` by default. The content
+and the place of each cell come from real maps. As on the page, x points up and y to the left.
 """
 
 import math

@@ -4,8 +4,8 @@
 
     python3 docs/images/make_visualization_pictures.py [FOLDER]
 
-writes one PNG per type into the folder, `docs/images/visualizations` by default. What is drawn are
-the messages themselves, so that the pictures show what RViz gets.
+writes one PNG per type into the folder, `docs/images/visualizations` by default. The pictures
+are drawn from the messages themselves, so that they show the data that RViz receives.
 """
 
 import sys

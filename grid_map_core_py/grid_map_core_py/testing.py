@@ -27,7 +27,7 @@ def assert_maps_equal(
 ) -> None:
     """Assert that two maps are equal in grid, frame, time, layers and data in map order.
 
-    Where in the buffer the data is stored does not matter. NaN equals NaN.
+    The start index of the buffer does not matter. NaN equals NaN.
 
     Args:
         rtol, atol: tolerances of the layer values, relative and absolute.
@@ -53,9 +53,9 @@ def register_profiles() -> None:
     """Register and load profiles of hypothesis, for the `conftest.py` of a package.
 
     The profile `grid_map`, which is loaded, tries the same examples every time, so that a change is
-    judged by its effect. `explore` tries others, and more of them, every time:
-    `pytest --hypothesis-profile=explore`, or `make explore`. In neither does an example have to be
-    quick: that says more about the machine than about the code.
+    judged by its effect. `explore` tries new and more examples every time:
+    `pytest --hypothesis-profile=explore`, or `make explore`. Neither limits the time
+    of an example, which depends on the machine.
     """
     from hypothesis import settings
 

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator
 
 
 def killed_at_every_step(work: Callable[[], object], limit: int = 1000) -> Iterator[int]:
-    """Run `work` in copies of this process, each of which is killed one step later.
+    """Run `work` in copies of this process, and kill each copy one step later than the last.
 
     A step is what Python announces to audit hooks: opening, renaming and removing files, making
-    folders and so on. The last copy is not killed, since it has come to its end.
+    folders and so on. The last copy is not killed, because it has finished.
 
     Args:
         work: operation to run.

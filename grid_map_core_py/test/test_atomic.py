@@ -53,7 +53,7 @@ def exchange(request, monkeypatch) -> str:
     return request.param
 
 
-def test_killed_write_leaves_the_old_or_the_new_file_and_folder(tmp_path):
+def test_killed_write_leaves_the_old_or_the_new_version(tmp_path):
     file, folder = tmp_path / "file", tmp_path / "folder"
     for path, save, read, steps in (
         (file, save_file, lambda path: {path.read_text()}, 5),

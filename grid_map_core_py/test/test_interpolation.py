@@ -146,7 +146,7 @@ class Cpp:
     It is wrong where one of these rules holds:
 
     - A neighbor in the buffer is not the neighbor in the map: at the seam of a moved map. LINEAR
-      moreover does not repeat border cells but runs over the ends of columns, and refuses cells
+      also wraps over the ends of columns instead of repeating border cells, and refuses cells
       stored before the start index.
     - CUBIC_CONVOLUTION on the -x or -y side of the cell's center: evaluated next to its interval.
     - CUBIC in the half cell at the -x or -y border: t leaves [0, 1].
@@ -217,7 +217,7 @@ def test_values_and_stages_equal_cpp_where_it_reads_right_cells(method):
 @by_map
 @by_method
 def test_all_golden_positions_inside_have_the_values_of_the_definitions(name, case, method):
-    """Also where C++ is wrong: what it makes of those positions is not used."""
+    """Includes positions where C++ is wrong; the numbers of C++ are not used there."""
     grid_map, layer = golden_map(name), case["layer"]
     oracle = Oracle(grid_map, layer)
     inside = [position for position in case["position"] if grid_map.is_inside(position)]

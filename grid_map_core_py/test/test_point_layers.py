@@ -339,7 +339,7 @@ def test_invalid_arguments_are_refused(options, error, message):
     [("max", 3), ("min", 3), ("mean", 4), ("first", 3), ("last", 3), ("count", 3), ("variance", 7)],
 )
 def test_memory_grows_with_cells_and_not_with_points(reduction, times):
-    """Beside the layer: sums of 64 bits, of which the variance takes two."""
+    """Memory besides the layer: sums of 64 bits; the variance needs two of them."""
     points = np.random.default_rng(1).uniform(-1, 1, (400_000, 3)).astype(np.float32)
     grid_map = GridMap((2, 2), 0.002)
     layer = 4 * 1000 * 1000

@@ -53,7 +53,7 @@ def add_noise(grid_map: GridMap, largest: float, random: np.random.Generator) ->
 
 
 def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> None:
-    """Set `elevation_noisy` to infinity at random positions, some of which miss the map."""
+    """Set `elevation_noisy` to infinity at random positions; some of them miss the map."""
     positions = random.uniform(-1.0, 1.0, (count, 2))
     cells, _ = grid_map.get_indices(positions[grid_map.is_inside(positions)])
     grid_map["elevation_noisy"][cells] = np.inf

@@ -65,7 +65,7 @@ def in_map_order(call: C) -> C:
     """Decorator for `__call__` of a filter that needs maps in map order.
 
     A map that has moved is unwrapped, and the result is stored from its start index again. Filters
-    that look at neighboring cells need it to be right outside of a chain, which does the same.
+    that use neighboring cells need it outside of chains; a chain does the same.
     """
 
     @functools.wraps(call)

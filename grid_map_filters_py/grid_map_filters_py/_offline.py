@@ -3,7 +3,7 @@
 """Filter chains over many maps without a node: from bags, folders or generators.
 
 `filter_maps` takes any iterable, and a function that makes a map of each item. The items of a bag
-are its records: `load` decodes one at a time, and each result comes back beside its record.
+are its records: `load` decodes one at a time, and each result holds its record.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sized
@@ -35,7 +35,7 @@ class Filtered(Generic[T]):
 class Failure:
     """A map that could not be loaded or filtered; `index` counts from 0.
 
-    It holds a text and not the exception, because that would keep the map in memory.
+    It holds a text, because the exception would keep the map in memory.
     """
 
     index: int

@@ -3,9 +3,9 @@
 """The traversability chain on a map that the C++ nodes recorded, and their result.
 
 C++ squeezes the inpainted layer through 8 bits, and decides by rounding which cells exactly on the
-rim of a disc belong to it. Ours does neither (contract 6 and 3). So each step is compared on C++'s
-own input, where all are equal; the inpainted and the smooth layer in steps of 8 bits; and the
-derived layers as far as the quantisation lets them.
+rim of a disc belong to it. This library does neither (contracts 6 and 3). Each step is therefore
+compared on C++'s own input, where all are equal; the inpainted and the smooth layer in steps of 8
+bits; and the derived layers as far as the quantisation lets them.
 """
 
 import itertools

@@ -4,7 +4,7 @@
 
 The names of the package are those of its rooms `messages` and `bags`, loaded on first use. Reading
 messages and reading and writing bags needs neither rclpy nor message packages; making a message
-needs the package of its type. `nodes` has the parts of which nodes are made (subscriptions,
+needs the package of its type. `nodes` has parts for writing nodes (subscriptions,
 parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
 """
 

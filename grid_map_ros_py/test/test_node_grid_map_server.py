@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `grid_map_server` in a process of its own: topics, services, refusals, restarts."""
+"""The node `grid_map_server` as a process: topics, services, refused requests, restarts."""
 
 from collections.abc import Iterator
 from pathlib import Path

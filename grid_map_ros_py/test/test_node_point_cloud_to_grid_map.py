@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The node `point_cloud_to_grid_map` in a process of its own, over DDS."""
+"""The node `point_cloud_to_grid_map` as a process, over DDS."""
 
 import math
 import signal

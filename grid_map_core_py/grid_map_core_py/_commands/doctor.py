@@ -120,7 +120,7 @@ def run(options: argparse.Namespace) -> int:
 def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
     """Return the status ("ok", "missing" or "broken") of modules, and their version or error.
 
-    They are imported in a process of their own, which a broken one may end.
+    They are imported in a separate process, because a broken one may end the process.
     """
     found: dict[str, tuple[str, str]] = {}
     while rest := modules[len(found) :]:

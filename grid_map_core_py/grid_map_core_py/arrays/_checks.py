@@ -116,7 +116,7 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
     """Return cells as (rows, cols).
 
     Args:
-        values: a tuple (rows, cols), as NumPy takes it for an index, or (N, 2) rows and columns.
+        values: a tuple (rows, cols), as for NumPy indexing, or (N, 2) rows and columns.
             One cell is (row, col) either way.
         name: name of the parameter, for the message.
     """

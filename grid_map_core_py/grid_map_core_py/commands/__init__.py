@@ -3,8 +3,8 @@
 """The command line `grid-map`, and parts for subcommands of other packages.
 
 A subcommand is a module with `add_arguments(parser)` and `run(options)`, which returns the exit
-code; the first line of its docstring is its summary. A package adds one by an entry point of the
-group `grid_map_core_py.commands`, whose name is that of the command and whose object is the module.
+code; the first line of its docstring is its summary. A package adds a subcommand by an entry
+point of the group `grid_map_core_py.commands`: the command's name and the module.
 `grid-map --help` reads only the docstring, without an import, so it is fast, and a package that is
 broken or missing leaves the other commands usable.
 

@@ -153,7 +153,7 @@ def _run(arguments: Sequence[str]) -> int:
 def _text_of(error: Exception) -> str:
     """Return the text of an error that a user can mend; raise any other error.
 
-    That of an OSError is its file and its reason, without its number.
+    The text of an OSError is its file and its reason, without the error number.
     """
     if isinstance(error, OSError):
         return ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)

@@ -74,8 +74,8 @@ def _missing_links(
 ) -> Edges:
     """Return links between crowded points of different clusters of the same group.
 
-    There are few such clusters, so that it is cheap to ask each point of the smaller of two for the
-    nearest point of the larger.
+    There are few such clusters, so that it is cheap to search, from each point of the smaller one,
+    the nearest point of the larger.
     """
     crowded = crowded[np.argsort(clusters[crowded], kind="stable")]
     _, starts, ranks, sizes = np.unique(

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Costs of navigation: one byte per cell, 255 for unknown cells.
 
-A codec turns values of a layer into costs and back. `CostTable` speaks the language of ROS 1's
-costmap_2d and of nav2's costs with a meaning (free, inscribed, lethal, unknown), `CostRange` maps a
+A codec turns values of a layer into costs and back. `CostTable` uses the costs of ROS 1's
+costmap_2d and nav2 (free, inscribed, lethal, unknown), `CostRange` maps a
 range of values to 0..254, as the nav2 costmap messages of the C++ library have it. With either,
 NaN becomes 255, never free.
 """

@@ -73,7 +73,7 @@ def to_image(
         grid_map: the map.
         layer: the layer that gives the values.
         dtype: uint8, uint16, float32 or float64.
-        channels: 1, 3 (the same value thrice) or 4 (and alpha).
+        channels: 1, 3 (three equal channels) or 4 (three equal channels and alpha).
         lower: the value that becomes 0; None means the smallest finite value of the layer.
         upper: the value that becomes 255, 65535 or 1.0; it may be less than `lower`. None means the
             largest finite value. Values beyond the bounds are clamped. A float image with neither
@@ -238,7 +238,7 @@ def from_image(
         lower, upper: values of pixel 0 and of pixel 255, 65535 or 1.0. With 0 and 1 a float image
             holds the values themselves.
         position: (2,) center of the map [m].
-        alpha_threshold: pixels with less than this share of full alpha are NaN; in integer images
+        alpha_threshold: pixels with less alpha than this are NaN (1 is opaque); in integer images
             the threshold is rounded down to a whole number.
         order: order of the color channels; `cv2.imread` returns "bgr".
         frame_id: coordinate frame of the map.
@@ -268,7 +268,7 @@ def add_layer_from_image(
     """Add a layer that holds the gray values of an image to a map, or replace it.
 
     Args:
-        grid_map: the map, as many rows and columns as the image; it may have moved.
+        grid_map: the map, with the rows and columns of the image; it may have moved.
         image, layer, lower, upper, alpha_threshold, order: as in `from_image`.
 
     Raises:
@@ -289,7 +289,7 @@ def add_color_layer_from_image(
     """Add a layer that holds the packed colors of an image to a map, or replace it.
 
     Args:
-        grid_map: the map, as many rows and columns as the image; it may have moved.
+        grid_map: the map, with the rows and columns of the image; it may have moved.
         image: as in `from_image`; 255, 65535 and 1.0 are full intensity.
         layer: name of the layer.
         alpha_threshold, order: as in `from_image`.

@@ -141,7 +141,7 @@ class _Triangles:
 
     Args:
         rows, columns, z: (3, T) of the corners.
-        tolerance: by how many cells a center may miss an edge and still be hit.
+        tolerance: distance from a center to an edge that still counts as a hit [cells].
     """
 
     def __init__(self, rows: Positions, columns: Positions, z: Positions, tolerance: float) -> None:

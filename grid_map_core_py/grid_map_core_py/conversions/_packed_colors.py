@@ -81,7 +81,7 @@ def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
     """Unpack layer values into colors.
 
     Args:
-        value: (...) float32 color values, of which NaN means no color; or integers 0xRRGGBB.
+        value: (...) float32 color values, NaN means no color; or integers 0xRRGGBB.
 
     Returns:
         (..., 3) float32 red, green, blue in [0, 1]; NaN where `value` is NaN.
@@ -100,7 +100,7 @@ def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
     """Unpack layer values, as in `color_value_to_vector`, into red, green, blue in [0, 255].
 
     Returns:
-        three arrays (...); what they hold where `value` is NaN has no meaning.
+        three arrays (...); undefined where `value` is NaN.
     """
     if value.dtype.kind == "f":
         bits = value.astype(np.float32, copy=False).view(np.uint32)

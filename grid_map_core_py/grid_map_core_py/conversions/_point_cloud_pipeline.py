@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
 
-The parameters are those of the C++ package `grid_map_pcl`, whose files load as they are. What
-upstream calls PCL for is in `voxels`, `clusters` and here, for all cells at once.
+The parameters are those of the C++ package `grid_map_pcl`; its parameter files load unchanged. The
+algorithms of PCL are in `_voxels.py`, `_clusters.py` and here.
 """
 
 from collections.abc import Iterator, Mapping

@@ -62,14 +62,14 @@ def rasterize(
         points: (N, 3) or wider, x, y, z [m], map frame; float32 or float64 in any memory order.
         layers: names of layers, each with the reduction of heights [m] that it holds.
         fields: (N,) values of the points by name; each becomes a layer of that name. Values that
-            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colors,
-            of which alpha is dropped.
+            are not finite are left out. Fields called `rgb`, `rgba` or `color` are packed colors;
+            their alpha is dropped.
         field_reductions: reductions of fields; the default is `mean`, for colors the mean of each
             channel. Colors have the reductions `mean`, `first`, `last` and `count` only.
         min_height, max_height: points below or above are left out [m]; both limits are inclusive.
 
     Returns:
-        A map with these layers, which replace those of the same names. It shares the others with
+        A map with these layers; they replace layers of the same names. It shares the others with
         `grid_map` as described at `GridMap.with_layers`.
 
     Raises:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reductions of the points of each cell to one value.
 
-A reducer is fed with chunks of points and then asked, once, for one float32 value per cell: NaN
+A reducer takes points in chunks and then returns, once, one float32 value per cell, NaN
 without points. Chunks keep temporaries small, and a reducer needs memory for cells only, except for
 the median. All rest on `ufunc.at`, which takes a few nanoseconds per point and honors cells that
 occur more than once.
@@ -109,7 +109,7 @@ class Mean:
 class Variance:
     """The population variance: the mean squared deviation from the mean.
 
-    Deviations are counted from some value of the same cell, so that a height common to all takes no
+    Deviations are relative to a value of the same cell, so that a common height costs no
     digits from them (Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance",
     1983).
     """

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Atomic writing of files and folders: complete or not at all.
 
-They are written beside their place, under a hidden name that ends in `.partial`, and renamed once
-the disk has them. An error or the end of the process before that leaves the old ones. A process
+They are written beside the target, under a hidden name that ends in `.partial`, flushed to disk,
+and renamed. An error or the end of the process before that leaves the old ones. A process
 that is killed leaves its `.partial` behind, which can be deleted.
 """
 

@@ -40,7 +40,7 @@ class MapRecord(Protocol):
 class Format:
     """A file format: how to recognize, read and write it.
 
-    The options of a format are the parameters of its functions behind the first ones, by name.
+    The options of a format are the keyword parameters of its functions.
 
     Attributes:
         name: short and unique, such as "npz".
@@ -48,11 +48,11 @@ class Format:
         endings: endings of file names, in lower case, such as ".npz".
         reads: returns whether a path can be read, for folders and for endings that several formats
             share; None goes by the endings.
-        writes: tells whether a name can be written to; None goes by the endings.
+        writes: returns whether a name can be written to; None compares the endings.
         load: `load(path, layers=None, **options)` returns one map; None if the format is not read.
         save: `save(grid_map, path, **options)` writes one map; None if it is not written.
-        describe: `describe(path, **options)` returns, as JSON has them, the facts of a file that
-            can be told quickly; "map" holds those of its map. None loads the map to tell them.
+        describe: `describe(path, **options)` quickly returns the metadata of a file as JSON values;
+            "map" holds those of its map. None loads the map for them.
         open_maps: for formats of many maps: `open_maps(path, topic=None)` returns a context manager
             of a sequence of `MapRecord` with an attribute `topic`.
         save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
@@ -147,8 +147,8 @@ def save(
 def formats() -> dict[str, Format]:
     """Return all formats by name: first the built-in ones, then those of other packages.
 
-    A package adds one by an entry point of the group `grid_map_core_py.formats`, whose name is that
-    of the format and whose object is a `Format`. One that cannot be loaded is left out, with a
+    A package adds a format by an entry point of the group `grid_map_core_py.formats`: the format's
+    name and a `Format`. A format that cannot be loaded is left out, with a
     warning.
     """
     known = dict(BUILT_IN)
@@ -169,7 +169,7 @@ def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None 
     Args:
         path: the file or folder.
         options: names of options that the format must have.
-        name: name of the format, if it is not to be told by the path.
+        name: name of the format; None selects it by the path.
 
     Raises:
         GridMapError: no format fits, or it lacks an option.

@@ -3,7 +3,7 @@
 """GeoTIFF files: one band of float32 per layer, described by its name; NaN is no data.
 
 Rows of a raster run to -y and columns to +x. A tag holds the frame, the time and the basic layers
-of the map. The place is that of the raster, so a raster that was cropped elsewhere is right.
+of the map. The position comes from the raster, so a raster that was cropped elsewhere is right.
 """
 
 import json

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Height maps: one layer as a gray PNG image of 8 or 16 bits, or as a TIFF image of float32.
 
-The file holds nothing but pixels: the reader gives the size of a pixel and the heights of black and
+The file holds only pixels: the caller gives the size of a pixel and the heights of black and
 of white. Up in the image is +y and right is +x.
 """
 
@@ -41,7 +41,7 @@ def load_height_image(
 
     Args:
         path: a PNG, TIFF, BMP or PGM file of uint8, uint16, float32 or float64.
-        layers: None, or the name of the layer: for readers that ask for layers.
+        layers: None, or the name of the only layer.
         resolution: side of a pixel [m]; required.
         lower, upper: heights of black and of white [m]. An image of floats holds the heights
             themselves and takes neither.

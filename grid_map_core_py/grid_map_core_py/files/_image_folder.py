@@ -8,7 +8,7 @@ is +x, which differs from the images of `grid_map_core_py.to_image`.
 
 Losses: a value comes back less than one step below, at most one step of (`upper` - `lower`) /
 65535 with 16 bits, / 255 with 8, and infinities become the bounds. NaN comes back as NaN: an image
-with NaN has an alpha channel. Colors are kept, without bits that belong to no color. `save_npz`
+with NaN has an alpha channel. Colors are kept; bits outside of the color are not. `save_npz`
 loses nothing.
 """
 
@@ -55,7 +55,7 @@ def save_images(
 ) -> Path:
     """Write layers as images, and the rest of the map as YAML.
 
-    The folder is written atomically. One that was written so before is replaced; anything
+    The folder is written atomically. An older folder of this format is replaced; anything
     else is not.
 
     Args:

@@ -60,7 +60,7 @@ def load_map_server(
 
     Args:
         path: the YAML file, or a folder that holds `map.yaml`.
-        layers: None, or the name of the layer: for readers that ask for layers.
+        layers: None, or the name of the only layer.
         occupancy_layer: name of the layer; it holds 0 (free) to 100 (occupied), NaN is unknown.
         frame_id: frame of the map.
 

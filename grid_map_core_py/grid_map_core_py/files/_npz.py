@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps in NumPy's `.npz` files, exactly.
 
-Such a file is of use without this package, too: `np.load("map.npz")["layers/elevation"]` is a layer
+NumPy alone can read such a file: `np.load("map.npz")["layers/elevation"]` is a layer
 in map order, and `metadata` is a text in JSON with everything else.
 """
 
@@ -47,8 +47,8 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
 
     Args:
         grid_map: the map.
-        path: the file; its name is taken as it is.
-        compress: make the file smaller, which takes many times as long.
+        path: the file; no ending is appended.
+        compress: compress the file, which takes several times longer.
 
     Raises:
         GridMapError: the file cannot be written, or cannot hold the name of a layer.
@@ -80,7 +80,7 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
 def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
     """Return the map in an `.npz` file that `save_npz` has written.
 
-    Memory is taken only after the file was found to hold as many bytes as it claims.
+    Memory is allocated only after a check that the file has as many bytes as it declares.
 
     Args:
         path: the file.

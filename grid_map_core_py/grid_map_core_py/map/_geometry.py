@@ -196,7 +196,7 @@ class GridGeometry:
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
         """Return the x of every row (rows,) and the y of every column (cols,) [m], both descending.
 
-        This is the order in which the layers of a map are stored that has not moved;
+        Layers of a map that has not moved are stored in this order;
         `GridMap.axes` gives the order of every map.
         """
         x, y = (self._first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
@@ -228,7 +228,7 @@ class GridGeometry:
     def box(self, lower: ArrayLike, upper: ArrayLike) -> tuple[slice, slice]:
         """Return the rows and columns of the cells that a rectangle overlaps, clipped to the map.
 
-        An edge within 1e-9 m of a cell border takes no further cell; a rectangle without area takes
+        An edge within 1e-9 m of a cell border adds no further cell; a rectangle without area takes
         the cell that it is in. Outside the map both slices are empty.
 
         Args:
@@ -385,8 +385,8 @@ class GridGeometry:
     def _innermost_bounds(self) -> tuple[Positions, Positions]:
         """Return about the smallest and largest coordinates that are inside on each axis.
 
-        They miss the borders by what rounding takes from a sum of position and length. The step
-        inwards is of that size too: the next number after a border at 0 would change no such sum.
+        They differ from the borders by the rounding error of a sum of position and length. The step
+        inwards has that size too: a smaller step would not change such a sum.
         """
         lower, upper = self.position - self._half, self.corner
         step = np.spacing(np.abs(self.position) + self.length)

@@ -291,7 +291,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Add or replace layers, as `dict.update` does.
 
         Args:
-            layers: names and values; a map of the same size may be stored from another start index.
+            layers: names and values; a map of the same size may have another start index.
             named: more of them, as keywords.
         """
         for name, value in {**dict(self._in_my_order(layers)), **named}.items():
@@ -434,8 +434,8 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> float | npt.NDArray[np.float64]:
         """Return the values of a layer at positions.
 
-        Where a method needs a cell that is not finite, the next simpler one takes over for that
-        position: cubic, linear, nearest. `NEAREST` returns NaN or an infinity as it finds them.
+        If a method needs a cell that is not finite, the next simpler method is used for that
+        position: cubic, linear, nearest. `NEAREST` returns NaN and infinities unchanged.
         Near the border the missing neighbors repeat the border cell.
 
         Args:
@@ -607,7 +607,7 @@ class GridMap(MutableMapping[str, Layer]):
 
         The cells keep their places and values, new cells are NaN. A map that already covers the
         other one (within 1e-9 m) does not change; one that grows is stored anew, from start index
-        (0, 0). The data of the other map plays no part, see `add_data_from`.
+        (0, 0). No data is copied, see `add_data_from`.
 
         Raises:
             GridMapError: both maps name a frame and the frames differ.
@@ -632,8 +632,8 @@ class GridMap(MutableMapping[str, Layer]):
 
         Args:
             other: the map to copy from; in the same frame, or one of the two names no frame.
-            extend_map: whether to grow first, as `extend_to_include` does.
-            overwrite_data: whether to replace finite values of this map; judged layer by layer.
+            extend_map: True to grow first, as `extend_to_include` does.
+            overwrite_data: True to replace finite values of this map, layer by layer.
             layers: names of the layers to copy, None for all of the other map. Those that this map
                 lacks are added without data first.
 
@@ -656,7 +656,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Return the map in another frame, as a surface of 3-D points seen from above.
 
         Each cell with a finite height is a point that is rotated and shifted. Where several come
-        down on the same cell the highest one stays, of equally high ones that of the last column
+        down on the same cell, the highest one stays; among equal heights, that of the last column
         and row. The other layers take their values along unchanged. Points that come down beside
         the new map are lost.
 

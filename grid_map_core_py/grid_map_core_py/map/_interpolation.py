@@ -86,7 +86,7 @@ class _Around(NamedTuple):
     """Arrays of the K x K cells around N positions.
 
     Attributes:
-        places: (2, K, N) where in the flat buffer the rows and the columns begin.
+        places: (2, K, N) offsets of the rows and of the columns in the flat buffer.
         weights: (K, 2, N) of the rows and the columns.
         indices: (K, K, N) of the cells in the flat buffer, column by column.
         cells: (K, K, N) their values.
@@ -194,13 +194,13 @@ class _Surface:
         """Return between which rows and columns of cell centers coordinates (2, N) lie.
 
         Args:
-            closed_above: whether a coordinate on a center belongs to the interval below it, with
+            closed_above: True if a coordinate on a center belongs to the interval below it, with
                 t = 1, and not to the one above it, with t = 0.
 
         Returns:
             below: (2, N) row and column with the smaller coordinate, 0 ... count; the other ones
                 have the number before.
-            t: (2, N) where in between, from 0 at the smaller to 1 at the larger coordinate.
+            t: (2, N) place in between, from 0 at the smaller to 1 at the larger coordinate.
         """
         length, resolution = self._geometry.length[:, np.newaxis], self._geometry.resolution
         cells = self._cells(xy)
@@ -221,7 +221,7 @@ def _set_weights(weights: Positions, t: Positions) -> None:
 
     Args:
         weights: weights of 2 cells, linear, or of 4, cubic.
-        t: (...) where between the two inner ones, from 0 at the lower to 1 at the higher.
+        t: (...) place between the two inner cells, from 0 at the lower to 1 at the higher.
     """
     rest = 1.0 - t
     if len(weights) == 2:
@@ -245,7 +245,7 @@ def _set_weights(weights: Positions, t: Positions) -> None:
 def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
     """Give a corner beyond the border the slope of the border cell, in cubic weights (4, 2, N).
 
-    With repeated cells alone its slope would be zero.
+    If the border cell were only repeated, its slope would be zero.
     """
     for beyond, near, far in (
         (below >= np.array(size)[:, np.newaxis], 0, 3),

@@ -145,7 +145,7 @@ def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
     """Interpolate a layer.
 
     A target cell whose nearest source cell is not finite takes its value, NaN or an infinity. All
-    other target cells are finite: source cells that are not finite have no part in them.
+    other target cells are finite: they are computed from finite source cells only.
 
     Args:
         layer: (rows, cols) the buffer.

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The circular buffer (ring buffer) that stores the layers of a map.
 
-`start` is the place in the buffer where cell (0, 0) of the map lives. Moving the map moves `start`
-and leaves the data where it is, so that a row may run over the end of the buffer to its beginning.
+`start` is the place in the buffer where cell (0, 0) of the map is stored. Moving the map moves
+`start` and leaves the data where it is, so that rows and columns may wrap around the end of the
+buffer.
 """
 
 from collections.abc import Iterator

@@ -43,7 +43,7 @@ class SignedDistanceField:
     top of its column a node has distance 0. Beyond the border of the map there is nothing, neither
     ground nor air.
 
-    Between the nodes distances are interpolated trilinearly, and outside they go on linearly,
+    Between the nodes distances are interpolated trilinearly, and extrapolated linearly outside,
     which is an estimate that gets worse with the distance from the field. Along a side of a single
     cell they are constant.
 
@@ -51,10 +51,10 @@ class SignedDistanceField:
     filled cell all distances are +inf, in one without any free point -inf; gradients are then 0.
 
     Args:
-        grid_map: the map, which is not kept: later changes of it do not show.
+        grid_map: the map; later changes of it have no effect.
         layer: name of the layer with the heights [m].
         min_height: z of the lowest level [m], map frame.
-        max_height: z that the highest level reaches at least [m]; there are two levels or more.
+        max_height: smallest z of the highest level [m]; there are at least two levels.
         unknown: meaning of cells without data (NaN); None refuses them, "free" treats them as cells
             of height -inf.
 
@@ -429,7 +429,7 @@ def _distances(heights: Layer, levels: Positions, resolution: float) -> Nodes:
 def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     """Return the distance of each cell to the nearest end of a vertical gap over any cell.
 
-    The gap reaches from `lower` up to `upper`, of which one is a number and one (rows, cols); it
+    The gap reaches from `lower` up to `upper`; one is a number, the other (rows, cols). The gap
     has no height where they are the other way round. With its height f(c) the squared distance of a
     cell is the smallest of (distance to the center of c)^2 + f(c)^2 over all cells c, the
     generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of

@@ -167,7 +167,7 @@ class _Surface:
 
     Args:
         geometry: geometry of the grid.
-        with_sources: whether to keep the source cell of each highest point.
+        with_sources: True to keep the source cell of each highest point.
     """
 
     def __init__(self, geometry: GridGeometry, *, with_sources: bool) -> None:
@@ -192,7 +192,7 @@ class _Surface:
     def add(self, points: Iterable[list[Positions]], sources: _Indices) -> None:
         """Drop points onto the grid, several from each source.
 
-        Of points of the same height, the one of the last source stays.
+        Among points of equal height, the one of the last source stays.
 
         Args:
             points: x, y, z [m], each of the shape of `sources`; -inf in z is no point.

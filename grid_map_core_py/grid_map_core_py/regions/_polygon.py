@@ -295,7 +295,7 @@ class Polygon:
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
     """Return the x at which edges from (..., 2) to (..., 2) reach y (...); level edges have none.
 
-    The order of the operations is that of the C++ library: points on edges go the same way.
+    Same order of operations as the C++ library, so that points on edges get the same result.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rise = end[..., 1] - start[..., 1]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Colors of single cells, for cell functions.
 
-The core decides how a color is packed into a float32; here are the clamping and the shares.
+The core packs colors into float32; the functions here clamp and scale channels.
 """
 
 import numpy as np

@@ -275,7 +275,7 @@ def _length(value: Plain, argument: int) -> int:
 class Function:
     """A function of the language.
 
-    Its properties tell `_missing` how it treats NaN: windows that are cropped at the border are
+    Its properties say how it treats NaN, for `_missing`: windows that are cropped at the border are
     computed faster where these can be padded with NaN instead.
 
     Attributes:

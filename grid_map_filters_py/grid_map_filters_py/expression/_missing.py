@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Analysis of expressions: may a cropped window be padded with NaN instead?
 
-It may where every use of the window ends in a reduction that skips NaN, and all functions before
-keep NaN. Then all cells have windows of one size, and the border needs no treatment of its own.
+It may if every use of the window ends in a reduction that skips NaN, and all earlier functions
+keep NaN. Then all cells have windows of one size, and the border needs no special treatment.
 """
 
 from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
@@ -13,7 +13,7 @@ from ._nodes import Binary, Call, Name, Node, Number, Unary, children
 def skips_missing(root: Node, name: str) -> bool:
     """Return True if cropping the windows of the layer `name` equals padding them with NaN.
 
-    It returns False, too, if this simple analysis cannot tell.
+    It also returns False if this simple analysis cannot decide.
     """
     # If a layer has the name of a function, its parentheses mean indexing, not a call.
     return name not in FUNCTIONS and _is_number(root, name)

@@ -65,7 +65,7 @@ class CellFunction:
             cells. Its constants must be float32 or uint32 like the values: a Python number would
             widen the result.
         takes: type of the values: float32, or uint32 for the bits of colors.
-        gives: type of the result: float32 or uint32.
+        gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.
 
     Attributes:

@@ -224,7 +224,7 @@ def _read_not_negative(node: Node, name: str, default: float) -> float:
 
 
 def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
-    """Return a parameter that is a list of as many finite numbers as the default."""
+    """Return a parameter: a list of finite numbers, as long as the default."""
     value = _read(node, name, list[float], default)
     fits = len(value) == len(default) and all(map(math.isfinite, value))
     check(fits, name, f"{len(default)} finite numbers", value)

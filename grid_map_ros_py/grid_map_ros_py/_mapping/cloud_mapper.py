@@ -75,7 +75,7 @@ class CloudMapper:
         poses: source of the poses.
         report: called with the reason when a cloud is dropped.
         fields: names of the fields of clouds that become layers besides the heights.
-        follow: whether the map moves with the robot.
+        follow: True if the map moves with the robot.
         min_range, max_range: distances from the origin of the cloud's frame [m]; points nearer or
             farther are left out.
         timeout: maximum time a cloud waits for its pose [s].

@@ -88,8 +88,8 @@ def save_to_bag(
 class BagWriter:
     """Writes a bag map by map, as a context manager.
 
-    The bag is in its place when the context ends. After an exception there is no bag, or the old
-    one.
+    The bag replaces the target when the context ends. After an exception there is no bag, or the
+    old one.
 
     Arguments and errors: see `save_to_bag`.
     """

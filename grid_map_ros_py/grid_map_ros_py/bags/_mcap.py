@@ -3,7 +3,8 @@
 """The MCAP files of bags.
 
 The package `mcap` knows the records. Reading follows the index of the file where there is one, and
-scans the file else; it believes no length before so many bytes are there, and checks sums.
+otherwise scans the file. Lengths are checked against the size of the file, and checksums are
+verified.
 """
 
 import importlib
@@ -261,7 +262,7 @@ def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
 
 
 class _Source:
-    """An open file, read in parts of which every byte must be there."""
+    """An open file; a read that reaches the end of the file raises an error."""
 
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self.size = size

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`nav2_msgs/Costmap` and grid maps; nav2_msgs is imported when a message is made.
 
-A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. What it is worth in a layer is
-said by a codec of `grid_map_core_py.conversions._costmap`. NaN is always 255, never free.
+A cost is a byte: 0 is free, 253 inscribed, 254 lethal, 255 unknown. Its layer value is
+defined by a codec of `grid_map_core_py.conversions._costmap`. NaN is always 255, never free.
 """
 
 import array

@@ -89,7 +89,7 @@ def from_message(
     unwrap: bool = True,
     copy: bool = True,
 ) -> GridMap:
-    """Return the map in a message, with memory of its own.
+    """Return the map in a message; it shares no memory with the message.
 
     The whole message is checked before anything is allocated. The z coordinate of the position is
     ignored; a map has none.

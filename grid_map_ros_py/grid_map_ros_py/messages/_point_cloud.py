@@ -34,7 +34,7 @@ def to_point_cloud(
     A cell is valid where the point layer is finite and, when the map has basic layers, these are
     finite too. The points come column after column of the map's buffer. All fields are float32 in
     the order of the layers: x, y, z [m] in place of the point layer, `color` under the name `rgb`
-    that viewers know (unless a layer is called so itself), all others under their own names.
+    that viewers know (unless a layer has that name), all others under their own names.
 
     Args:
         grid_map: the map.

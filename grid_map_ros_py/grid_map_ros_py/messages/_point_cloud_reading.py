@@ -137,15 +137,15 @@ def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
 def read_columns(
     message: "PointCloud2", fields: Iterable[str] | None = None
 ) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
-    """Return the points of a cloud and what becomes layers besides their heights.
+    """Return the points of a cloud, and the columns for layers other than heights.
 
     Args:
         message: the cloud.
         fields: as in `from_point_cloud`.
 
     Returns:
-        points: (N, 3) x, y, z [m], float32 or float64; a view of the message's memory where x, y, z
-            lie there like that.
+        points: (N, 3) x, y, z [m], float32 or float64; a view of the message if x, y, z are
+            adjacent there.
         columns: (N,) values of the fields by the names of their layers.
 
     Raises:
