@@ -13,7 +13,7 @@ from nav_msgs.msg import OccupancyGrid
 from wire import over_the_wire, set_field
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 from grid_map_ros_py import MessageError, from_occupancy_grid, to_occupancy_grid
 
 
@@ -92,15 +92,6 @@ def test_occupancy_grid_round_trip_keeps_position_and_values(grid_map: GridMap) 
     received["occupancy"] += 0.5
     sent_again = to_occupancy_grid(received, "occupancy", 0.0, 100.0)
     assert sent_again.data == message.data
-
-
-def test_moved_map_gives_the_same_grid() -> None:
-    values = np.random.default_rng(5).random((6, 3), np.float32)
-    grid_map = GridMap((0.6, 0.3), 0.1, layers={"elevation": values})
-    moved = moved_in_buffer(grid_map, (4, 1))
-    assert to_occupancy_grid(moved, "elevation", 0, 1) == to_occupancy_grid(
-        grid_map, "elevation", 0, 1
-    )
 
 
 def test_infinities_are_clamped_and_nan_is_unknown() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cpp_golden import assert_header, cases
 from hypothesis import given, settings
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from wire import over_the_wire
 
 from grid_map_core_py import GridMap, LayerNotFoundError
@@ -88,16 +88,6 @@ def test_every_valid_cell_of_a_large_map_is_a_point(shape: tuple[int, int]) -> N
         np.testing.assert_array_equal(found[name], grid_map[layer].ravel("F")[known])
 
 
-def test_moved_map_gives_the_same_points_in_another_order() -> None:
-    values = np.random.default_rng(3).random((5, 4), np.float32)
-    grid_map = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values})
-    before, after = (
-        np.sort(points(to_point_cloud(m, "elevation")))
-        for m in (grid_map, moved_in_buffer(grid_map, (3, 2)))
-    )
-    np.testing.assert_array_equal(before, after)
-
-
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_map_without_a_finite_cell_is_an_empty_cloud(value: float) -> None:
     cloud = to_point_cloud(GridMap((2, 1), 0.5, layers={"elevation": value}), "elevation")
@@ -162,14 +152,6 @@ def test_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
 def test_flat_cloud_needs_a_finite_height() -> None:
     with pytest.raises(MessageError, match="height: expected a finite number, got nan"):
         to_flat_point_cloud(GridMap((1, 1), 1.0), math.nan)
-
-
-def test_all_fields_are_unpadded_floats() -> None:
-    grid_map = GridMap((1, 1), 1.0, layers={"a": 1.0, "b": 2.0})
-    cloud = to_point_cloud(grid_map, "b")
-    assert [(f.name, f.offset, f.datatype, f.count) for f in cloud.fields] == [
-        (name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(["a", "x", "y", "z"])
-    ]
 
 
 @pytest.mark.filterwarnings("error")
