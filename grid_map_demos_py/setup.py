@@ -16,10 +16,10 @@ requirements = [
     "grid_map_visualization_py[pictures]~=0.2.0",
 ]
 if {"develop", "install"} & set(sys.argv):
-    # Under colcon, rosdep installs the dependencies in package.xml from apt.
+    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
     requirements = []
 else:
-    # pip and build create no files among the sources.
+    # pip and build leave nothing behind in the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 
@@ -66,15 +66,14 @@ setup(
             "iterator_benchmark = grid_map_demos_py.iterator_benchmark:main",
             "iterators_demo = grid_map_demos_py.iterators_demo_node:main",
             "move_demo = grid_map_demos_py.move_demo_node:main",
-            "normal_filter_comparison_demo =
-            grid_map_demos_py.normal_filter_comparison_demo_node:main",  # noqa: E501
+            "normal_filter_comparison_demo = grid_map_demos_py.normal_filter_comparison_demo_node:main",  # noqa: E501
             "octomap_to_gridmap_demo = grid_map_demos_py.octomap_to_gridmap_demo_node:main",
-            "opencv_demo = grid_map_demos_py.opencv_demo_node:main", "resolution_change_demo =
-            grid_map_demos_py.resolution_change_demo_node:main", "sdf_demo =
-            grid_map_demos_py.sdf_demo_node:main", "simple_demo =
-            grid_map_demos_py.simple_demo_node:main", "terrain_publisher =
-            grid_map_demos_py.terrain_publisher_node:main", "tutorial_demo =
-            grid_map_demos_py.tutorial_demo_node:main",
+            "opencv_demo = grid_map_demos_py.opencv_demo_node:main",
+            "resolution_change_demo = grid_map_demos_py.resolution_change_demo_node:main",
+            "sdf_demo = grid_map_demos_py.sdf_demo_node:main",
+            "simple_demo = grid_map_demos_py.simple_demo_node:main",
+            "terrain_publisher = grid_map_demos_py.terrain_publisher_node:main",
+            "tutorial_demo = grid_map_demos_py.tutorial_demo_node:main",
         ],
     },
 )

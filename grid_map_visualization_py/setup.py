@@ -13,10 +13,10 @@ URL = "https://github.com/grid-map-py/grid_map_py"
 options = {}
 requirements = ["grid_map_ros_py~=0.2.0"]
 if {"develop", "install"} & set(sys.argv):
-    # Under colcon, rosdep installs the dependencies in package.xml from apt.
+    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
     requirements = []
 else:
-    # pip and build create no files among the sources.
+    # pip and build leave nothing behind in the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 
@@ -54,10 +54,9 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map_visualization =
-            grid_map_visualization_py._executables.grid_map_visualization:main",  # noqa: E501
-            "snapshot = grid_map_visualization_py._executables.snapshot:main", "web_viewer =
-            grid_map_visualization_py._executables.web_viewer:main",
+            "grid_map_visualization = grid_map_visualization_py._executables.grid_map_visualization:main",  # noqa: E501
+            "snapshot = grid_map_visualization_py._executables.snapshot:main",
+            "web_viewer = grid_map_visualization_py._executables.web_viewer:main",
         ],
         "grid_map_core_py.commands": [
             "plot = grid_map_visualization_py._commands.plot",

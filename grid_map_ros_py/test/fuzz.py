@@ -3,7 +3,7 @@
 """Fuzzing of all readers: damaged input must raise `GridMapError` quickly, in little memory.
 
 `python3 fuzz.py --seconds 60` goes through all targets with a new seed; the tests do so for a few
-seconds with a fixed one. A failure is printed with the seed that repeats it.
+seconds with a fixed one. What fails is printed with the seed that repeats it.
 """
 
 import argparse
@@ -89,9 +89,9 @@ def _octrees() -> tuple[Any, ...]:
     corner = (7, *([0] * 11))
     leaves = {(*corner, 1): True, (*corner, 2, 5): False, (*corner, 2, 6, 0, 3): True}
     binary = octomap_stand_in.message(octomap_stand_in.write_binary(leaves))
-    payload: Callable[[bool], bytes] = lambda occupied: np.float32(occupied - 0.5).tobytes()  #
-    noqa: E731 data = octomap_stand_in.write_full(leaves, payload) return binary,
-    octomap_stand_in.message(data, binary=False)
+    payload: Callable[[bool], bytes] = lambda occupied: np.float32(occupied - 0.5).tobytes()  # noqa: E731
+    data = octomap_stand_in.write_full(leaves, payload)
+    return binary, octomap_stand_in.message(data, binary=False)
 
 
 def _costmap() -> nav2_stand_in.Costmap:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps from and to the files that a command line names.
 
-Modules that are slow to import are imported by the functions that need them.
+What takes long to import is imported by the functions that need it.
 """
 
 import argparse
@@ -165,8 +165,7 @@ def open_records(
                 raise CommandError(
                     f"{destination.path}: is the source, too; its other topics would be lost"
                 )
-            destination.usual_topic = destination.usual_topic or records.topic  # type:
-            ignore[attr - defined]
+            destination.usual_topic = destination.usual_topic or records.topic  # type: ignore[attr-defined]
         if destination.takes_many and index is None:
             yield records
         else:
