@@ -17,10 +17,6 @@ from .errors import FilterError
 
 T = TypeVar("T")
 
-Progress = Callable[[int, int | None], Any]
-"""Function that is called with the number of finished maps, failed ones included, and the number of
-all maps, None if unknown."""
-
 
 @dataclass(frozen=True)
 class Filtered(Generic[T]):
@@ -52,7 +48,7 @@ def filter_maps(
     load: Callable[[T], GridMap] | None = None,
     failures: list[Failure] | None = None,
     observer: StepObserver | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[int, int | None], Any] | None = None,
 ) -> Iterator[Filtered[T]]:
     """Yield the filtered maps one after the other, each computed when the caller asks for it.
 
@@ -65,8 +61,8 @@ def filter_maps(
         failures: list for the maps that fail; the others are still yielded. None raises at the
             first failure.
         observer: is called after every step of every map; `StepTimes` collects the durations.
-        progress: is called after every map; `ProgressBar` shows it. The number of all maps is
-            known if `items` has a length.
+        progress: is called after every map, failed ones included, with the number of finished maps
+            and of all maps, None if `items` has no length; `ProgressBar` shows it.
 
     Raises:
         FilterError: a map could not be loaded or filtered; the message names its index. Errors of

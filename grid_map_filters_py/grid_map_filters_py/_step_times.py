@@ -24,13 +24,6 @@ class StepTime:
         """Mean over all maps [ms]."""
         return self.total / self.runs if self.runs else 0.0
 
-    def add(self, milliseconds: float) -> None:
-        """Count one more map."""
-        self.runs += 1
-        self.last = milliseconds
-        self.longest = max(self.longest, milliseconds)
-        self.total += milliseconds
-
 
 class StepTimes:
     """Collects the durations of the steps of a chain over many maps; prints as a table.
@@ -58,7 +51,10 @@ class StepTimes:
         """Add the duration of a step."""
         config = step.config
         time = self._times.setdefault((config.number, config.name), StepTime(config))
-        time.add(1e3 * seconds)
+        time.last = 1e3 * seconds
+        time.runs += 1
+        time.longest = max(time.longest, time.last)
+        time.total += time.last
 
     def __iter__(self) -> Iterator[StepTime]:
         return (self._times[key] for key in sorted(self._times))

@@ -417,27 +417,18 @@ def test_parameters_below_replace_an_empty_value(parameters):
     assert nested(parameters) == {"filter1": {"params": {"radius": 1}}}
 
 
-ROS2 = """
+A = """{name: a, type: gridMapFilters/MathExpressionFilter,
+                 params: {expression: elevation + 1, output_layer: elevation}}"""
+B = """{name: b, type: gridMapFilters/ThresholdFilter,
+                 params: {layer: elevation, upper_threshold: 1e-3, set_to: .nan}}"""
+
+ROS2 = f"""
 grid_map_filters:
   ros__parameters:
     input_topic: /grid_map
-    {name}:
-      filter1: {{name: a, type: gridMapFilters/MathExpressionFilter,
-                 params: {{expression: elevation + 1, output_layer: elevation}}}}
-      filter2:
-        name: b
-        type: gridMapFilters/ThresholdFilter
-        params: {{layer: elevation, upper_threshold: 1e-3, set_to: .nan}}
-"""
-
-ROS1 = """
-grid_map_filters:
-  - name: a
-    type: gridMapFilters/MathExpressionFilter
-    params: {expression: elevation + 1, output_layer: elevation}
-  - name: b
-    type: gridMapFilters/ThresholdFilter
-    params: {layer: elevation, upper_threshold: 1e-3, set_to: .nan}
+    filters:
+      filter1: {A}
+      filter2: {B}
 """
 
 FLAT = """
@@ -454,44 +445,26 @@ FLAT = """
       params.set_to: .nan
 """
 
-NAMED_ALIKE = """
-filters:
-  ros__parameters:
-    filters:
-      filter1: {name: a, type: gridMapFilters/MathExpressionFilter,
-                params: {expression: elevation + 1, output_layer: elevation}}
-      filter2: {name: b, type: gridMapFilters/ThresholdFilter,
-                params: {layer: elevation, upper_threshold: 0.001, set_to: .nan}}
-"""
-
-NAMESPACED = """
+NAMESPACED = f"""
 robot:
-  mapping:
-    ros__parameters:
-      other: 1
+  mapping: {{ros__parameters: {{other: 1}}}}
   filtering:
     ros__parameters:
-      filters:
-        filter1: {name: a, type: gridMapFilters/MathExpressionFilter,
-                  params: {expression: elevation + 1, output_layer: elevation}}
-        filter2: {name: b, type: gridMapFilters/ThresholdFilter,
-                  params: {layer: elevation, upper_threshold: 0.001, set_to: .nan}}
+      filters: {{filter1: {A}, filter2: {B}}}
 """
 
+FORMS = {
+    "ros 2": (ROS2, "filters"),
+    "other name": (ROS2.replace(" filters:", " my_chain:"), "my_chain"),
+    "ros 1": (f"grid_map_filters: [{A}, {B}]", "filters"),
+    "ros 1 by name": (f"grid_map_filters: [{A}, {B}]", "grid_map_filters"),
+    "flat": (FLAT, "filters"),
+    "namespaced": (NAMESPACED, "filters"),
+    "named alike": (ROS2.replace("grid_map_filters:", "filters:"), "filters"),
+}
 
-@pytest.mark.parametrize(
-    ("text", "name"),
-    [
-        (ROS2.format(name="filters"), "filters"),
-        (ROS2.format(name="my_chain"), "my_chain"),
-        (ROS1, "filters"),
-        (ROS1, "grid_map_filters"),
-        (FLAT, "filters"),
-        (NAMESPACED, "filters"),
-        (NAMED_ALIKE, "filters"),
-    ],
-    ids=["ros 2", "other name", "ros 1", "ros 1 by name", "flat", "namespaced", "named alike"],
-)
+
+@pytest.mark.parametrize(("text", "name"), FORMS.values(), ids=FORMS)
 def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     path = tmp_path / "chain.yaml"
     path.write_text(text)

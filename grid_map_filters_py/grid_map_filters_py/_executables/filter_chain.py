@@ -40,8 +40,6 @@ from .._chain import FilterChain
 from .._config import nested
 from .._step_times import StepTimes
 
-NODE_NAME = "grid_map_filters"
-
 
 @dataclass
 class Statistics:
@@ -81,10 +79,14 @@ class FilterChainNode(Node):
 
     def __init__(self) -> None:
         # A filter added at run time has parameters that are not declared.
-        super().__init__(NODE_NAME, allow_undeclared_parameters=True)
+        super().__init__("grid_map_filters", allow_undeclared_parameters=True)
         topic = self._read_topic("input_topic", "/grid_map", "topic of the incoming maps")
         output = self._read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
-        self._chain = FilterChain.from_config(self._read_chain())
+        name, about = "filter_chain_parameter_name", "name of the parameter with the chain"
+        self._chain_name = read_parameter(self, name, str, "filters", description=about)
+        about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
+        tree = read_parameter_tree(self, self._chain_name, read_only=False, description=about)
+        self._chain = FilterChain.from_config(tree)
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()
         self._throttle = LogThrottle()
@@ -107,13 +109,6 @@ class FilterChainNode(Node):
     def _read_topic(self, name: str, default: str, about: str) -> str:
         topic = read_parameter(self, name, str, default, description=about)
         return check_topic(self, name, topic)
-
-    def _read_chain(self) -> dict[str, Any]:
-        name = "filter_chain_parameter_name"
-        about = "name of the parameter with the chain"
-        self._chain_name = read_parameter(self, name, str, "filters", description=about)
-        about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
-        return read_parameter_tree(self, self._chain_name, read_only=False, description=about)
 
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
@@ -150,11 +145,8 @@ class FilterChainNode(Node):
             parameters[name] = change
             if change.type_ == Parameter.Type.NOT_SET:
                 del parameters[name]
-        values = {name: parameter.value for name, parameter in parameters.items()}
-        for name, value in values.items():
-            if isinstance(value, array.array):
-                values[name] = list(value)
-        return nested(values)
+        values = ((name, parameter.value) for name, parameter in parameters.items())
+        return nested({name: list(v) if isinstance(v, array.array) else v for name, v in values})
 
     # --- maps -------------------------------------------------------------------------------------
 

@@ -42,7 +42,6 @@ def pack(r: Value, g: Value, b: Value) -> Value:
 
 @helper
 def _byte(channel: Value) -> Value:
-    """Return a channel as an integer."""
     return np.uint32(np.int32(clamp(channel, _NONE, FULL)))
 
 

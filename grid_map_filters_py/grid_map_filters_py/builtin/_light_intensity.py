@@ -33,8 +33,7 @@ class LightIntensity:
     def __post_init__(self) -> None:
         direction = self.light_direction
         usable = len(direction) == 3 and 0 < math.hypot(*direction) < math.inf
-        expected = "three finite numbers, not all 0"
-        check(usable, "light_direction", expected, list(direction))
+        check(usable, "light_direction", "three finite numbers, not all 0", list(direction))
         _shade.prepare()
 
     def __call__(self, grid_map: GridMap) -> GridMap:

@@ -82,11 +82,13 @@ class MedianFill:
             chosen, masks = grid_map[self.fill_mask_layer] != 0, dict[str, Layer]()
         else:
             chosen, masks = self._compute_mask(known)
-        output = layer.copy("F")
-        self._fill(output, layer, ~known & chosen, self.fill_hole_radius / grid_map.resolution)
+        output, radii = layer.copy("F"), [(~known, self.fill_hole_radius)]
         if self.filter_existing_values and self.existing_value_radius is not None:
-            radius = self.existing_value_radius / grid_map.resolution
-            self._fill(output, layer, known & chosen, radius)
+            radii.append((known, self.existing_value_radius))
+        for cells, radius in radii:
+            if (cells & chosen).any():
+                half_width = math.floor(radius / grid_map.resolution + _TOLERANCE)
+                put_window_medians(output, layer, cells & chosen, half_width)
         result = grid_map.with_layers({self.output_layer: output, **masks})
         result.basic_layers = ()
         return result
@@ -102,12 +104,6 @@ class MedianFill:
         if self.debug and self.debug_infill_mask_layer:
             masks = {self.debug_infill_mask_layer: _as_layer(solid), **masks}
         return closed.T != 0, masks
-
-    @staticmethod
-    def _fill(output: Layer, layer: Layer, cells: Mask, radius: float) -> None:
-        """Write medians into some cells of `output`; `radius` in cells."""
-        if cells.any():
-            put_window_medians(output, layer, cells, math.floor(radius + _TOLERANCE))
 
 
 def _as_layer(mask: npt.NDArray[Any]) -> Layer:

@@ -67,8 +67,7 @@ class StepHeight:
             step = highest_in_disc(heights, disc) - lowest_in_disc(heights, disc)
         step[~np.isfinite(heights)] = np.nan
         if self.second_window_radius is not None:
-            disc = Disc(self.second_window_radius, grid_map.resolution, grid_map.size)
-            step = self._weigh(step, disc)
+            step = self._weigh(step, Disc(self.second_window_radius, disc.resolution, disc.size))
         return grid_map.with_layers({self.output_layer: step})
 
     def _weigh(self, step: Layer, disc: Disc) -> Layer:

@@ -12,6 +12,7 @@ import functools
 import inspect
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, SupportsFloat, TypeAlias
 
 import numpy as np
@@ -57,33 +58,28 @@ def helper(function: Callable[..., Value]) -> Callable[..., Value]:
     return function
 
 
+@dataclass(frozen=True, eq=False)
 class CellFunction:
     """A function of the values of one cell; for use as a decorator, through `cell_function`.
 
-    Args:
+    Attributes:
         function: takes one value per layer, and last a tuple of numbers that are the same for all
             cells. Its constants must be float32 or uint32 like the values: a Python number would
             widen the result.
         takes: type of the values: float32, or uint32 for the bits of colors.
         gives: type of the result, float32 or uint32.
         numbers: length of the tuple of float32 numbers.
-
-    Attributes:
-        layers: number of layers that the function takes.
     """
 
-    def __init__(
-        self,
-        function: Callable[..., Value],
-        takes: npt.DTypeLike,
-        gives: npt.DTypeLike,
-        numbers: int,
-    ) -> None:
-        self._function = function
-        self.takes = np.dtype(takes)
-        self.gives = np.dtype(gives)
-        self.numbers = numbers
-        self.layers = len(inspect.signature(function).parameters) - 1
+    function: Callable[..., Value]
+    takes: npt.DTypeLike
+    gives: npt.DTypeLike
+    numbers: int
+
+    @property
+    def layers(self) -> int:
+        """Number of layers that the function takes."""
+        return len(inspect.signature(self.function).parameters) - 1
 
     def prepare(self) -> None:
         """Compile the function in advance, which takes up to a second."""
@@ -120,7 +116,7 @@ class CellFunction:
     ) -> npt.NDArray[Any]:
         """Return the results for layers (n,), computed by NumPy."""
         with np.errstate(all="ignore"):
-            return elementwise(lambda *cells: self._function(*cells, numbers), self.gives, *layers)
+            return elementwise(lambda *cells: self.function(*cells, numbers), self.gives, *layers)
 
     @functools.cached_property
     def _loop(self) -> Callable[..., None] | None:
@@ -131,7 +127,7 @@ class CellFunction:
             if numba is None:
                 return None
             compile_ = numba.njit(**_LIKE_NUMPY)
-            loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self._function)))
+            loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self.function)))
             return loop
 
 
