@@ -554,11 +554,6 @@ def test_page_of_parameters_has_their_title_and_table(name):
     assert re.findall(r"<!-- parameters: (\S+) -->\n.*?<!-- end -->", text, re.DOTALL) == [name]
 
 
-@each_page
-def test_every_table_of_parameters_has_an_end(any_page):
-    assert any_page.text.count("<!-- parameters: ") == any_page.text.count("<!-- end -->")
-
-
 def documented_parameters(executable: str) -> dict[str, list[str]]:
     """Return type, default and meaning of the parameters on the page of a node."""
     _, _, rest = PAGES_OF_PARAMETERS[executable].text.partition("<!-- parameters: ")

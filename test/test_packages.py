@@ -59,21 +59,14 @@ def keys(modules: set[str], package: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_package_declares_imports_of_its_modules(package):
-    needed = keys(imports(package / package.name), package)
+def test_package_declares_what_it_imports_and_nothing_else(package):
+    used, used_by_tests = (
+        keys(imports(package / folder), package) for folder in (package.name, "test")
+    )
+    run = declared(package, "depend", "exec_depend")
     optional = OPTIONAL | ({"python3-hypothesis"} & declared(package, "test_depend"))
-    assert needed - declared(package, "depend", "exec_depend") - optional == set()
-
-
-@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_package_declares_imports_of_its_tests(package):
-    needed = keys(imports(package / "test"), package)
-    assert needed - declared(package, "depend", "exec_depend", "test_depend") == set()
-
-
-@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_package_declares_nothing_unused(package):
-    used = keys(imports(package / package.name), package)
+    assert used - run - optional == set()
+    assert used_by_tests - run - declared(package, "test_depend") == set()
     launched = {other.name for other in PACKAGES}
     assert declared(package, "exec_depend") - used - launched == set()
 
@@ -110,26 +103,23 @@ def test_map_message_has_the_type_hash_of_cpp():
     assert hashes["grid_map_msgs/msg/GridMap"] == expected
 
 
+PLACE = "frame_id: string, position_x: double, position_y: double"
+
+
 @pytest.mark.parametrize(
     ("message", "fields"),
     [
         (
             GetGridMap.Request,
-            {
-                "frame_id": "string",
-                "position_x": "double",
-                "position_y": "double",
-                "length_x": "double",
-                "length_y": "double",
-                "layers": "sequence<string>",
-            },
+            f"{PLACE}, length_x: double, length_y: double, layers: sequence<string>",
         ),
-        (GetGridMap.Response, {"map": "grid_map_msgs/GridMap"}),
-        (GetGridMapInfo.Response, {"info": "grid_map_msgs/GridMapInfo"}),
-        (SetGridMap.Request, {"map": "grid_map_msgs/GridMap"}),
-        (ProcessFile.Request, {"file_path": "string", "topic_name": "string"}),
-        (ProcessFile.Response, {"success": "boolean"}),
+        (GetGridMap.Response, "map: grid_map_msgs/GridMap"),
+        (GetGridMapInfo.Response, "info: grid_map_msgs/GridMapInfo"),
+        (SetGridMap.Request, "map: grid_map_msgs/GridMap"),
+        (ProcessFile.Request, "file_path: string, topic_name: string"),
+        (ProcessFile.Response, "success: boolean"),
     ],
 )
 def test_services_have_the_fields_of_cpp_in_order(message, fields):
-    assert list(message.get_fields_and_field_types().items()) == list(fields.items())
+    found = message.get_fields_and_field_types()
+    assert ", ".join(f"{name}: {kind}" for name, kind in found.items()) == fields

@@ -223,10 +223,10 @@ def test_wheel_describes_its_package(archives, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_archives_contain_licence_and_marker_of_types(archives, name):
     (wheel,) = archives.glob(f"{name}-*.whl")
-    (source,) = archives.glob(f"{name}-*.tar.gz")
     files = zipfile.ZipFile(wheel).namelist()
     assert f"{name}/py.typed" in files
     assert any(path.endswith("/LICENSE") for path in files)
+    (source,) = archives.glob(f"{name}-*.tar.gz")
     with tarfile.open(source) as archive:
         licence = archive.extractfile(f"{name}-0.2.0/LICENSE").read()
     assert licence == (ROOT / "LICENSE").read_bytes()

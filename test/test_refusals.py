@@ -48,8 +48,15 @@ def test_old_or_new_python_is_refused(workspace, tmp_path, version):
     assert f"{python} is {version}" in sentence
 
 
-def test_named_python_that_cannot_run(workspace):
-    assert "/nowhere/python3 cannot be run" in refusal(workspace, PYTHON="/nowhere/python3")
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"PYTHON": "/nowhere/python3"}, "/nowhere/python3 cannot be run"),
+        ({"ROS_DISTRO": "humble"}, "'humble' is sourced"),
+    ],
+)
+def test_variable_that_makes_no_sense_is_named(workspace, changes, text):
+    assert text in refusal(workspace, **changes)
 
 
 def test_only_a_wrong_python_on_the_path(workspace, tmp_path):
@@ -82,10 +89,6 @@ def test_a_machine_without_wheels(workspace):
     sentence = refusal(workspace, "setarch", "i686")
     assert "x86-64 Linux only" in sentence
     assert "i686" in sentence
-
-
-def test_another_ros_distribution(workspace):
-    assert "'humble' is sourced" in refusal(workspace, ROS_DISTRO="humble")
 
 
 def test_a_sourced_ros_whose_python_is_hidden(workspace, tmp_path):

@@ -7,6 +7,7 @@ import os
 import shutil
 import stat
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -179,19 +180,24 @@ def test_file_systems_need_no_synchronization(tmp_path, monkeypatch):
     assert names(tmp_path) == ["file", "folder"]
 
 
+def forked(work: Callable[[], object]) -> int:
+    """Run `work` in a copy of this process, and return its id."""
+    child = os.fork()
+    if child == 0:
+        with suppress(BaseException):
+            work()
+            os._exit(0)
+        os._exit(1)
+    return child
+
+
 def test_processes_may_write_to_one_place(tmp_path):
-    children = []
-    for number in range(3):
-        child = os.fork()
-        if child == 0:
-            ended_well = False
-            with suppress(BaseException):
-                for _ in range(15):
-                    save_folder(tmp_path / "folder", str(number))
-                    save_file(tmp_path / "file", str(number))
-                ended_well = True
-            os._exit(not ended_well)
-        children.append(child)
+    def save_often() -> None:
+        for _ in range(15):
+            save_folder(tmp_path / "folder", str(os.getpid()))
+            save_file(tmp_path / "file", str(os.getpid()))
+
+    children = [forked(save_often) for _ in range(3)]
     assert [os.waitpid(child, 0)[1] for child in children] == [0, 0, 0]
     assert len(read_folder(tmp_path / "folder")) == 1
     assert names(tmp_path) == ["file", "folder"]
@@ -205,15 +211,11 @@ def test_folder_made_by_another_process_meanwhile_is_replaced(tmp_path):
             folder.mkdir()
             (folder / "theirs").touch()
 
-    # An audit hook cannot be removed; it stays until its process ends.
-    child = os.fork()
-    if child == 0:
-        ended_well = False
-        with suppress(BaseException):
-            sys.addaudithook(make_it)
-            save_folder(folder, "ours")
-            ended_well = True
-        os._exit(not ended_well)
+    def save_meanwhile() -> None:
+        sys.addaudithook(make_it)  # for the rest of the life of the process
+        save_folder(folder, "ours")
+
+    child = forked(save_meanwhile)
     assert os.waitpid(child, 0)[1] == 0
     assert read_folder(folder) == {"ours"}
     assert names(folder) == ["one", "two"]

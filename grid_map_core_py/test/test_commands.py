@@ -50,6 +50,10 @@ def command(files, tmp_path, monkeypatch, capfd):
     return run
 
 
+def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
 # --- info and inspect -----------------------------------------------------------------------------
 
 
@@ -185,13 +189,9 @@ def test_the_reference_system_of_a_geotiff_stays(command):
 
 def test_maps_go_through_pipes(files):
     pipeline = f"{PROGRAM} convert site.npz - --layer color | {PROGRAM} convert - - | "
-    done = subprocess.run(
-        ["bash", "-o", "pipefail", "-c", f"{pipeline} {PROGRAM} info - --json"],
-        cwd=files,
-        capture_output=True,
-        check=False,
-    )
-    assert (done.returncode, done.stderr) == (0, b"")
+    script = f"{pipeline} {PROGRAM} info - --json"
+    done = run("bash", "-o", "pipefail", "-c", script, cwd=files)
+    assert (done.returncode, done.stderr) == (0, "")
     found = json.loads(done.stdout)
     assert (found["map"]["layers"], found["bytes"]) == (["color"], None)
 
@@ -307,9 +307,7 @@ def test_control_characters_in_names_are_escaped(command):
 
 def test_a_closed_pipe_ends_it_silently(files):
     script = f"{PROGRAM} info site.npz | head -n 1; {PROGRAM} info site.npz | true"
-    done = subprocess.run(
-        ["bash", "-c", script], cwd=files, capture_output=True, text=True, check=False
-    )
+    done = run("bash", "-c", script, cwd=files)
     assert done.stdout.startswith("site.npz: npz")
     assert done.stderr == ""
 
@@ -318,9 +316,7 @@ def test_full_disk_and_closed_output_are_one_error(files):
     info = f"{PROGRAM} info site.npz"
     convert = f"{PROGRAM} convert site.npz -"
     script = f"{info} >/dev/full; echo $?; {info} >&-; echo $?; {convert} >&-; echo $?"
-    done = subprocess.run(
-        ["bash", "-c", script], cwd=files, capture_output=True, text=True, check=False
-    )
+    done = run("bash", "-c", script, cwd=files)
     assert done.stdout.split() == ["1", "0", "1"]
     full, closed = done.stderr.splitlines()
     assert full == "grid-map: error: No space left on device"
@@ -347,11 +343,6 @@ def test_a_signal_ends_it_without_traceback_or_remains(number, tmp_path):
 # --- commands of packages -------------------------------------------------------------------------
 
 
-def run_python(code: str, *words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code, *map(str, words)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-
-
 def test_help_imports_neither_packages_nor_numpy(tmp_path):
     heavy = ("numpy", "cv2", "matplotlib", "yaml", "scipy", "rclpy", "argcomplete", "viser")
     code = (
@@ -360,7 +351,7 @@ def test_help_imports_neither_packages_nor_numpy(tmp_path):
         f"found = [name for name in {heavy} if name in sys.modules]\n"
         "print(found, [name for name in sys.modules if name.startswith('grid_map_filters')])"
     )
-    assert run_python(code, cwd=tmp_path).stdout.endswith("\n[] []\n")
+    assert run(sys.executable, "-c", code, cwd=tmp_path).stdout.endswith("\n[] []\n")
 
 
 @pytest.mark.skipif(
@@ -383,7 +374,7 @@ def test_commands_of_the_core_work_without_other_packages(files, tmp_path):
         "plot images map.png",
         "convert images map.tif",
     ]
-    errors = run_python(code, *lines, cwd=tmp_path).stderr.splitlines()
+    errors = run(sys.executable, "-c", code, *lines, cwd=tmp_path).stderr.splitlines()
     assert errors[-1] == "[0, 0, 0, 0, 1, 1, 1]"
     assert any("survey.mcap: a bag needs the package 'grid_map_ros_py'" in line for line in errors)
     assert any("plot: the command of grid_map_visualization_py" in line for line in errors)
@@ -422,19 +413,12 @@ def test_a_broken_command_leaves_the_others_usable(command):
         assert reason in error
 
 
-@pytest.mark.parametrize("name", ["info", "inspect", "convert", "doctor"])
-def test_every_command_has_help(name, command):
-    code, text, _ = command(name, "--help")
-    assert code == 0
-    assert text.startswith(f"usage: grid-map {name}")
-    assert name in command("--help")[1]
-
-
-def test_without_a_command_there_is_help(command):
-    code, text, error = command()
-    assert (code, text) == (2, "")
-    assert error == command("--help")[1]
-
-
-def test_version_is_that_of_the_package(command):
+def test_help_is_complete_and_shown_without_a_command(command):
+    _, listed, _ = command("--help")
+    for name in ("info", "inspect", "convert", "doctor"):
+        code, text, _ = command(name, "--help")
+        assert code == 0
+        assert text.startswith(f"usage: grid-map {name}")
+        assert name in listed
+    assert command() == (2, "", listed)
     assert command("--version")[1] == f"grid-map {__version__}\n"
