@@ -156,31 +156,21 @@ def ply_header(form: str, faces: int = 0) -> str:
     return f"ply\nformat {form} 1.0\ncomment by hand\n{PLY_POINTS}{element}end_header\n"
 
 
-def check_ply_points(path):
+@pytest.mark.parametrize("with_faces", [False, True])
+@pytest.mark.parametrize("order", ["", *ORDERS])
+def test_a_ply_file_gives_points_fields_and_triangles(write, order, with_faces):
+    header = ply_header(ORDERS.get(order, "ascii"), 2 * with_faces)
+    binary_faces = b"".join(struct.pack((order or "<") + "B3i", 3, *face) for face in QUAD)
+    faces = (binary_faces if order else "3 0 1 2\n3 0 2 3\n") * with_faces
+    path = write("a.ply", header, PLY_BINARY.get(order, PLY_VERTICES), faces)
     points, fields = load_points(path)
     assert points.dtype == np.float32
     np.testing.assert_array_equal(points, XYZ)
     np.testing.assert_array_equal(fields["intensity"], INTENSITY)
     np.testing.assert_array_equal(np.rint(255 * color_value_to_vector(fields["rgb"])), RGB)
     assert list(fields) == ["intensity", "rgb"]
-
-
-def test_an_ascii_ply_file_gives_points_fields_and_triangles(write):
-    path = write("a.ply", ply_header("ascii", 2), PLY_VERTICES, "3 0 1 2\n3 0 2 3\n")
-    check_ply_points(path)
-    assert triangles(path) == corners(QUAD)
-
-
-def test_an_ascii_ply_file_of_points_alone(write):
-    check_ply_points(write("p.ply", ply_header("ascii"), PLY_VERTICES))
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_a_binary_ply_file_gives_points_fields_and_triangles(write, order):
-    faces = b"".join(struct.pack(order + "B3i", 3, *face) for face in QUAD)
-    path = write("b.ply", ply_header(ORDERS[order], 2), PLY_BINARY[order], faces)
-    check_ply_points(path)
-    assert triangles(path) == corners(QUAD)
+    if with_faces:
+        assert triangles(path) == corners(QUAD)
 
 
 def test_polygons_of_a_ply_file_become_triangles(write):

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 
 from ..arrays._checks import Layer
@@ -136,7 +135,10 @@ def save_map_server(
     with storage_errors(file, "written"):
         old = _old_image(file)
         ending = ".png" if mode == "scale" else ".pgm"
-        target = _free_name(file.with_suffix(ending))
+        target, number = file.with_suffix(ending), 1
+        while target.exists():
+            number += 1
+            target = file.with_name(f"{file.stem}_{number}{ending}")
         document = {
             "image": target.name,
             "mode": mode,
@@ -217,31 +219,18 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
     known = (rounded >= 0) & (rounded <= 100)
     rounded = np.where(known, rounded, 0.0)
     if mode == "raw":
-        return _as_bytes(np.where(known, rounded, 255))
+        return np.where(known, rounded, 255).astype(np.uint8)
     if mode == "scale":
         shade = 1.0 - (free + rounded / 100.0 * (occupied - free))
-        gray = _as_bytes(np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5)))
-        return np.dstack([gray, gray, gray, _as_bytes(255 * known)])
+        gray = np.rint(255 * np.where(known, 1.0 - shade if negate else shade, 0.5))
+        return np.dstack([gray, gray, gray, 255 * known]).astype(np.uint8)
     # Between the thresholds; the usual pixel of unknown cells may lie outside of them.
     middle = round(255 * (1 - 0.5 * (occupied + free)))
     unknown = _UNKNOWN if free <= 1 - _UNKNOWN / 255 <= occupied else middle
     is_occupied, is_free = rounded >= round(100 * occupied), rounded <= round(100 * free)
     gray = np.where(is_free, _WHITE, np.where(is_occupied, _BLACK, unknown))
     gray = np.where(known, gray, unknown)
-    return _as_bytes(255 - gray if negate else gray)
-
-
-def _as_bytes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
-    return values.astype(np.uint8)
-
-
-def _free_name(file: Path) -> Path:
-    """Return the path, or one with a number if it is taken."""
-    number, free = 1, file
-    while free.exists():
-        number += 1
-        free = file.with_stem(f"{file.stem}_{number}")
-    return free
+    return (255 - gray if negate else gray).astype(np.uint8)
 
 
 def _old_image(file: Path) -> Path | None:
