@@ -6,7 +6,6 @@ Waits for a number of messages on every topic, writes two pictures, prints a tab
 exit code is 0 only if every topic delivered in time.
 """
 
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -207,4 +206,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -73,4 +73,4 @@ def _exit_code(ended: tuple[str, int] | None, interrupted: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -7,7 +7,6 @@ is written atomically.
 """
 
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,4 +155,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -8,7 +8,6 @@ become cells without a value.
 """
 
 import math
-import sys
 
 from rclpy.node import Node
 from sensor_msgs.msg import Image
@@ -91,4 +90,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

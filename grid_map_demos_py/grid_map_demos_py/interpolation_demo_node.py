@@ -13,7 +13,6 @@ with the heights in the layer `demo`:
 Then it prints a table of the errors of all methods in all worlds.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -195,4 +194,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

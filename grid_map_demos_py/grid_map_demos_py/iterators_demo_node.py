@@ -8,7 +8,6 @@ or starts again with the parameter `repeat`.
 """
 
 import math
-import sys
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -154,4 +153,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -6,8 +6,6 @@
 `position` takes the data along. Publishes on `grid_map`, 10 times a second.
 """
 
-import sys
-
 import numpy as np
 from rclpy.node import Node
 
@@ -70,4 +68,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -12,7 +12,6 @@ the errors `directionalErrorArea` and `directionalErrorRaster`. Logs the sums of
 prints a table of the angles on all shapes at the start.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 
 import cv2
@@ -220,4 +219,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -10,7 +10,6 @@ For robots use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes
 """
 
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -113,4 +112,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

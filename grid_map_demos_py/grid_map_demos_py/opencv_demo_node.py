@@ -7,7 +7,6 @@ blurred by a Gaussian kernel that shrinks and grows.
 """
 
 import math
-import sys
 
 import cv2
 import numpy as np
@@ -72,4 +71,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

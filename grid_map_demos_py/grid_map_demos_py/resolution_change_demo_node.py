@@ -6,7 +6,6 @@ OpenCV resizes the layers like images. Publishes `grid_map` with the layer `elev
 """
 
 import math
-import sys
 
 import cv2
 from rclpy.node import Node
@@ -64,4 +63,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -9,7 +9,6 @@ the ground. Cells without a height get the lowest height.
 """
 
 import array
-import sys
 
 import numpy as np
 import numpy.typing as npt
@@ -126,4 +125,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

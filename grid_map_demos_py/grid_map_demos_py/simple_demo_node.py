@@ -5,8 +5,6 @@
 Publishes on `grid_map`, 30 times a second.
 """
 
-import sys
-
 import numpy as np
 from rclpy.node import Node
 
@@ -41,4 +39,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_terrain`: publishes a real terrain with holes at a fixed rate."""
 
-import sys
-
 from rclpy.node import Node
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -45,4 +43,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

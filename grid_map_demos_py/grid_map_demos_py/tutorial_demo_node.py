@@ -7,8 +7,6 @@ computes the error of the result. It publishes all layers on `grid_map`, 30 time
 the error once a second.
 """
 
-import sys
-
 import numpy as np
 from rclpy.node import Node
 
@@ -149,4 +147,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

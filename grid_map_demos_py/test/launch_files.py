@@ -9,7 +9,14 @@ substitutions that the demos do not use fail an assertion instead of being skipp
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
+
+import yaml
+from geometry_msgs.msg import PolygonStamped
+from nav_msgs.msg import GridCells, OccupancyGrid
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import Marker
 
 WORKSPACE = Path(__file__).parents[2]
 LAUNCH_FILES = sorted((WORKSPACE / "grid_map_demos_py" / "launch").iterdir())
@@ -20,6 +27,24 @@ REQUIRED = {
     "param": set(),
 }
 OPTIONAL = {"node": {"name", "args", "if"}, "param": {"from", "name", "value"}}
+
+
+MESSAGES = {
+    "rviz_default_plugins/GridCells": GridCells,
+    "rviz_default_plugins/Image": Image,
+    "rviz_default_plugins/Map": OccupancyGrid,
+    "rviz_default_plugins/Marker": Marker,
+    "rviz_default_plugins/PointCloud2": PointCloud2,
+    "rviz_default_plugins/Polygon": PolygonStamped,
+}
+"""Type of message by display of RViz; every installation of RViz has these displays."""
+
+
+def rviz_displays(demo: str) -> dict[str, dict[str, Any]]:
+    """Return the displays by topic in the configuration of RViz for a demo."""
+    path = WORKSPACE / "grid_map_demos_py" / "rviz" / f"{demo}.rviz"
+    displays = yaml.safe_load(path.read_text())["Visualization Manager"]["Displays"]
+    return {display["Topic"]["Value"]: display for display in displays if "Topic" in display}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ from typing import Any
 
 import pytest
 import yaml
+from geometry_msgs.msg import PolygonStamped
+from launch_files import MESSAGES, rviz_displays
+from sensor_msgs.msg import Image, PointCloud2
 
 from grid_map_visualization_py import create
 
@@ -17,10 +20,10 @@ DEMOS = sorted(path.name.removesuffix("_launch.xml") for path in (PACKAGE / "lau
 """Demos with a launch file; each has a configuration of RViz of its name."""
 
 OWN_TOPICS = {
-    "image_to_gridmap_demo": {"/image": "Image"},
-    "iterators_demo": {"/polygon": "PolygonStamped"},
+    "image_to_gridmap_demo": {"/image": Image},
+    "iterators_demo": {"/polygon": PolygonStamped},
     "sdf_demo": {
-        f"/grid_map_sdf_demo/signed_distance_field/{name}": "PointCloud2"
+        f"/grid_map_sdf_demo/signed_distance_field/{name}": PointCloud2
         for name in ("full_sdf", "free_space", "occupied_space")
     },
 }
@@ -29,18 +32,8 @@ OWN_TOPICS = {
 LAYOUTS = sorted(path.stem for path in (PACKAGE / "foxglove").iterdir())
 """Demos with a layout of Foxglove."""
 
-SHOWN_BY = {
-    "GridCells": "rviz_default_plugins/GridCells",
-    "Image": "rviz_default_plugins/Image",
-    "Marker": "rviz_default_plugins/Marker",
-    "OccupancyGrid": "rviz_default_plugins/Map",
-    "PointCloud2": "rviz_default_plugins/PointCloud2",
-    "PolygonStamped": "rviz_default_plugins/Polygon",
-}
-"""Displays that every installation of RViz has, by type of message."""
-
 STOCK = {
-    *SHOWN_BY.values(),
+    *MESSAGES,
     "",
     "rviz_common/Displays",
     "rviz_common/Views",
@@ -55,7 +48,7 @@ PANELS = {"3D", "DiagnosticSummary", "Image"}
 each_demo = pytest.mark.parametrize("demo", DEMOS)
 
 
-def visualized(demo: str) -> dict[str, str]:
+def visualized(demo: str) -> dict[str, type]:
     """Return the type of message by topic of the visualizations."""
     file = "filters_demo_visualization" if demo == "filters_demo" else demo
     path = PACKAGE / "config" / f"{file}.yaml"
@@ -63,7 +56,7 @@ def visualized(demo: str) -> dict[str, str]:
     for section in yaml.safe_load(path.read_text()).values():
         parameters = section["ros__parameters"]
         for name in parameters.get("grid_map_visualizations", ()):
-            found[f"/{name}"] = create(name, parameters[name]).message_type.__name__
+            found[f"/{name}"] = create(name, parameters[name]).message_type
     return found
 
 
@@ -114,11 +107,10 @@ def test_rviz_needs_no_plugins(demo):
 
 @each_demo
 def test_rviz_displays_match_the_types_of_all_outputs(demo):
+    displays = rviz_displays(demo)
+    shown = {topic: MESSAGES[display["Class"]] for topic, display in displays.items()}
+    assert shown == visualized(demo) | OWN_TOPICS.get(demo, {})
     manager = rviz(demo)["Visualization Manager"]
-    displays = {d["Topic"]["Value"]: d for d in manager["Displays"] if "Topic" in d}
-    shown = {topic: display["Class"] for topic, display in displays.items()}
-    published = visualized(demo) | OWN_TOPICS.get(demo, {})
-    assert shown == {topic: SHOWN_BY[kind] for topic, kind in published.items()}
     assert manager["Global Options"]["Fixed Frame"] == "map"
     for display in displays.values():
         # The last map arrives, even if nothing new is published.

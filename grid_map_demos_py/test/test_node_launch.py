@@ -10,38 +10,14 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-import yaml
 from demos import lives
-from geometry_msgs.msg import PolygonStamped
-from launch_files import LAUNCH_FILES, LaunchedNode, read_launch_file
-from nav_msgs.msg import GridCells, OccupancyGrid
-from sensor_msgs.msg import Image, PointCloud2
-from visualization_msgs.msg import Marker
+from launch_files import LAUNCH_FILES, MESSAGES, LaunchedNode, read_launch_file, rviz_displays
 
-from grid_map_demos_py.share import share
 from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Process, environment, peer, reserve_domain
 
-MESSAGES = {
-    "rviz_default_plugins/GridCells": GridCells,
-    "rviz_default_plugins/Image": Image,
-    "rviz_default_plugins/Map": OccupancyGrid,
-    "rviz_default_plugins/Marker": Marker,
-    "rviz_default_plugins/PointCloud2": PointCloud2,
-    "rviz_default_plugins/Polygon": PolygonStamped,
-}
-"""Type of message by display of RViz."""
-
 RARE = {"/polygon"}
 """Topics with one message every half a minute, too rare to wait for."""
-
-
-def shown_in_rviz(demo: str) -> dict[str, type]:
-    """Return the types of message by topic that RViz listens to."""
-    content = yaml.safe_load(share("rviz", f"{demo}.rviz").read_text())
-    displays = content["Visualization Manager"]["Displays"]
-    types = {d["Topic"]["Value"]: MESSAGES[d["Class"]] for d in displays if "Topic" in d}
-    return {topic: types[topic] for topic in types.keys() - RARE}
 
 
 def command(node: LaunchedNode) -> list[str]:
@@ -76,7 +52,8 @@ def launched(path: Path, domain: int) -> Iterator[None]:
 @contextmanager
 def publishes_everything_that_rviz_shows(path: Path) -> Iterator[None]:
     """Start a launch file in its own domain; at the end every topic must have brought a message."""
-    topics = shown_in_rviz(path.name.removesuffix("_launch.xml"))
+    displays = rviz_displays(path.name.removesuffix("_launch.xml"))
+    topics = {topic: MESSAGES[displays[topic]["Class"]] for topic in displays.keys() - RARE}
     assert topics
     domain, lock = reserve_domain()
     with lock, peer(domain) as other:

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 ENDINGS = (".png", ".pdf", ".svg")
 
-LARGEST_DPI = 1200
-"""A picture of this resolution takes half a gigabyte."""
-
 _STYLES_OF = {
     "shade_by": (("flat",), "without --3d and --relief"),
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
@@ -104,27 +101,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def check_style(options: argparse.Namespace, picture: Path) -> None:
-    """Refuse at once what would be refused in the end.
-
-    Raises:
-        UsageError: the name or an argument of `add_style` makes no sense.
-    """
+    """Raise `UsageError` if the name or an argument of `add_style` makes no sense."""
     if picture.suffix.lower() not in ENDINGS:
         raise UsageError(f"{picture}: expected a name that ends in {', '.join(ENDINGS)}")
     for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
             raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
-    if not 1 <= options.dpi <= LARGEST_DPI:
-        raise UsageError(f"--dpi: expected a number from 1 to {LARGEST_DPI}, got {options.dpi:g}")
+    # A picture of 1200 pixels per inch takes half a gigabyte.
+    if not 1 <= options.dpi <= 1200:
+        raise UsageError(f"--dpi: expected a number from 1 to 1200, got {options.dpi:g}")
 
 
 def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> None:
-    """Draw a map as the arguments of `add_style` say.
-
-    Raises:
-        GridMapError: the map lacks a layer, an argument makes no sense, Matplotlib is not
-            installed, or the file cannot be written.
-    """
+    """Draw a map as the arguments of `add_style` say, or raise `GridMapError`."""
     # Slow to import.
     from grid_map_core_py.files import storage_errors
 

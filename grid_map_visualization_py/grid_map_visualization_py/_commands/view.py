@@ -26,35 +26,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
     add_choice_of_map(parser)
-    completed(
-        parser.add_argument("--layer", help="layer of the heights (elevation, or the first layer)"),
-        complete_layers,
-    )
-    completed(
-        parser.add_argument(
-            "--color-layer", default="", help="layer of the colors (layer of the heights)"
-        ),
-        complete_layers,
-    )
-    completed(
-        parser.add_argument(
-            "--color-map", default="viridis", help="color map of Matplotlib (%(default)s)"
-        ),
-        complete_color_maps,
-    )
-    parser.add_argument(
-        "--max-cells", type=int, default=150_000, help="thin out larger maps; 0 for never"
-    )
+    add = parser.add_argument
+    text = "layer of the heights (elevation, or the first layer)"
+    completed(add("--layer", help=text), complete_layers)
+    text = "layer of the colors (layer of the heights)"
+    completed(add("--color-layer", default="", help=text), complete_layers)
+    text = "color map of Matplotlib (%(default)s)"
+    completed(add("--color-map", default="viridis", help=text), complete_color_maps)
+    add("--max-cells", type=int, default=150_000, help="thin out larger maps; 0 for never")
     page = parser.add_argument_group("page")
-    page.add_argument(
-        "--host", default="127.0.0.1", help="address to serve at (%(default)s: this machine only)"
-    )
-    page.add_argument(
-        "--port",
-        type=int,
-        default=8080,
-        help="port of the page (%(default)s); 0 selects a free port",
-    )
+    text = "address to serve at (%(default)s: this machine only)"
+    page.add_argument("--host", default="127.0.0.1", help=text)
+    text = "port of the page (%(default)s); 0 selects a free port"
+    page.add_argument("--port", type=int, default=8080, help=text)
     page.add_argument("--open", action="store_true", help="also open a browser")
 
 

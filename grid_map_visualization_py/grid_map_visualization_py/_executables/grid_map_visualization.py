@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_visualization`: converts maps to messages that RViz and Foxglove show."""
 
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -175,4 +174,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

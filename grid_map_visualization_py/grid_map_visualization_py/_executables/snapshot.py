@@ -69,12 +69,10 @@ def parsed(arguments: Sequence[str]) -> argparse.Namespace:
         description="Draw the next map of a topic. For maps in files there is 'grid-map plot'.",
     )
     parser.add_argument("--topic", default="/grid_map", help="topic of the maps (%(default)s)")
-    parser.add_argument(
-        "--timeout", type=float, default=10.0, help="longest time to wait for a map [s] (10)"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("snapshot.png"), help="file to write (%(default)s)"
-    )
+    text = "longest time to wait for a map [s] (10)"
+    parser.add_argument("--timeout", type=float, default=10.0, help=text)
+    text = "file to write (%(default)s)"
+    parser.add_argument("--out", type=Path, default=Path("snapshot.png"), help=text)
     add_style(parser)
     options = parser.parse_args(arguments)
     try:
@@ -91,4 +89,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

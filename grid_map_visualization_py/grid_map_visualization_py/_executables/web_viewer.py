@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `web_viewer`: serves a page that shows a map in the browser."""
 
-import sys
-
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -88,4 +86,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -21,7 +21,7 @@ from grid_map_core_py.errors import GridMapError, MissingPackageError
 
 from ..colors import Coloring, ColorScale, color_map_names
 from .scene import Scene, View
-from .settings import NONE, Settings
+from .settings import Settings
 from .slots import Slots
 from .texts import as_note, legend
 
@@ -97,7 +97,7 @@ class Page:
     @property
     def vectors(self) -> str:
         """Chosen prefix of the vectors; empty for none."""
-        return NONE if self._vectors.value == NO_VECTORS else str(self._vectors.value)
+        return "" if self._vectors.value == NO_VECTORS else str(self._vectors.value)
 
     def settings(self) -> Settings:
         """Return the settings that the user has chosen.
@@ -348,32 +348,23 @@ def _serve(host: str, port: int) -> Any:
         import viser
     except ImportError as error:
         raise MissingPackageError("viser", "web_viewer", REMEDY) from error
-    # Without this check, viser would silently use the next free port.
-    _check_free(host, port)
-    with _silence():
-        server = viser.ViserServer(host, port, label="Grid map", verbose=False)
-    if port not in {0, server.get_port()}:
-        with _silence():
-            server.stop()
-        raise PageError(_taken(host, port, "another program was faster"))
-    return server
-
-
-def _check_free(host: str, port: int) -> None:
     try:
+        # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         ):
             socket.create_server(address[:2], family=family).close()
+        with _silence():
+            server = viser.ViserServer(host, port, label="Grid map", verbose=False)
+            if port not in {0, server.get_port()}:
+                server.stop()
+                raise OSError("another program was faster")
     except (OSError, OverflowError) as error:
-        raise PageError(_taken(host, port, error)) from error
-
-
-def _taken(host: str, port: int, reason: object) -> str:
-    return (
-        f"the page cannot be served at {host}:{port}: {reason}; "
-        "the parameters 'host' and 'port' choose another address"
-    )
+        raise PageError(
+            f"the page cannot be served at {host}:{port}: {error}; "
+            "the parameters 'host' and 'port' choose another address"
+        ) from error
+    return server
 
 
 @contextlib.contextmanager

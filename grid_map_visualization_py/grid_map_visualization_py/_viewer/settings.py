@@ -9,9 +9,6 @@ from ..colors import Coloring
 
 AXES = "xyz"
 
-NONE = ""
-"""Stands for no layer or prefix."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -37,7 +34,7 @@ class Settings:
     opacity: float = 1.0
     grid_lines: bool = False
     points: bool = False
-    vectors: str = NONE
+    vectors: str = ""
     vector_scale: float = 0.1
     history: int = 1
 

@@ -14,7 +14,7 @@ from grid_map_ros_py import ReceivedMap
 from .page import Page
 from .picking import hit
 from .scene import Scene, make_scene, view
-from .settings import NONE, Settings, follow, vector_prefixes
+from .settings import Settings, follow, vector_prefixes
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -107,7 +107,7 @@ class Viewer:
             prefixes,
             height_layer=height,
             color_layer=follow(page.color_layer, layers, (height,)),
-            vectors=page.vectors if page.vectors in prefixes else NONE,
+            vectors=page.vectors if page.vectors in prefixes else "",
         )
 
     def _draw(self, received: ReceivedMap, *, is_new: bool) -> None:
