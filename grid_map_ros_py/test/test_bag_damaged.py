@@ -64,10 +64,14 @@ def test_noise_is_refused(path, noise, magic):
         read_all(path)
 
 
-def test_empty_file_is_refused(path):
-    path.touch()
-    with pytest.raises(BagError, match="is empty"):
-        load_from_bag(path)
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(b"", "is empty"), (b"#ROSBAG V2.0\n" + bytes(99), "a bag of ROS 1; 'rosbags-convert'")],
+)
+def test_file_of_another_kind_is_refused(path, content, reason):
+    path.write_bytes(content)
+    with pytest.raises(BagError, match=reason):
+        load_from_bag(path, TOPIC)
 
 
 # --- wrong lengths --------------------------------------------------------------------------------

@@ -53,8 +53,3 @@ def test_text_that_was_not_logged_is_no_repetition(throttle: LogThrottle, clock:
     assert not throttle.allow("bad map")
     clock.time += 5.0
     assert throttle.allow("bad map")
-
-
-def test_two_throttles_know_nothing_of_each_other() -> None:
-    assert LogThrottle().allow("bad map")
-    assert LogThrottle().allow("bad map")

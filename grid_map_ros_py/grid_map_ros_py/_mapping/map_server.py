@@ -94,7 +94,7 @@ class MapServer:
             RequestError: the path is not below the directory, or there is no directory.
             BagError: the bag cannot be read.
         """
-        return load_from_bag(self._inside(path), topic or None, unwrap=False)
+        return load_from_bag(path_inside(self._directory, path), topic or None, unwrap=False)
 
     def save(self, path: str, topic: str) -> None:
         """Write the map to a bag, which replaces an existing one.
@@ -107,25 +107,22 @@ class MapServer:
             RequestError: the path is not below the directory, or there is no directory or no map.
             BagError: the bag cannot be written.
         """
-        grid_map, target = self.grid_map, self._inside(path)
+        grid_map, target = self.grid_map, path_inside(self._directory, path)
         save_to_bag(grid_map, target, topic, storage=self._storage)
 
-    def _inside(self, path: str) -> Path:
-        if self._directory is None:
-            raise RequestError("files are refused: the parameter 'directory' is not set")
-        return path_inside(self._directory, path)
 
-
-def path_inside(directory: Path, path: str) -> Path:
+def path_inside(directory: Path | None, path: str) -> Path:
     """Return the resolved path if it and the files in it are below a directory.
 
     Args:
-        directory: the directory.
+        directory: the directory; None refuses every path.
         path: absolute, or relative to the directory. Symbolic links and `..` are followed first.
 
     Raises:
         RequestError: the path is not below the directory, or is no valid path.
     """
+    if directory is None:
+        raise RequestError("files are refused: the parameter 'directory' is not set")
     root = directory.resolve()
     try:
         target = (root / path).resolve()

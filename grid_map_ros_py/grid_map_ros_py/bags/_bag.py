@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.files import new_folder
@@ -32,10 +32,13 @@ from . import _sqlite as bag_sqlite
 from ._mcap import COMPRESSIONS, McapFile, McapWriter
 from ._metadata import GRID_MAP_TYPE
 from ._sqlite import SqliteFile, SqliteWriter
-from ._storage import Entry, Storage, Topic, bag_errors
+from ._storage import Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """Formats of the file in a new bag, with the endings of its name."""
+
+_Storage: TypeAlias = McapFile | SqliteFile
+"""If the file is damaged, its methods may raise any exception; call them within `bag_errors`."""
 
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
@@ -345,7 +348,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
-        self._open: tuple[int, Storage] | None = None
+        self._open: tuple[int, _Storage] | None = None
         with bag_errors(Path(path)):
             self._path = Path(path)
             self._files = _files(self._path)
@@ -403,7 +406,7 @@ class BagReader:
             raise BagError(self._path, f"no map on {self.topic} up to time {time}{first}")
         return self[before - 1]
 
-    def _storage(self, file: int) -> Storage:
+    def _storage(self, file: int) -> _Storage:
         """Open a file and close the last one: a bag may have more files than a process may open."""
         if self._open is None or self._open[0] != file:
             self.close()
@@ -456,7 +459,7 @@ def _files(path: Path) -> list[Path]:
     return files
 
 
-def _open(path: Path) -> Storage:
+def _open(path: Path) -> _Storage:
     """Open a file whose format its first bytes tell."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))

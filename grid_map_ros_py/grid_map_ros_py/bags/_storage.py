@@ -1,11 +1,11 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Common interface of the files of bags, MCAP and sqlite3."""
+"""Topics, entries and errors of the files of bags, for MCAP and sqlite3 alike."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from grid_map_core_py.errors import GridMapError
 
@@ -24,24 +24,6 @@ class Entry(NamedTuple):
 
     time: int
     place: Any
-
-
-class Storage(Protocol):
-    """A file with messages that is open for reading.
-
-    If the file is damaged, its methods may raise any exception; call them within `bag_errors`.
-    """
-
-    topics: dict[str, Topic]
-
-    def entries(self, topic: str) -> list[Entry]:
-        """Return the messages on a topic in time order, without reading them."""
-
-    def read(self, entry: Entry) -> bytes:
-        """Return a message as it was recorded."""
-
-    def close(self) -> None:
-        """Close the file."""
 
 
 @contextmanager
