@@ -16,10 +16,10 @@ requirements = [
     "grid_map_visualization_py[pictures]~=0.2.0",
 ]
 if {"develop", "install"} & set(sys.argv):
-    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
+    # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
 else:
-    # pip and build leave nothing behind in the sources.
+    # pip and build create no files among the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 

@@ -13,10 +13,10 @@ URL = "https://github.com/grid-map-py/grid_map_py"
 options = {}
 requirements = ["grid_map_ros_py~=0.2.0"]
 if {"develop", "install"} & set(sys.argv):
-    # colcon runs this file itself. There rosdep installs what package.xml names, from apt.
+    # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
 else:
-    # pip and build leave nothing behind in the sources.
+    # pip and build create no files among the sources.
     scratch = TemporaryDirectory()
     options = {"build": {"build_base": scratch.name}, "egg_info": {"egg_base": scratch.name}}
 

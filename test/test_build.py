@@ -78,7 +78,7 @@ def test_tests_and_caches_are_no_reason_to_build(workspace):
     assert not build(workspace)
 
 
-def test_a_build_without_its_stamp_is_done_again(workspace):
+def test_build_without_stamp_is_repeated(workspace):
     build(workspace)
     next(workspace.glob("install/tiny/lib/*/site-packages/tiny/__init__.py")).unlink()
     (workspace / "install" / ".built.json").unlink()

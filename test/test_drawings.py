@@ -37,7 +37,7 @@ def test_move_keeps_data_in_place_and_new_position_shifts_it(letter):
     assert shifted == (before[0] - CELL, before[1] - CELL)
 
 
-def test_cells_that_leave_are_lost_and_new_ones_empty():
+def test_cells_outside_are_dropped_and_new_cells_are_empty():
     for letter in "CFIJKL":
         assert len(places("move", letter)) == 2
         assert places("buffer", letter) == []

@@ -102,7 +102,7 @@ def test_a_path_with_spaces(tmp_path):
     assert "without spaces" in refusal(copy_tools(tmp_path / "my robot"))
 
 
-def test_a_shell_of_a_workspace_that_is_not_set_up(workspace):
+def test_shell_of_workspace_that_is_not_set_up(workspace):
     done = run("bash", "-c", f". {workspace}/tools/env.sh", environ=fresh_environment())
     assert done.returncode == 1
     assert done.stderr == (

@@ -162,7 +162,7 @@ def test_tutorial_builds_the_package_outside_the_clone(newcomer):
     assert not (newcomer.clone / "install" / "my_filters").exists()
 
 
-def test_every_file_is_named_in_the_words_before_it():
+def test_text_before_a_file_names_it():
     blocks = [block for block in TUTORIAL.blocks if block.file]
     assert len(blocks) == 4
     for block in blocks:

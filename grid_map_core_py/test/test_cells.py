@@ -92,7 +92,7 @@ def test_block_is_cut_off_at_the_border(grid_map, size, data):
     np.testing.assert_array_equal(grid_map["elevation"][cells], world["elevation"][seen])
 
 
-def test_a_block_that_makes_no_sense_is_an_error():
+def test_invalid_block_is_an_error():
     grid_map = GridMap((4, 3), 1.0)
     with pytest.raises(GeometryError, match=r"size: expected no negative numbers, got \(-1, 1\)"):
         submap_cells(grid_map, (2, 1), (-1, 1))

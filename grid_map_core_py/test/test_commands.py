@@ -324,7 +324,7 @@ def test_full_disk_and_closed_output_are_one_error(files):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_without_traceback_or_remains(number, tmp_path):
+def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
     command = [str(PROGRAM), "convert", "-", str(tmp_path / "out.npz")]
     environ = {**os.environ, "TMPDIR": str(tmp_path)}
@@ -401,7 +401,7 @@ def plug_in(monkeypatch, tmp_path):
 
 
 @pytest.mark.usefixtures("plug_in")
-def test_a_broken_command_leaves_the_others_usable(command):
+def test_broken_command_leaves_others_usable(command):
     code, text, _ = command("--help")
     assert code == 0
     assert "Dance to the music\n" in text

@@ -48,7 +48,7 @@ def test_truth_value_for_text_is_to_be_quoted():
 
 
 @pytest.mark.parametrize("empty", [None, [], ()])
-def test_an_empty_list_may_come_without_a_type(empty):
+def test_empty_list_may_have_no_type(empty):
     example = build(Example, {"radius": 1.0, "layers": empty, "weights": empty})
     assert example.layers == ()
     assert example.weights == []
@@ -66,14 +66,14 @@ def test_given_list_is_copied():
     assert cast("weights", given, list[float]) is not given
 
 
-def test_types_have_words():
+def test_types_are_described_in_words():
     assert describe(list[float]) == "a list, each item a number"
     assert describe(tuple[str, ...]) == "a list, each item a string"
     assert describe(int | None) == "an integer or nothing"
 
 
 @pytest.mark.parametrize("text", ["", "map", "1"])
-def test_a_string_is_never_taken_for_something_else(text):
+def test_string_is_never_converted_to_another_type(text):
     assert cast("frame_id", text, str) == text
     for hint in (int, float, bool, list[str]):
         with pytest.raises(ConfigError, match="parameter 'frame_id': expected "):

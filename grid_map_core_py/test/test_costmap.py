@@ -244,7 +244,7 @@ def test_a_costmap_has_as_many_costs_as_cells():
         ("origin_x", math.nan, "origin_x, origin_y: expected two finite numbers"),
     ],
 )
-def test_a_costmap_without_a_place_is_refused(attribute, value, message):
+def test_costmap_without_origin_is_refused(attribute, value, message):
     costmap = to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
     with pytest.raises(GeometryError, match=message):
         from_costmap(SimpleNamespace(**{**vars(costmap), attribute: value}), "cost", DIRECT)

@@ -26,7 +26,7 @@ def in_folder(tmp_path, monkeypatch) -> Path:
 
 
 @pytest.mark.parametrize("name", ["a.npz", "A.NPZ", "folder/map.yaml"])
-def test_a_map_comes_back_by_its_name(in_folder, name):
+def test_map_round_trips_by_file_name(in_folder, name):
     save(sample(), name)
     assert_maps_equal(load(name), sample(), atol=1e-4)
     assert_maps_equal(
@@ -154,7 +154,7 @@ def test_a_package_adds_a_format(plug_in):
     assert load("a.txt").layers == ("elevation", "slope")
 
 
-def test_a_broken_format_leaves_the_others(plug_in):
+def test_broken_format_leaves_others_usable(plug_in):
     plug_in(broken="no_such_module:FORMAT", text=f"{__name__}:EXACT")
     with pytest.warns(UserWarning, match=r"format 'broken' of no_such_module:FORMAT: cannot be"):
         assert "text" in formats()

@@ -234,7 +234,7 @@ def test_a_geometry_cannot_be_changed(duplicate):
         (((1e12, 1), 0.1), r"length: expected at most 2\*\*31 cells"),
     ],
 )
-def test_a_grid_that_makes_no_sense_is_refused(arguments, message):
+def test_invalid_grid_is_refused(arguments, message):
     with pytest.raises(GeometryError, match=message):
         GridGeometry(*arguments)
 

@@ -74,7 +74,7 @@ def test_rasterio_finds_every_value_at_its_position(rasterio, compress):
 
 
 @pytest.mark.usefixtures("rasterio")
-def test_a_map_comes_back_the_same():
+def test_map_round_trips():
     save(a_map(), "map.tif")
     back, expected = load("map.tif"), a_map()
     expected.convert_to_default_start_index()
@@ -83,7 +83,7 @@ def test_a_map_comes_back_the_same():
     assert describe_geotiff("map.tif")["map"] == map_facts(back)
 
 
-def test_rasters_of_others_have_mask_and_scale(rasterio):
+def test_foreign_rasters_may_have_mask_and_scale(rasterio):
     write(rasterio, nodata=-9, crs="EPSG:25832")
     with rasterio.open("dem.tif", "r+") as raster:
         raster.scales, raster.offsets = (0.5,), (10.0,)
@@ -122,7 +122,7 @@ def test_a_cropped_raster_keeps_its_place_and_names(rasterio):
         np.testing.assert_equal(part.at_position("elevation", position), expected)
 
 
-def test_rasters_that_are_no_map_are_refused(rasterio):
+def test_rasters_without_map_are_refused(rasterio):
     turned = rasterio.Affine(2.0, 0.5, 0.0, 0.5, -2.0, 0.0)
     oblong = rasterio.Affine(2.0, 0.0, 0.0, 0.0, -1.0, 0.0)
     for transform in (turned, oblong):

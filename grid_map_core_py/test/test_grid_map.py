@@ -198,7 +198,7 @@ def test_values_that_are_not_numbers_are_no_layer(terrain, name, value):
         (lambda _: GridMap((1, 1), 0.1, [(1, 2), 3]), "position: expected numbers"),
     ],
 )
-def test_arguments_that_make_no_sense_are_named(terrain, call, message):
+def test_errors_name_invalid_arguments(terrain, call, message):
     before = terrain.copy()
     with pytest.raises(GeometryError, match=message):
         call(terrain)
@@ -369,7 +369,7 @@ class TestMove:
             np.testing.assert_equal(value, expected)
 
 
-def test_setting_the_position_takes_the_data_along(terrain):
+def test_setting_the_position_moves_the_data(terrain):
     before = terrain["elevation"].copy()
     terrain.position = (100, 50)
     np.testing.assert_array_equal(terrain["elevation"], before)

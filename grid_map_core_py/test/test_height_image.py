@@ -29,7 +29,7 @@ def hills(holes: bool = True) -> GridMap:
         ("a.tiff", 32, 0),
     ],
 )
-def test_heights_come_back_within_a_step(tmp_path, name, bits, step, holes):
+def test_heights_round_trip_within_one_step(tmp_path, name, bits, step, holes):
     path, bounds = tmp_path / name, {"lower": -2.0, "upper": 3.0} if step else {}
     grid_map = hills(holes)
     save(grid_map, path, bits=bits, **bounds)

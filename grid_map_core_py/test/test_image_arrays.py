@@ -261,7 +261,7 @@ def test_a_layer_without_a_range_is_black(value, dtype):
 @pytest.mark.parametrize("order", ["bgr", "rgb"])
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_colors_become_color_images_and_come_back(dtype, channels, order):
+def test_colors_round_trip_through_color_images(dtype, channels, order):
     rgb = np.random.default_rng(5).integers(0, 256, (7, 5, 3))
     grid_map = GridMap((7, 5), 1.0, layers={"color": color_vector_to_value(rgb)})
     grid_map["color"][3, 4] = np.nan

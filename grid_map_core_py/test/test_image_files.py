@@ -29,7 +29,7 @@ def assert_equal_within_a_step(loaded: GridMap, saved: GridMap, entry: dict, bit
 
 @settings(max_examples=40)
 @given(grid_maps(("elevation", "größe/m")), st.sampled_from([8, 16]))
-def test_a_map_comes_back_but_for_quantisation(grid_map, bits):
+def test_map_round_trips_except_for_quantization(grid_map, bits):
     with tempfile.TemporaryDirectory() as folder:
         path = save_images(grid_map, Path(folder) / "images", bits=bits)
         loaded = load_images(path)
@@ -42,7 +42,7 @@ def test_a_map_comes_back_but_for_quantisation(grid_map, bits):
 
 
 @pytest.mark.parametrize("value", [0.0, -3.5, 1e-40, 3e38, -3e38, np.nan, 7e6])
-def test_a_layer_of_one_value_comes_back_exactly(tmp_path, value):
+def test_constant_layer_round_trips_exactly(tmp_path, value):
     grid_map = GridMap((0.5, 0.3), 0.1, layers={"a": value})
     save_images(grid_map, tmp_path / "images")
     np.testing.assert_array_equal(load_images(tmp_path / "images")["a"], grid_map["a"])
@@ -57,7 +57,7 @@ def test_every_pixel_value_is_kept(tmp_path):
         np.testing.assert_array_equal(loaded[layer], grid_map[layer])
 
 
-def test_colors_come_back_exactly(tmp_path):
+def test_colors_round_trip_exactly(tmp_path):
     colors = np.random.default_rng(1).integers(0, 256, (5, 3, 3))
     grid_map = GridMap((0.5, 0.3), 0.1, layers={"color": color_vector_to_value(colors)})
     grid_map["color"][4, 1] = np.nan
@@ -92,7 +92,7 @@ def test_map_server_shows_the_first_layer_as_occupancies(tmp_path, start_index):
     assert yaml.safe_load(path.read_text())["mode"] == "scale"
 
 
-def test_unusual_layer_names_get_files_of_their_own(tmp_path):
+def test_unusual_layer_names_get_distinct_files(tmp_path):
     names = ["a/b", "a b", "A_B", "..", "ü", "x" * 300, "map"]
     grid_map = GridMap((1, 1), 0.5, layers={n: float(i) for i, n in enumerate(names)})
     path = save_images(grid_map, tmp_path / "images")
@@ -116,7 +116,7 @@ def test_folder_without_map_images_is_never_replaced(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
 
 
-def test_files_of_others_are_never_replaced(tmp_path):
+def test_foreign_files_are_never_replaced(tmp_path):
     grid_map = GridMap((1, 1), 0.5, layers=["a"])
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     save_images(grid_map, ours)
@@ -130,7 +130,7 @@ def test_files_of_others_are_never_replaced(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["a\x85b", "\x85", "a\n b", "\u2028", "null", "1", "../x", "höhe"])
-def test_any_name_comes_back(tmp_path, name):
+def test_any_name_round_trips(tmp_path, name):
     save_images(GridMap((1, 1), 0.5, layers=[name], frame_id=name), tmp_path / "images")
     loaded = load_images(tmp_path / "images")
     assert (loaded.layers, loaded.frame_id) == ((name,), name)
@@ -206,7 +206,7 @@ def changed(path: Path, **changes: object) -> Path:
     ],
     ids=range(13),
 )
-def test_yaml_that_makes_no_sense_is_refused(saved, changes, reason):
+def test_invalid_yaml_is_refused(saved, changes, reason):
     with pytest.raises(GridMapError, match=rf"{saved.parent}/\S+: cannot be read: ") as caught:
         load_images(changed(saved, **changes))
     assert reason in str(caught.value)
@@ -230,7 +230,7 @@ def test_a_path_out_of_the_folder_is_not_followed(saved, tmp_path):
         load_images(changed(saved, layers=layers))
 
 
-def test_an_image_that_is_cut_off_or_damaged_is_refused(saved):
+def test_truncated_or_damaged_image_is_refused(saved):
     image = saved.parent / "a.png"
     data = image.read_bytes()
     for cut in range(len(data)):

@@ -379,7 +379,7 @@ def test_values_along_a_line_equal_computation_by_hand(axis, method, coordinate,
         (LINEAR, -1.0, 4.0),
     ],
 )
-def test_simpler_method_takes_over_at_cells_not_finite(missing, method, coordinate, expected):
+def test_simpler_method_is_used_at_cells_not_finite(missing, method, coordinate, expected):
     holed = {-2.25: [1.0, missing, 8.0, 16.0, 32.0], -2.0: [1.0, missing, 8.0, 16.0, 32.0]}
     grid_map = line(holed.get(coordinate, [missing, 4.0, missing, 16.0, 32.0]))
     assert grid_map.at_position("a", (coordinate, 0.0), method) == expected

@@ -30,7 +30,7 @@ def test_line_cells_between_indices_equal_cpp(name, case):
 
 @by_map
 def test_line_cells_equal_cpp(name, case):
-    """Except for some lines with an end beyond the map.
+    """Compare all golden lines, except some with an end outside of the map.
 
     C++ walks in from there in steps of a cell, so that it may begin a cell further inside or miss
     the map (contract 3: a segment that starts or ends outside is clipped exactly to the map).

@@ -95,7 +95,7 @@ def test_a_folder_of_map_server_round_trips(tmp_path, mode, negate):
 @pytest.mark.parametrize("thresholds", [{}, {"occupied_thresh": 0.9, "free_thresh": 0.3}])
 @pytest.mark.parametrize("negate", [False, True])
 @pytest.mark.parametrize("mode", MODES)
-def test_values_come_back_as_far_as_the_mode_keeps_them(tmp_path, mode, negate, thresholds):
+def test_values_round_trip_within_limits_of_the_mode(tmp_path, mode, negate, thresholds):
     values = np.concatenate([np.arange(101), [np.nan, -1, 101, 49.6]]).reshape(15, 7)
     grid_map = moved_in_buffer(GridMap((1.5, 0.7), 0.1, layers={"cost": values}), (4, 2))
     save_map_server(grid_map, tmp_path / "a.yaml", mode=mode, negate=negate, **thresholds)
@@ -176,7 +176,7 @@ def test_missing_or_damaged_files_are_one_error(tmp_path):
         load_map_server(path)
 
 
-def test_options_that_make_no_sense_write_nothing(tmp_path):
+def test_invalid_options_write_nothing(tmp_path):
     grid_map = GridMap((1, 1), 0.5, layers={"a": 0.0, "b": 1.0})
     for options, message in (
         ({"mode": "grey"}, "mode: expected one of trinary"),

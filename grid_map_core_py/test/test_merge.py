@@ -166,7 +166,7 @@ class TestExtendToInclude:
         assert np.isfinite(grid_map["a"]).sum() == 32
 
     @pytest.mark.parametrize("cells", [0, 3, 41])
-    def test_takes_no_further_cell_for_rounding_far_from_the_origin(self, cells):
+    def test_rounding_far_from_origin_adds_no_cell(self, cells):
         for origin in np.random.default_rng(1).uniform(4e6, 6e6, (50, 2)):
             grid_map = GridMap((4, 3), 0.1, origin, layers=["a"])
             grid_map.extend_to_include(GridMap((4, 3), 0.1, origin + 0.1 * cells))
@@ -244,7 +244,7 @@ class TestAddDataFrom:
         assert all(data.flags.f_contiguous for data in map(grid_map.__getitem__, grid_map))
 
     @given(grid_maps(("a", "b")), st.booleans(), st.booleans())
-    def test_a_map_gains_nothing_from_itself(self, grid_map, extend, overwrite):
+    def test_adding_a_map_to_itself_changes_nothing(self, grid_map, extend, overwrite):
         before = grid_map.copy()
         grid_map.add_data_from(grid_map, extend_map=extend, overwrite_data=overwrite)
         assert_maps_equal(grid_map, before)

@@ -192,7 +192,7 @@ def test_outliers_are_far_from_their_neighbors(count, neighbors, threshold, seed
 
 
 @pytest.mark.parametrize(("mean_k", "threshold"), [(0, 1.0), (float("nan"), 1.0), (3, np.inf)])
-def test_settings_of_outliers_that_make_no_sense_are_refused(mean_k, threshold):
+def test_invalid_outlier_settings_are_refused(mean_k, threshold):
     with pytest.raises(ConfigError, match=r"mean_k|stddev_threshold"):
         remove_outliers([(0, 0, 0), (1, 0, 0)], mean_k, threshold)
 
@@ -295,12 +295,12 @@ def test_a_parameter_file_of_upstream_loads():
         ({"pcl_grid_map_extraction": []}, "expected a mapping of parameters"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(config, message):
+def test_invalid_settings_are_refused(config, message):
     with pytest.raises(ConfigError, match=message):
         PointCloudPipeline.from_config(config)
 
 
-def test_clouds_that_make_no_map_are_refused():
+def test_clouds_without_usable_points_are_refused():
     pipeline = PointCloudPipeline()
     with pytest.raises(GeometryError, match="points: expected x, y, z"):
         pipeline([(1, 2)])
@@ -309,7 +309,7 @@ def test_clouds_that_make_no_map_are_refused():
             pipeline(points)
 
 
-def test_memory_stays_bounded_however_dense_the_cloud():
+def test_memory_does_not_grow_with_density_of_cloud():
     """All pairs of neighbors in this cell would take more than a gigabyte."""
     points = np.random.default_rng(1).uniform(0, 0.09, (20_000, 3))
     pipeline = PointCloudPipeline(num_processing_threads=1)

@@ -116,7 +116,7 @@ def test_first_and_last_keep_to_the_order_over_many_points():
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e4, -1e6])
-def test_variance_and_mean_keep_their_digits_far_from_zero(offset):
+def test_variance_and_mean_keep_precision_far_from_zero(offset):
     rng = np.random.default_rng(3)
     points = np.zeros((5000, 3))
     points[:, 2] = offset + rng.normal(0, 0.01, 5000)
@@ -237,7 +237,7 @@ def test_points_on_a_lattice_get_a_cell_each():
 
 @pytest.mark.parametrize("steps", range(1, 40))
 @pytest.mark.parametrize("resolution", [0.1, 0.3, 0.07])
-def test_rounding_takes_no_cell_from_a_lattice(steps, resolution):
+def test_rounding_drops_no_cell_of_a_lattice(steps, resolution):
     """Some of these extents come a little short of whole cells, and some go beyond."""
     points = [(0, 0, 1), (steps * resolution, 0, 1)]
     grid_map = from_points(points, resolution, {"n": "count"})
@@ -259,7 +259,7 @@ def test_length_and_position_may_be_given():
     assert around_origin.size == (6, 9)
 
 
-def test_a_map_made_to_fit_ignores_points_beyond_the_limits():
+def test_fitted_map_ignores_points_outside_the_limits():
     points = [(0, 0, 0), (1, 1, 0), (100, 100, 50)]
     assert from_points(points, 1.0, max_height=1.0).size == (2, 2)
     with pytest.raises(GridMapError, match="within the height limits"):

@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
         (7, None, 2.0, "7 maps, 3.5 maps/s"),
     ],
 )
-def test_progress_tells_count_rate_and_remaining_time(done, total, seconds, text):
+def test_progress_shows_count_rate_and_remaining_time(done, total, seconds, text):
     assert progress_text(done, total, seconds) == text
 
 

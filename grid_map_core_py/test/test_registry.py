@@ -59,7 +59,7 @@ def test_other_packages_add_types(registry, install):
 
 
 @pytest.mark.parametrize("type_name", ["built_in", "other"])
-def test_a_type_that_is_built_in_cannot_be_registered_again(registry, install, type_name):
+def test_built_in_type_cannot_be_registered_again(registry, install, type_name):
     where = install(type_name)
     with pytest.raises(ConfigError) as caught:
         registry["built_in"]
@@ -76,7 +76,7 @@ def test_two_packages_cannot_register_one_type(registry, install):
 
 
 @pytest.mark.parametrize("code", ["import no_such_module", "1 / 0", "class Other: pass"])
-def test_broken_plugin_spoils_only_its_own_type(registry, install, code):
+def test_broken_plugin_affects_only_its_own_type(registry, install, code):
     where = install("broken", code)
     assert registry["built_in"] is BuiltIn
     with pytest.raises(ConfigError, match=f"cannot load '{where}': "):

@@ -230,7 +230,7 @@ def test_holes_do_not_bleed(flag, resolution):
     grid_map=grid_maps(max_side=9),
     resolution=st.sampled_from([0.013, 0.03, 0.05, 0.1, 0.21, 0.4, 1.0, 1.7]),
 )
-def test_moved_maps_give_the_same_and_stay_as_they_are(flag, grid_map, resolution):
+def test_moved_maps_give_equal_results_and_stay_unchanged(flag, grid_map, resolution):
     cells = np.multiply(grid_map.size, grid_map.resolution) / resolution
     if cells.min() < 0.5 or cells.max() > 300:
         return
@@ -260,7 +260,7 @@ def test_the_same_resolution_changes_nothing(flag):
     assert_maps_equal(change_resolution(grid_map, 0.05, flag), grid_map, rtol=1e-6)
 
 
-def test_one_cell_may_become_many_and_many_one():
+def test_one_cell_may_become_many_and_vice_versa():
     one = GridMap((0.2, 0.2), 0.2, layers={"height": 7.0})
     many = change_resolution(one, 0.01)
     np.testing.assert_allclose(many["height"], np.full((20, 20), 7.0), rtol=1e-6)
@@ -313,6 +313,6 @@ def test_at_least_one_cell_is_left():
         change_resolution(terrain(2, 4), 0.25)
 
 
-def test_an_interpolation_is_one_that_opencv_knows():
+def test_unknown_opencv_interpolation_is_refused():
     with pytest.raises(GeometryError, match="interpolation: OpenCV cannot resize with 99"):
         change_resolution(terrain(3, 4), 0.1, 99)

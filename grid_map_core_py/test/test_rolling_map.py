@@ -132,7 +132,7 @@ def test_many_clouds_far_above_zero_keep_their_mean_and_variance() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_absurd_heights_spoil_their_own_cell_alone() -> None:
+def test_huge_heights_affect_only_their_own_cell() -> None:
     rolling = RollingMap(GEOMETRY, fusion="mean")
     for _ in range(3):
         rolling.fuse([(0.1, 0.1, 3e38), (0.1, 0.1, -3e38), (0.7, 0.1, 2.0)])

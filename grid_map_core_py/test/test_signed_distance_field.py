@@ -136,7 +136,7 @@ def test_strips_do_not_show(monkeypatch):
     np.testing.assert_array_equal(hills_field().distances, expected)
 
 
-def test_a_large_height_loses_no_digits():
+def test_large_heights_keep_precision():
     grid_map = flat(height=4000.0)
     field = SignedDistanceField(grid_map, "elevation", 3999.95, 4001.0)
     expected = np.broadcast_to(field.levels - 4000.0, field.shape)
@@ -221,7 +221,7 @@ def test_values_are_trilinear_between_the_nodes():
     np.testing.assert_allclose(field.value(points), trilinear(field)(points), **ROUND_OFF)
 
 
-def test_values_go_on_linearly_outside():
+def test_values_are_extrapolated_linearly_outside():
     field = hills_field()
     points = points_around(field, 1.0)
     np.testing.assert_allclose(field.value(points), trilinear(field)(points), rtol=1e-6, atol=1e-5)
@@ -292,7 +292,7 @@ def test_gradient_beside_a_node_is_one_sided():
         np.testing.assert_allclose(slope, (above - below) / 0.1, atol=1e-5)
 
 
-def test_both_at_once_are_the_same_as_one_by_one():
+def test_value_and_gradient_equal_separate_calls():
     field = hills_field()
     points = points_around(field, 0.3, 40_000)
     values, gradients = field.value_and_gradient(points)
@@ -352,7 +352,7 @@ def test_missing_data_is_an_error_that_suggests_inpainting():
         SignedDistanceField(grid_map, "elevation", 0.0, 1.0, unknown="filled")
 
 
-def test_missing_data_can_be_taken_for_free_space():
+def test_missing_data_can_be_treated_as_free_space():
     grid_map = step()
     grid_map["elevation"][:6] = np.nan
     field = SignedDistanceField(grid_map, "elevation", 0.0, 1.0, unknown="free")
@@ -409,12 +409,12 @@ def test_limits_of_points_must_be_numbers(limits):
 
 
 @pytest.mark.parametrize("high", [1e9, 1.7e308])
-def test_a_field_that_fits_no_memory_is_refused(high):
+def test_field_larger_than_memory_is_refused(high):
     with pytest.raises(GeometryError, match=r"a field of at most 2\*\*31 nodes, got 4 x 3 x "):
         SignedDistanceField(flat(), "elevation", -high, high)
 
 
-def test_a_layer_that_is_not_there_is_an_error():
+def test_missing_layer_is_an_error():
     with pytest.raises(LayerNotFoundError, match="no layer 'height'; available: elevation"):
         SignedDistanceField(flat(), "height", 0.0, 1.0)
 

@@ -43,7 +43,7 @@ def sample_map(value: float = 0.25) -> GridMap:
 
 @settings(max_examples=60)
 @given(grid_maps(("elevation", "variance")), st.booleans())
-def test_a_map_comes_back_exactly_in_map_order(grid_map, compress):
+def test_map_round_trips_exactly_in_map_order(grid_map, compress):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map"
         save_npz(grid_map, path, compress=compress)
@@ -58,7 +58,7 @@ def test_a_map_comes_back_exactly_in_map_order(grid_map, compress):
 
 
 @given(st.lists(NAMES, unique=True, max_size=4), NAMES)
-def test_any_name_comes_back(names, frame_id):
+def test_any_name_round_trips(names, frame_id):
     grid_map = GridMap((1, 1), 0.5, layers=dict.fromkeys(names, 1.0), frame_id=frame_id)
     with tempfile.TemporaryDirectory() as folder:
         save_npz(grid_map, f"{folder}/map.npz")
@@ -136,7 +136,7 @@ def with_metadata(path: Path, **changes: object) -> Path:
         ({"basic_layers": 3}, ""),
     ],
 )
-def test_metadata_that_makes_no_sense_is_refused(path, changes, reason):
+def test_invalid_metadata_is_refused(path, changes, reason):
     with pytest.raises(GridMapError, match=rf"map\.npz: cannot be read: .*{reason}"):
         load_npz(with_metadata(path, **changes))
 
@@ -156,7 +156,7 @@ def test_metadata_that_makes_no_sense_is_refused(path, changes, reason):
     ],
     ids=range(9),
 )
-def test_arrays_that_are_not_as_they_must_be_are_refused(path, name, content, reason):
+def test_invalid_arrays_are_refused(path, name, content, reason):
     with pytest.raises(GridMapError, match=f"(?s){path}: cannot be read: .*{reason}"):
         load_npz(rewritten(path, members(path) | {name: content}))
 
@@ -181,7 +181,7 @@ def claiming(path: Path, size: int) -> Path:
     return path
 
 
-def test_sizes_that_the_file_cannot_have_are_refused_before_allocating(path):
+def test_impossible_sizes_are_refused_before_allocation(path):
     tracemalloc.start()
     try:
         with pytest.raises(GridMapError, match="claims more bytes than it has"):

@@ -207,7 +207,7 @@ def test_samples_close_the_gaps_of_a_turned_map():
     assert (closed["elevation"][over] == 1).all()
 
 
-def test_points_that_come_down_beside_the_result_are_lost():
+def test_points_outside_of_the_result_are_dropped():
     grid_map = GridMap((4, 4), 1.0, layers={"elevation": 0.0})
     grid_map["elevation"][0, 0] = 100.0
     result = grid_map.get_transformed_map(rigid(pitch=0.5), "elevation", "new")

@@ -34,7 +34,7 @@ def test_voxels_hold_the_mean_of_their_points(points, sides):
     np.testing.assert_allclose(result, downsample_by_hand(points, sides), atol=1e-12)
 
 
-def test_large_coordinates_keep_their_digits():
+def test_large_coordinates_keep_precision():
     points = np.array([(5e6, 5e6, 0), (5e6 + 0.001, 5e6, 0), (5e6 + 10, 5e6, 0)])
     result = downsample(points, (1, 1, 1))
     np.testing.assert_allclose(result[:, 0] - 5e6, (0.0005, 10), atol=2e-9)

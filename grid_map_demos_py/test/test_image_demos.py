@@ -68,7 +68,7 @@ def test_floats_stay_floats(channels, tmp_path):
     ("content", "found"),
     [(None, "No such file"), (b"", "a format that OpenCV knows"), (b"text", "that OpenCV knows")],
 )
-def test_a_file_that_is_no_image_is_named(content, found, tmp_path):
+def test_error_names_file_that_is_no_image(content, found, tmp_path):
     file = tmp_path / "image.png"
     if content is not None:
         file.write_bytes(content)
@@ -107,7 +107,7 @@ def test_an_image_of_more_pixels_than_opencv_reads_is_named(tmp_path):
     ],
 )
 @pytest.mark.parametrize("is_color", [False, True])
-def test_formats_that_would_lose_something_do_not_fit(bits, transparent, ending, fits, is_color):
+def test_lossy_formats_do_not_fit(bits, transparent, ending, fits, is_color):
     picture = Picture(layer="a", bits=bits, is_transparent=transparent, is_color=is_color)
     assert picture.fits(Path("folder") / f"image.{ending}".strip(".")) == fits
 

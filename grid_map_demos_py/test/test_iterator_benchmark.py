@@ -72,7 +72,7 @@ def test_arguments_for_ros_do_not_matter(capsys):
 
 
 @pytest.mark.parametrize("word", ["2", "2001", "-5", "many"])
-def test_a_size_that_makes_no_sense_is_refused(word, capsys):
+def test_invalid_size_is_refused(word, capsys):
     with pytest.raises(SystemExit, match="2"):
         main([word])
     assert "usage: iterator_benchmark" in capsys.readouterr().err

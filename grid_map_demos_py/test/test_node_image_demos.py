@@ -64,7 +64,7 @@ def test_terrain_image_becomes_a_map_of_heights_and_colors():
     assert np.isnan(grid_map["color"][~is_opaque]).all()
 
 
-def test_image_file_is_read_anew_for_every_message(tmp_path):
+def test_image_file_is_read_again_for_every_message(tmp_path):
     file = tmp_path / "image.png"
     write_png(file, np.array([[[1], [65535]]], np.uint16))
     given = parameters(f"image_path:={file}", "topic:=/scan", "frame_id:=odom", "publish_rate:=20")

@@ -51,7 +51,7 @@ def distances() -> np.ndarray:
     return np.hypot(x[:, None] - CENTER[0], y - CENTER[1])
 
 
-def test_the_regions_come_in_the_order_of_cpp():
+def test_regions_are_shown_in_the_order_of_cpp():
     names = "the whole map, a submap, a circle, an ellipse, a spiral, a line, a polygon"
     assert [*scenes()] == [*names.split(", "), "a sliding window"]
 
@@ -110,7 +110,7 @@ def test_polygons_are_the_star_and_the_window_around_every_cell():
     np.testing.assert_allclose([window.area for window in windows], 0.15**2)
 
 
-def test_the_iterators_demo_takes_its_time():
+def test_iterators_demo_limits_its_rate():
     with peer() as other:
         other.listen("/grid_map", GridMapMessage)
         with running_node(f"grid_map_demos_py.{MODULE}") as demo:
@@ -156,7 +156,7 @@ def is_same(polygon: Polygon, expected: Polygon) -> bool:
     return len(polygon) == len(expected) and np.allclose(polygon.vertices, expected.vertices)
 
 
-def test_an_iterators_demo_that_is_repeated_begins_again():
+def test_repeated_iterators_demo_starts_again():
     given = parameters("speed:=1e4", "repeat:=true")
     with running_node(f"grid_map_demos_py.{MODULE}", *given) as demo, peer() as other:
         other.wait_until(lambda: demo.text.count(TITLES[0]) == 2, "a second round")

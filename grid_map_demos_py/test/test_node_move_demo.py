@@ -17,7 +17,7 @@ from grid_map_ros_py.testing import peer, running_node
 MODULE = "move_demo_node"
 
 
-def test_the_way_is_a_spiral_that_begins_in_the_middle():
+def test_path_is_a_spiral_from_the_center():
     np.testing.assert_allclose(place(0.0), (0.0, 0.0))
     np.testing.assert_allclose(place(np.pi), (-0.03 * np.pi, 0.0), atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(place(10.0)), 0.3)
@@ -30,7 +30,7 @@ def test_the_map_has_random_values_from_minus_one_to_one():
     assert not np.array_equal(make_map()["layer"], grid_map["layer"])
 
 
-def test_the_data_stays_in_the_world_and_then_comes_along():
+def test_move_keeps_data_in_place_and_position_moves_it():
     given = parameters("duration:=1.0", "publish_rate:=20.0")
     with peer() as other:
         messages = other.received.setdefault("/grid_map", [])

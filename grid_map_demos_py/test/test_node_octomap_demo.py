@@ -35,7 +35,7 @@ def test_the_room_is_shown_below_its_ceiling():
     assert heights == pytest.approx(expected, abs=1e-6)
 
 
-def test_the_ceiling_is_all_there_is_to_see_from_above():
+def test_map_from_above_shows_only_the_ceiling():
     heights = load(ROOM)["elevation"]
     assert heights.shape == (80, 60)
     np.testing.assert_allclose(heights, 2.425, atol=1e-6)

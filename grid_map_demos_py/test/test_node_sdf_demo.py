@@ -52,7 +52,7 @@ def test_a_map_without_heights_has_no_field():
 
 
 @pytest.mark.parametrize(("size", "height"), [((0.2, 0.1), 1e4), ((20.0, 10.0), 200.0)])
-def test_height_far_from_the_others_is_refused(size, height):
+def test_outlier_height_is_refused(size, height):
     grid_map = GridMap(size, 0.1, layers={"elevation": 0.0})
     grid_map["elevation"][0, 0] = height
     with pytest.raises(GridMapError, match="layer 'elevation': expected a field of at most 10000"):

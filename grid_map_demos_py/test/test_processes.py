@@ -28,14 +28,14 @@ def started(preparation: str) -> str:
     return done.stdout
 
 
-def test_a_group_in_process_1_works_like_any_other():
+def test_group_works_in_process_1():
     # Like process 1 of a container that runs nothing else.
     output = started("os.getpid = os.getppid = lambda: 1")
     assert "The Zen of Python" in output
     assert output.endswith("('this', 0)\n")
 
 
-def test_a_process_whose_parent_has_gone_before_ends_at_once():
+def test_process_without_parent_ends_immediately():
     # The new parent is process 1 or a subreaper.
     output = started("os.getppid = lambda: 4711")
     assert output == "('this', 0)\n"

@@ -215,7 +215,7 @@ def test_elementwise_functions_equal_the_math_module(name):
     )
 
 
-def test_round_takes_halves_away_from_zero():
+def test_round_rounds_halves_away_from_zero():
     halves = fortran([[-2.5, -0.5, 0.5, 1.5, 0.49999997, 8388609, np.inf, np.nan]])
     np.testing.assert_array_equal(
         value("round(m)", m=halves), [[-3, -1, 1, 2, 0, 8388609, np.inf, np.nan]]

@@ -195,7 +195,7 @@ def test_high_terrain_is_as_accurate_as_at_sea_level(edge_handling):
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
-def test_huge_value_spoils_only_its_own_windows(edge_handling):
+def test_huge_value_affects_only_its_own_windows(edge_handling):
     layer = terrain()
     layer[20, 20] = 1e30
     apart = np.ones(layer.shape, bool)

@@ -241,7 +241,7 @@ def test_output_may_replace_the_input_layer(type_name, params):
 @each_from_heights
 @pytest.mark.parametrize("shape", [(1, 1), (1, 6), (5, 4)])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_maps_without_finite_cells_stay_without(type_name, params, shape, value):
+def test_maps_without_finite_cells_stay_empty(type_name, params, shape, value):
     assert not np.isfinite(filtered(type_name, ground(np.full(shape, value)), **params)).any()
 
 

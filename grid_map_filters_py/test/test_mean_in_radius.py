@@ -32,7 +32,7 @@ def test_mean_in_radius_keeps_small_differences_on_high_ground():
     np.testing.assert_allclose(high - 2000, low, atol=3e-4)
 
 
-def test_huge_value_spoils_only_discs_that_contain_it():
+def test_huge_value_affects_only_discs_that_contain_it():
     heights = np.ones((40, 40), dtype=np.float32)
     heights[5, 5] = 1e30
     result = mean_in_radius(ground(heights), radius=0.6)

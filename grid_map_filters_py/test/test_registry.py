@@ -57,7 +57,7 @@ def test_filter_of_another_package_is_found_by_type(tmp_path):
     assert result.stdout.strip() == "5.0", result.stderr
 
 
-def test_entry_point_that_is_no_filter_is_named(tmp_path):
+def test_error_names_entry_point_that_is_no_filter(tmp_path):
     install(tmp_path, "lift/LiftFilter = lift_filters:dataclass")
     result = run_python(tmp_path, USE)
     assert result.returncode == 1

@@ -28,7 +28,7 @@ def test_the_slope_of_a_plane_is_its_angle(radius, gradient):
     np.testing.assert_allclose(angles, np.arctan(np.hypot(*gradient)), atol=2e-5)
 
 
-def test_gentle_slopes_keep_their_digits():
+def test_gentle_slopes_keep_precision():
     grid_map = terrain((20, 20))
     grid_map["elevation"] = 1e-4 * grid_map.get_positions()[:, 0].reshape(20, 20, order="F")
     for radius in (0.0, 0.2):

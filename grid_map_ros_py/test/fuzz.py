@@ -3,7 +3,7 @@
 """Fuzzing of all readers: damaged input must raise `GridMapError` quickly, in little memory.
 
 `python3 fuzz.py --seconds 60` goes through all targets with a new seed; the tests do so for a few
-seconds with a fixed one. What fails is printed with the seed that repeats it.
+seconds with a fixed one. A failure is printed with the seed that repeats it.
 """
 
 import argparse

@@ -78,7 +78,7 @@ def assert_identical(actual: GridMap, expected: GridMap) -> None:
     grid_maps(("elevation", "größe/m")),
     st.sampled_from([("sqlite3", "none"), *(("mcap", name) for name in COMPRESSIONS)]),
 )
-def test_map_comes_back_bit_by_bit_with_start_index(grid_map, kind):
+def test_map_round_trips_bit_by_bit_with_start_index(grid_map, kind):
     storage, compression = kind
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bag"
@@ -96,11 +96,11 @@ def test_last_map_in_time_wins_unless_asked_otherwise(bag):
 
 
 @pytest.mark.parametrize(("time", "number"), [(1.0, 1), (1.9, 1), (2.0, 2), (99.0, 3)])
-def test_time_takes_the_last_map_until_then(bag, time, number):
+def test_time_selects_the_last_map_until_then(bag, time, number):
     assert number_of(load_from_bag(bag, TOPIC, time=int(time * SECOND))) == number
 
 
-def test_map_that_is_not_there_is_an_error(bag):
+def test_missing_map_is_an_error(bag):
     with pytest.raises(BagError, match="no map 3: 3 maps on /grid_map"):
         load_from_bag(bag, TOPIC, index=3)
     with pytest.raises(BagError, match="up to time 999999999; the first is of 1000000000"):
@@ -440,7 +440,7 @@ def test_cpp_recording_is_complete_and_in_time_order(name):
 
 
 @pytest.mark.parametrize("name", RECORDED_MOVES)
-def test_recording_that_is_written_again_is_the_same(name, tmp_path):
+def test_rewritten_recording_is_equal(name, tmp_path):
     with BagReader(DATA / name) as reader, BagWriter(tmp_path / "again") as writer:
         for record in reader:
             writer.write(TOPIC, record.grid_map(unwrap=False), time=record.time)

@@ -40,7 +40,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_file_that_is_cut_off_is_refused(name, path):
+def test_truncated_file_is_refused(name, path):
     data = FILES[name].read_bytes()
     cuts = [*range(1, 120, 7), *range(200, len(data), len(data) // 40), len(data) - 1]
     for cut in cuts:

@@ -91,7 +91,7 @@ def test_clouds_wait_for_their_poses_and_are_fused_in_order(
     assert (made.statistics.fused, reports) == (2, [])
 
 
-def test_clouds_that_wait_in_vain_are_dropped(reports: list[str], clock: Hand) -> None:
+def test_clouds_without_pose_are_dropped_after_timeout(reports: list[str], clock: Hand) -> None:
     made = mapper(history(pose(1)), reports, clock=clock, timeout=0.5)
     made.add(cloud(2))
     clock.now = 0.4
@@ -105,7 +105,7 @@ def test_clouds_that_wait_in_vain_are_dropped(reports: list[str], clock: Hand) -
     assert made.statistics.dropped == 2
 
 
-def test_no_more_clouds_wait_than_the_queue_holds(reports: list[str], clock: Hand) -> None:
+def test_queue_size_limits_waiting_clouds(reports: list[str], clock: Hand) -> None:
     poses = history()
     made = mapper(poses, reports, clock=clock, queue_size=2)
     for seconds in (1, 2, 3):
@@ -169,7 +169,7 @@ def test_bad_cloud_is_reported_and_changes_nothing(
     assert (made.statistics.fused, made.statistics.dropped) == (1, 1)
 
 
-def test_robot_beyond_counting_changes_nothing(reports: list[str]) -> None:
+def test_robot_at_huge_position_changes_nothing(reports: list[str]) -> None:
     made = mapper(history(pose(1), pose(2, 1e300)), reports)
     made.add(cloud(1))
     before = made.rolling_map.grid_map.copy()

@@ -193,7 +193,7 @@ def test_malformed_costmap_gets_one_error_that_names_the_field(kind: str) -> Non
         ("origin_y", math.nan),
     ],
 )
-def test_py_costmap_that_makes_no_sense_is_refused(name: str, value: object) -> None:
+def test_invalid_py_costmap_is_refused(name: str, value: object) -> None:
     costmap = PyCostmap2D(to_costmap(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e"))
     setattr(costmap, name, value)
     with pytest.raises(GridMapError):

@@ -67,7 +67,7 @@ def test_bags_are_loaded_and_saved_by_name():
     assert load("lite/lite_0.db3").timestamp == SECOND
 
 
-def test_info_tells_topics_and_one_map_of_each(command):
+def test_info_prints_topics_and_one_map_of_each(command):
     code, text, _ = command("info two --json")
     assert code == 0
     one, other = json.loads(text)["topics"]
@@ -82,7 +82,7 @@ def test_info_tells_topics_and_one_map_of_each(command):
     assert "2.000000000 s" in text
 
 
-def test_info_tells_duration_and_millimeters(command):
+def test_info_prints_duration_and_millimeters(command):
     far = GridMap((4, 3), 0.5, (691_002.25, 5_334_798.625), ["elevation"])
     with BagWriter("far") as bag:
         for second in (1_700_000_000.0, 1_700_000_002.5):

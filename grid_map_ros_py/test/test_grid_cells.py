@@ -167,7 +167,7 @@ def test_malformed_cells_get_one_error_that_names_the_field(kind: str) -> None:
 
 
 @pytest.mark.parametrize("resolution", [1e300, 0.0, -0.1, math.nan, "fine"])
-def test_resolution_that_makes_no_sense_is_refused(resolution: Any) -> None:
+def test_invalid_resolution_is_refused(resolution: Any) -> None:
     with pytest.raises(GridMapError, match="resolution: expected a"):
         from_grid_cells(cells_message((0.0, 0.0)), "covered", resolution)
 

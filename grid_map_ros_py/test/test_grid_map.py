@@ -63,7 +63,7 @@ def test_bit_patterns_of_colors_and_of_nan_survive_the_wire() -> None:
     np.testing.assert_array_equal(received["color"].view(np.uint32), bits)
 
 
-def test_received_map_has_memory_of_its_own() -> None:
+def test_received_map_shares_no_memory_with_message() -> None:
     message = to_message(sample_map(start=(0, 0)))
     received = from_message(message)
     received["elevation"][...] = -1.0
@@ -71,7 +71,7 @@ def test_received_map_has_memory_of_its_own() -> None:
     assert received["elevation"].flags.f_contiguous
 
 
-def test_sent_map_has_memory_of_its_own() -> None:
+def test_sent_message_shares_no_memory_with_map() -> None:
     grid_map = sample_map()
     message = to_message(grid_map)
     grid_map["elevation"][...] = -1.0

@@ -173,14 +173,14 @@ def test_malformed_message_gets_one_error_that_names_the_field(kind: str, unwrap
     assert error.value.__context__ is None
 
 
-def test_all_layers_are_checked_whichever_are_wanted() -> None:
+def test_all_layers_are_checked_even_if_not_requested() -> None:
     message = to_message(sample_map())
     message.data[1].data = floats(1)
     with pytest.raises(MessageError, match=r"layer 'variance', data\[1\]\.data: expected 12"):
         from_message(message, ["elevation"])
 
 
-def test_error_is_caught_with_all_others_of_the_packages() -> None:
+def test_error_derives_from_grid_map_error() -> None:
     assert issubclass(MessageError, GridMapError)
     assert issubclass(MessageError, ValueError)
 

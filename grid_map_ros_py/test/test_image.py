@@ -239,7 +239,7 @@ def test_numbers_of_big_endian_senders_are_understood(encoding: str) -> None:
     assert_maps_equal(from_image(over_the_wire(message), "e", 1.0), expected)
 
 
-def test_alpha_that_is_needed_can_be_chosen() -> None:
+def test_alpha_threshold_can_be_set() -> None:
     message = to_image(GridMap((1, 1), 1.0, layers={"e": 1.0}), "e", "rgba8", 0, 1)
     message.data[3] = 100
     assert math.isnan(from_image(message, "e", 1.0)["e"][0, 0])
@@ -286,7 +286,7 @@ def test_image_of_another_size_than_the_map_is_refused() -> None:
     assert grid_map.layers == ("e",)
 
 
-def test_encodings_and_layers_that_are_not_there_are_named() -> None:
+def test_errors_name_unknown_encodings_and_missing_layers() -> None:
     grid_map = GridMap((1, 1), 1.0, layers={"color": 0.0})
     with pytest.raises(MessageError, match=r"encoding: expected one of .*bgra16.* got 'jpeg'"):
         to_image(grid_map, "color", "jpeg")
@@ -297,7 +297,7 @@ def test_encodings_and_layers_that_are_not_there_are_named() -> None:
             convert(grid_map, "slope", "rgb8")
 
 
-def test_bounds_that_make_no_sense_are_refused() -> None:
+def test_invalid_bounds_are_refused() -> None:
     with pytest.raises(GeometryError, match="lower, upper: expected two different finite"):
         from_image(sample("mono8"), "e", 1.0, 2.0, 2.0)
     with pytest.raises(GeometryError, match="lower, upper: expected two different finite"):

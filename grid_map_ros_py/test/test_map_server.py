@@ -67,7 +67,7 @@ def test_request_chooses_layers(server: MapServer) -> None:
         ("", (0, 0), (0, 0), ["slope"], LayerNotFoundError, "'slope'; available: elevation"),
     ],
 )
-def test_request_that_makes_no_sense_is_refused(
+def test_invalid_request_is_refused(
     server, frame_id, position, length, layers, error, text
 ) -> None:
     with pytest.raises(error, match=text):
@@ -80,7 +80,7 @@ def test_info_equals_the_map(server: MapServer) -> None:
     assert (info.pose.position.x, info.pose.position.y) == (1.0, -2.0)
 
 
-def test_server_without_map_refuses_everything_but_a_map(directory: Path) -> None:
+def test_server_without_map_refuses_requests_for_it(directory: Path) -> None:
     server = MapServer(directory)
     for ask in (
         server.info,

@@ -38,7 +38,7 @@ def test_values_are_sent_column_after_column() -> None:
 
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (4, 1), (3, 5)])
-def test_arrays_of_any_order_come_back(shape: tuple[int, int], order: str) -> None:
+def test_arrays_of_any_order_round_trip(shape: tuple[int, int], order: str) -> None:
     values = np.random.default_rng(1).random(shape, np.float32).copy(order)  # type: ignore[call-overload]
     np.testing.assert_array_equal(from_multi_array(to_multi_array(values), shape), values)
 

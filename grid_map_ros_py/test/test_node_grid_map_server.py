@@ -144,9 +144,7 @@ def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path)
         ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
     ],
 )
-def test_server_that_cannot_work_as_configured_says_why(
-    parameters: dict[str, str], reason: str
-) -> None:
+def test_server_reports_unusable_configuration(parameters: dict[str, str], reason: str) -> None:
     node = start_node(MODULE, *arguments(**parameters))
     assert node.wait() == 1
     assert reason in node.text

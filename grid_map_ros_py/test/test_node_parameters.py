@@ -111,7 +111,7 @@ def test_parameter_file_may_name_the_node_in_any_way(
     }
 
 
-def test_numbers_are_read_as_the_kind_that_is_asked_for(start: Start, tmp_path: Path) -> None:
+def test_numbers_are_read_as_the_requested_type(start: Start, tmp_path: Path) -> None:
     text = "    rate: 3\n    color: 255.0\n    names: []\n    frame_id: ''\n"
     found = read(start("configured.py", *arguments(tmp_path, text)))
     assert (found["rate"], found["color"]) == (3.0, 255)

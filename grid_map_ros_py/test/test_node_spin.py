@@ -96,9 +96,7 @@ def test_executor_is_shut_down_before_collection() -> None:
         ("gives up", "the battery is empty"),
     ],
 )
-def test_node_that_cannot_work_says_so_once_and_fails(
-    start: Start, habit: str, message: str
-) -> None:
+def test_failing_node_logs_one_error_and_fails(start: Start, habit: str, message: str) -> None:
     process = start("living.py", habit)
     assert process.wait() == 1
     (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]

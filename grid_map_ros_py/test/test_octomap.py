@@ -60,7 +60,7 @@ def highest(found: set[Voxel], resolution: float, grid_map: GridMap) -> np.ndarr
 # --- trees that OctoMap wrote ---------------------------------------------------------------------
 
 
-def test_there_are_trees_of_leaves_of_several_sizes() -> None:
+def test_trees_have_leaves_of_several_sizes() -> None:
     assert {case["id"] for case in CASES} == {"OcTree", "ColorOcTree"}
     assert all(len({leaf[3] for leaf in case["leaves"]}) > 1 for case in CASES)
     assert all({leaf[4] for leaf in case["leaves"]} == {True, False} for case in CASES)
@@ -91,7 +91,7 @@ def test_map_covers_tree_with_highest_voxel_of_every_column(
 
 
 @pytest.mark.parametrize(("case", "form"), FORMS)
-def test_bounds_leave_out_voxels_whose_center_is_beyond(case: dict[str, Any], form: str) -> None:
+def test_bounds_exclude_voxels_by_their_center(case: dict[str, Any], form: str) -> None:
     resolution = case["resolution"]
     low, high = (-0.52, NAN, -0.4), (0.61, 0.3, 0.38)
     octomap = read(case, form)

@@ -102,7 +102,7 @@ def test_point_layer_need_not_be_among_the_layers() -> None:
     assert points(cloud).tolist() == [(0.0, 0.0, 1.0, 2.0)]
 
 
-def test_colors_keep_their_bits_under_the_name_that_viewers_know() -> None:
+def test_color_layer_becomes_field_rgb_bit_by_bit() -> None:
     color = np.array([[0x00FF8001]], np.uint32).view(np.float32)
     cloud = to_point_cloud(GridMap((1, 1), 1.0, layers={"z0": 0.0, "color": color}), "z0")
     assert names(cloud) == ["x", "y", "z", "rgb"]

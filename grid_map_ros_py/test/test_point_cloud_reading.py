@@ -105,7 +105,7 @@ def test_organized_cloud_is_read_row_after_row() -> None:
 
 
 @pytest.mark.parametrize("kind", [bytes, bytearray, lambda data: np.frombuffer(data, np.uint8)])
-def test_messages_of_other_libraries_hold_their_data_as_they_like(
+def test_messages_with_any_container_are_read(
     kind: Callable[[Any], Any],
 ) -> None:
     cloud = xyz_cloud([(1.0, 2.0, 3.0)])
@@ -119,7 +119,7 @@ def test_messages_of_other_libraries_hold_their_data_as_they_like(
 
 @settings(max_examples=60)
 @given(grid_maps(layers=("elevation", "variance")))
-def test_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
+def test_map_round_trips_through_a_cloud(grid_map: GridMap) -> None:
     # Coordinates in the cloud are float32: if cells are too small, points fall into wrong cells.
     reach = np.float32(np.max(np.abs(grid_map.position) + grid_map.length))
     assume(np.spacing(reach) < 0.1 * grid_map.resolution)
@@ -131,7 +131,7 @@ def test_map_that_becomes_a_cloud_comes_back(grid_map: GridMap) -> None:
     assert_maps_equal(result.without_layers(["variance"]), expected)
 
 
-def test_moved_map_comes_back_onto_itself() -> None:
+def test_moved_map_round_trips_onto_itself() -> None:
     values = np.random.default_rng(3).random((5, 4), np.float32)
     world = GridMap((0.5, 0.4), 0.1, (7.0, -3.0), {"elevation": values, "other": 1.0})
     moved = moved_in_buffer(world, (3, 2))
@@ -152,7 +152,7 @@ def test_cloud_of_the_cpp_demo_gives_its_map() -> None:
     assert "elevation_noisy" in result.layers
 
 
-def test_without_a_place_the_map_is_made_to_fit() -> None:
+def test_map_without_position_fits_the_points() -> None:
     cloud = xyz_cloud([(0.0, 0.0, 1.0), (0.9, 1.9, 2.0), (0.9, 1.9, 3.0)])
     result = from_point_cloud(cloud, resolution=1.0)
     assert result.layers == ("elevation",)
@@ -254,7 +254,7 @@ def test_colors_become_the_layer_color(name: str, datatype: int, alpha: int) -> 
     assert hex(last["color"].view(np.uint32).item()) == "0x304050"
 
 
-def test_field_called_color_keeps_its_name_to_itself() -> None:
+def test_fields_color_and_rgb_become_separate_layers() -> None:
     fields = [*xyz_fields(), ("color", 12, UINT32, 1), ("rgb", 16, UINT32, 1)]
     cloud = packed_cloud([{"x": 0, "y": 0, "z": 0, "color": 1, "rgb": 2}], fields)
     result = from_point_cloud(cloud, resolution=1.0)

@@ -190,7 +190,7 @@ def test_poses_of_every_kind_are_taken(kind: type) -> None:
 
 
 @pytest.mark.parametrize("kind", [PoseStamped, Odometry])
-def test_pose_that_makes_no_sense_changes_nothing(kind: type) -> None:
+def test_invalid_pose_changes_nothing(kind: type) -> None:
     known = history(pose(1))
     elsewhere, nowhere = pose(2, kind=kind), pose(2, x=math.nan, kind=kind)
     elsewhere.header.frame_id = "map"
@@ -250,7 +250,7 @@ def test_tf_gives_poses_of_cloud_and_robot(robot_frame: str, x: float) -> None:
     np.testing.assert_array_equal(placement.center, (x, 0))
 
 
-def test_tf_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_names_tf_if_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tf2_ros", None)
     assert not has_tf()
     with pytest.raises(MissingPackageError, match=r"'tf' needs the package 'tf2_ros', .*install"):

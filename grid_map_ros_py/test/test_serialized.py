@@ -109,7 +109,7 @@ def test_bytes_at_any_address_are_read() -> None:
     assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
 
 
-def test_only_the_layers_that_are_wanted_take_memory() -> None:
+def test_only_requested_layers_need_memory() -> None:
     names = [f"layer {k}" for k in range(20)]
     grid_map = GridMap((20.0, 20.0), 0.1, layers=dict.fromkeys(names, 1.0))
     data = to_serialized_message(grid_map)
@@ -138,7 +138,7 @@ def test_received_map_has_its_facts_without_decoding() -> None:
     assert look().data is data
 
 
-def test_received_map_is_decoded_as_often_as_one_likes() -> None:
+def test_received_map_can_be_decoded_repeatedly() -> None:
     received = ReceivedMap(to_serialized_message(sample_map()))
     assert received.basic_layers == ("elevation",)
     assert received.timestamp == sample_map().timestamp
@@ -170,7 +170,7 @@ def test_malformed_message_gets_the_error_of_from_message(kind: str) -> None:
     assert str(error.value) == str(expected.value)
 
 
-def test_bytes_that_end_too_early_are_refused_wherever_they_end() -> None:
+def test_truncated_bytes_are_refused() -> None:
     data = to_serialized_message(sample_map())
     for length in range(len(data)):
         with pytest.raises(MessageError):
@@ -184,7 +184,7 @@ def test_error_names_the_truncated_part() -> None:
     assert str(error.value) == ("data[1].data: expected at most 11 values (44 bytes more), got 12")
 
 
-def test_lengths_are_not_believed_before_the_bytes_are_there() -> None:
+def test_declared_lengths_are_checked_before_allocation() -> None:
     data = to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     for place in range(4, len(data) - 4, 4):
         spoilt = data[:place] + struct.pack("<I", 0x7FFFFFF0) + data[place + 4 :]
@@ -204,7 +204,7 @@ def test_names_that_are_no_text_are_refused_with_their_place() -> None:
         to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["\ud800"]))
 
 
-def test_grid_that_is_huge_without_layers_takes_no_memory() -> None:
+def test_huge_grid_without_layers_needs_no_memory() -> None:
     message = GridMapMessage()
     message.info.resolution = 1.0
     message.info.length_x = message.info.length_y = 2.0e9

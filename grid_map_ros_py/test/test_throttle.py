@@ -47,7 +47,7 @@ def test_texts_that_differ_every_time_do_not_flood_the_log(
     assert [k for k in range(100) if throttle.allow(f"found {k}")] == [0, 1, 2]
 
 
-def test_text_that_was_not_logged_is_no_repetition(throttle: LogThrottle, clock: FakeClock) -> None:
+def test_throttled_text_does_not_count_as_logged(throttle: LogThrottle, clock: FakeClock) -> None:
     for k in range(3):
         throttle.allow(f"found {k}")
     assert not throttle.allow("bad map")

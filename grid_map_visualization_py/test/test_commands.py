@@ -103,7 +103,7 @@ def test_only_force_replaces_a_picture(command):
     assert cv2.imread("map.png") is not None
 
 
-def test_without_matplotlib_the_error_says_what_to_install(command):
+def test_error_without_matplotlib_says_how_to_install_it(command):
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "from grid_map_core_py.commands import main\nsys.exit(main(sys.argv[1:]))"

@@ -114,7 +114,7 @@ def test_map_of_one_row_or_without_values_has_no_lines(size, value):
     assert drawn(GridMap(size, 1.0, layers={"elevation": value})).points == []
 
 
-def test_interval_that_is_far_too_small_is_an_error():
+def test_far_too_small_interval_is_an_error():
     with pytest.raises(GridMapError, match="'interval': 1e-05 gives more than 10000 lines"):
         drawn(slope(), interval=1e-5)
 

@@ -58,13 +58,13 @@ def test_a_missing_layer_is_one_error(grid_map, tmp_path):
 
 
 @pytest.mark.parametrize("timeout", ["0", "-1", "nan", "inf"])
-def test_time_that_makes_no_sense_is_one_message(monkeypatch, capfd, timeout):
+def test_invalid_time_is_reported_in_one_message(monkeypatch, capfd, timeout):
     monkeypatch.setattr("sys.argv", ["snapshot", "--timeout", timeout])
     assert main() == 1
     assert "parameter '--timeout': expected a positive time" in capfd.readouterr().err
 
 
-def test_options_that_do_not_go_together_are_refused(capsys):
+def test_conflicting_options_are_refused(capsys):
     with pytest.raises(SystemExit, match="2"):
         parsed(["--color-layer", "a"])
     assert "--color-layer goes with --3d or --relief only" in capsys.readouterr().err

@@ -406,7 +406,7 @@ print(run(WebViewerNode, ["node"]))
 """
 
 
-def test_a_node_that_cannot_work_ends_with_one_message():
+def test_failing_node_ends_with_one_message():
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         complaints = {

@@ -227,7 +227,7 @@ def test_saved_picture_replaces_the_old_file(corner_map, tmp_path, style):
     assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
 
 
-def test_picture_that_cannot_be_finished_leaves_the_old_one(corner_map, tmp_path, monkeypatch):
+def test_failed_picture_keeps_the_old_one(corner_map, tmp_path, monkeypatch):
     def fill_the_disk(_figure, file, **_options):
         file.write_bytes(b"half a pic")
         raise OSError("no space left on device")

@@ -72,7 +72,7 @@ def read_glb(data: bytes) -> tuple[dict[str, object], list[np.ndarray]]:
     ("chosen", "layers", "expected"),
     [("b", "a b z", "b"), ("gone", "a z", "z"), ("gone", "a b", "a")],
 )
-def test_chosen_layer_gives_way_to_a_preferred_or_the_first(chosen, layers, expected):
+def test_missing_selected_layer_is_replaced_by_preferred_or_first(chosen, layers, expected):
     assert follow(chosen, layers.split(), ["z"]) == expected
 
 
@@ -119,7 +119,7 @@ def test_opaque_shaded_surface_needs_no_gltf_extension(hill):
     assert "extensionsUsed" not in document
 
 
-def test_colors_are_linear_light_which_a_screen_bends_back():
+def test_colors_are_converted_to_linear_light():
     rgb = np.arange(256, dtype=np.uint8)
     mesh = Mesh(
         np.zeros(3),
@@ -160,14 +160,14 @@ def test_a_map_without_a_surface_is_no_error():
     assert np.isfinite([seen.start, seen.target]).all()
 
 
-def test_a_layer_that_is_missing_is_named(hill):
+def test_error_names_missing_layer(hill):
     with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
         make_scene(hill, Settings(height_layer="height"))
     with pytest.raises(LayerNotFoundError, match="no layer 'n_x'"):
         make_scene(hill, Settings(height_layer="elevation", vectors="n_"))
 
 
-def test_a_large_map_is_thinned_out_and_reaches_as_far():
+def test_thinned_large_map_keeps_its_extent():
     grid_map = GridMap((4.0, 2.0), 0.1, layers={"elevation": 0.0})
     scene = make_scene(grid_map, Settings(height_layer="elevation"), max_cells=300)
     rows, columns = scene.size
@@ -377,7 +377,7 @@ def test_a_map_is_loaded_while_the_one_before_is_shown():
     assert slots.load(replaces=False) == first
 
 
-def test_older_maps_stay_within_the_history():
+def test_history_limits_older_maps():
     slots = Slots()
     for _ in range(5):
         slots.load(replaces=False)

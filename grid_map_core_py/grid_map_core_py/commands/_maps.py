@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps from and to the files that a command line names.
 
-What takes long to import is imported by the functions that need it.
+Modules that are slow to import are imported by the functions that need them.
 """
 
 import argparse

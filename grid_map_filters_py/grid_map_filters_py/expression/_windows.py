@@ -125,7 +125,7 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
         known = ", ".join(get_args(EdgeHandling))
         raise FilterError(f"no edge handling {edge_handling!r}; available: {known}")
     if np.ndim(layer) != 2:
-        raise FilterError(f"a layer has rows and columns, this shape is {np.shape(layer)}")
+        raise FilterError(f"layer: expected rows and columns, got shape {np.shape(layer)}")
     if edge_handling != "crop" and window_size > max(layer.shape) + _LARGEST_MARGIN:
         raise FilterError(
             f"a window of {window_size} cells is too large for a layer of {np.shape(layer)} cells"
