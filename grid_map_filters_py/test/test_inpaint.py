@@ -8,7 +8,7 @@ from filter_cases import filtered, ground
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
 
 
@@ -40,14 +40,6 @@ def test_ramp_continues_across_a_hole_without_quantization():
     filled = inpaint(ground(holed))
     assert np.abs(filled - ramp).max() < 1.0
     assert len(np.unique(filled[15:25, 15:25])) > 40
-
-
-def test_inpainting_does_not_depend_on_the_start_index():
-    heights = np.full((12, 10), 5.0, dtype=np.float32)
-    heights[0:3, 0:3] = np.nan
-    for start in [(0, 0), (2, 1), (11, 9)]:
-        grid_map = moved_in_buffer(ground(heights), start)
-        np.testing.assert_allclose(inpaint(grid_map), 5.0, rtol=1e-6)
 
 
 def test_extreme_ranges_stay_finite():

@@ -30,12 +30,6 @@ def test_light_is_brightest_at_normal_incidence():
 @pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
 def test_length_of_the_direction_does_not_matter(length):
     grid_map = terrain(n_x=0.0, n_y=0.6, n_z=0.8)
-    direction = [0.0, 0.0, -length]
-    out = run(
-        "LightIntensity",
-        grid_map,
-        input_layers_prefix="n_",
-        output_layer="out",
-        light_direction=direction,
-    )["out"]
+    params = {"input_layers_prefix": "n_", "output_layer": "out"}
+    out = run("LightIntensity", grid_map, light_direction=[0.0, 0.0, -length], **params)["out"]
     assert (out.view(np.uint32) == 0x010101 * int(255 * 0.8)).all()

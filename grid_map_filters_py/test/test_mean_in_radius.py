@@ -30,11 +30,3 @@ def test_mean_in_radius_keeps_small_differences_on_high_ground():
     low = mean_in_radius(ground(heights), radius=0.35)
     high = mean_in_radius(ground(heights + np.float32(2000)), radius=0.35)
     np.testing.assert_allclose(high - 2000, low, atol=3e-4)
-
-
-def test_huge_value_affects_only_discs_that_contain_it():
-    heights = np.ones((40, 40), dtype=np.float32)
-    heights[5, 5] = 1e30
-    result = mean_in_radius(ground(heights), radius=0.6)
-    np.testing.assert_array_equal(result[20:, :], 1.0)
-    assert result[5, 5] > 1e27

@@ -1,14 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The filter `Traversability`, alone and at the end of a chain."""
+"""The filter `Traversability`, on given and on computed measures."""
 
 import numpy as np
 import pytest
-from filter_cases import run, terrain
+from filter_cases import filtered, run, terrain
 from hypothesis import given
 from hypothesis import strategies as st
-
-from grid_map_filters_py import FilterChain
 
 TRAVERSABILITY = "gridMapFilters/TraversabilityFilter"
 ALONE = {"input_layers": ["elevation"], "output_layer": "out"}
@@ -47,24 +45,14 @@ def test_traversability_is_between_0_and_1(terms):
     assert result == pytest.approx(np.average(scores, weights=weights), abs=1e-6)
 
 
-def test_chain_separates_flat_ground_curb_and_steep_slope():
+def test_measures_separate_flat_ground_curb_and_steep_slope():
     grid_map = terrain((60, 20))
     x, y = (axis.reshape(60, 20, order="F") for axis in grid_map.get_positions().T)
     # From +x to -x: flat, a ramp of 45 degrees, flat, and a curb of 0.3 m.
     grid_map["elevation"] = np.clip(1.0 - x, 0.0, 1.0) - 0.3 * (x < -1.5) + 0.0 * y
-    terms = {"slope": 0.6, "step_height": 0.2, "roughness": 0.1}
-    measures = [("Slope", "slope"), ("StepHeight", "step_height"), ("Roughness", "roughness")]
-    steps = [
-        {
-            "name": layer,
-            "type": type_name,
-            "params": {"input_layer": "elevation", "output_layer": layer, "radius": 0.2},
-        }
-        for type_name, layer in measures
-    ]
-    params = {"input_layers": [*terms], "critical_values": [*terms.values()], "output_layer": "out"}
-    steps.append({"name": "all", "type": TRAVERSABILITY, "params": params})
-    result = FilterChain.from_config(steps)(grid_map)["out"]
+    terms = {"Slope": 0.6, "StepHeight": 0.2, "Roughness": 0.1}
+    measures = [filtered(type_name, grid_map, radius=0.2) for type_name in terms]
+    result = traversability(measures, [*terms.values()])
     on_flat, on_ramp, at_curb = (
         result[grid_map.get_index((place, 0.0))] for place in (2.0, 0.5, -1.5)
     )
@@ -74,11 +62,5 @@ def test_chain_separates_flat_ground_curb_and_steep_slope():
 
 
 def test_tiny_critical_value_is_a_step():
-    out = run(
-        "Traversability",
-        terrain((2, 1), a=[[0.0], [1.0]]),
-        input_layers=["a"],
-        critical_values=[1e-320],
-        output_layer="out",
-    )["out"]
+    out = traversability([[[0.0], [1.0]]], [1e-320])
     np.testing.assert_array_equal(out, [[1.0], [0.0]])
