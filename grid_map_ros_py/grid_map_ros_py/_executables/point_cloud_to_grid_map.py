@@ -107,10 +107,12 @@ class PointCloudToGridMapNode(Node):
         if period := _read_not_negative(self, "statistics_period", 0.0):
             self.create_timer(period, self._log_statistics, clock=self._steady)
         self.create_timer(WAIT_PERIOD, self._work, clock=self._steady)
+        name = "input_reliability"
+        reliability = _read(self, name, str, "best_effort")
+        check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
+        qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
-        self.create_subscription(
-            PointCloud2, topic, self._on_cloud, self._read_input_qos(), raw=True
-        )
+        self.create_subscription(PointCloud2, topic, self._on_cloud, qos, raw=True)
         self.get_logger().info(f"maps the clouds of {topic}, poses: {self._source}")
 
     # --- parameters -------------------------------------------------------------------------------
@@ -172,12 +174,6 @@ class PointCloudToGridMapNode(Node):
             POSE_TYPES[self._source], topic, lambda message: self._on_pose(history, message), qos
         )
         return history
-
-    def _read_input_qos(self) -> QoSProfile:
-        name = "input_reliability"
-        reliability = _read(self, name, str, "best_effort")
-        check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
-        return QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
 
     # --- messages ---------------------------------------------------------------------------------
 

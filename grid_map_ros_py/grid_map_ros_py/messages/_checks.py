@@ -49,9 +49,7 @@ def check_unrotated(field: str, orientation: "Quaternion") -> None:
         raise MessageError(field, "the identity (0.0, 0.0, 0.0, 1.0)", found)
 
 
-def check_grid(
-    field: str, info: Any, cells: tuple[str, str], values: int, data_field: str = "data"
-) -> GridGeometry:
+def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> GridGeometry:
     """Return the grid of a message whose cells begin at the smallest x and y.
 
     The resolution of the message is a float32; the grid gets the float64 with the same shortest
@@ -62,7 +60,6 @@ def check_grid(
         info: description of the grid: numbers of cells, `resolution` and `origin`.
         cells: names of the numbers of cells along x and y.
         values: number of values in the message, which must be the number of cells.
-        data_field: path of the values.
     """
     size = (getattr(info, cells[0]), getattr(info, cells[1]))
     for name, count in zip(cells, size, strict=True):
@@ -78,7 +75,7 @@ def check_grid(
         raise MessageError(field, "a grid of finite size and place", str(error)) from error
     if values != math.prod(size):
         expected = f"{math.prod(size)} values ({size[0]} x {size[1]} cells)"
-        raise MessageError(data_field, expected, values)
+        raise MessageError("data", expected, values)
     return geometry
 
 

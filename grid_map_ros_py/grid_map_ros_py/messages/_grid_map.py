@@ -137,22 +137,22 @@ def to_info(geometry: GridGeometry) -> "GridMapInfo":
     return info
 
 
-def from_info(info: "GridMapInfo", field: str = "info") -> GridGeometry:
+def from_info(info: "GridMapInfo") -> GridGeometry:
     """Return the grid that a message describes; lengths are rounded to whole cells.
 
     Raises:
         MessageError: a number is not finite or not positive, a side has no cells, or the grid is
             rotated.
     """
-    resolution = check_positive(f"{field}.resolution", info.resolution)
+    resolution = check_positive("info.resolution", info.resolution)
     for name in ("length_x", "length_y"):
-        length = check_positive(f"{field}.{name}", getattr(info, name))
+        length = check_positive(f"info.{name}", getattr(info, name))
         cells = length / resolution
         if not (cells + 0.5 >= 1 and cells <= LARGEST_SIDE):
             expected = f"1 to {LARGEST_SIDE} cells of {resolution} m"
-            raise MessageError(f"{field}.{name}", expected, length)
-    position = check_position(f"{field}.pose.position", info.pose.position)
-    check_unrotated(f"{field}.pose.orientation", info.pose.orientation)
+            raise MessageError(f"info.{name}", expected, length)
+    position = check_position("info.pose.position", info.pose.position)
+    check_unrotated("info.pose.orientation", info.pose.orientation)
     return GridGeometry(np.array([info.length_x, info.length_y]), resolution, np.array(position))
 
 

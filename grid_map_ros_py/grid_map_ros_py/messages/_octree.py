@@ -72,18 +72,18 @@ class Leaves:
 # --- reading --------------------------------------------------------------------------------------
 
 
-def read_binary(data: npt.NDArray[np.uint8], field: str = "data") -> list[Leaves]:
+def read_binary(data: npt.NDArray[np.uint8]) -> list[Leaves]:
     """Return the leaves of a tree in the binary form, depth by depth; none for no bytes.
 
     Raises:
         MessageError: the bytes are no such tree.
     """
-    words = _records(data, np.dtype("<u2"), field)
+    words = _records(data, np.dtype("<u2"))
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
-        raise MessageError(field, "inner nodes with children", "one without")
+        raise MessageError("data", "inner nodes with children", "one without")
     leaves = []
-    for depth, nodes, keys in _levels(labels == _INNER, DEPTH - 1, words.itemsize, field):
+    for depth, nodes, keys in _levels(labels == _INNER, DEPTH - 1, words.itemsize):
         labels_here = labels.take(nodes, axis=0)
         is_leaf = (labels_here == _FREE) | (labels_here == _OCCUPIED)
         occupied = labels_here[is_leaf] == _OCCUPIED
@@ -91,9 +91,7 @@ def read_binary(data: npt.NDArray[np.uint8], field: str = "data") -> list[Leaves
     return leaves
 
 
-def read_full(
-    data: npt.NDArray[np.uint8], node_type: np.dtype[Any], field: str = "data"
-) -> list[Leaves]:
+def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> list[Leaves]:
     """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
 
     Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
@@ -101,31 +99,30 @@ def read_full(
     Args:
         data: (N,) bytes.
         node_type: one of `NODE_TYPES`.
-        field: name of the bytes in an error.
 
     Raises:
         MessageError: the bytes are no such tree.
     """
-    records = _records(data, node_type, field)
+    records = _records(data, node_type)
     if np.isnan(records["value"]).any():
-        raise MessageError(field, "log-odds that are numbers", float("nan"))
+        raise MessageError("data", "log-odds that are numbers", float("nan"))
     children = ((records["children"][:, None] >> _CHILDREN.astype(np.uint8)) & 1).astype(np.bool_)
     leaves = []
-    for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize, field):
+    for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize):
         is_leaf = records["children"][nodes] == 0
         occupied = records["value"][nodes[is_leaf]] >= 0
         leaves.append(Leaves(depth, keys[:, is_leaf], occupied))
     return leaves
 
 
-def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any], field: str) -> npt.NDArray[Any]:
+def _records(data: npt.NDArray[np.uint8], record: np.dtype[Any]) -> npt.NDArray[Any]:
     if len(data) % record.itemsize:
-        raise MessageError(field, f"nodes of {record.itemsize} bytes", f"{len(data)} bytes")
+        raise MessageError("data", f"nodes of {record.itemsize} bytes", f"{len(data)} bytes")
     return data.view(record)
 
 
 def _levels(
-    children: npt.NDArray[np.bool_], deepest: int, node_size: int, field: str
+    children: npt.NDArray[np.bool_], deepest: int, node_size: int
 ) -> Iterator[tuple[int, npt.NDArray[np.intp], Keys]]:
     """Yield depth, numbers (M,) and keys (3, M) of the nodes of every depth.
 
@@ -133,13 +130,12 @@ def _levels(
         children: (N, 8) True for children of a node that are stored after it.
         deepest: largest allowed depth.
         node_size: bytes of a node.
-        field: name of the bytes in an error.
     """
     if not len(children):
         return
-    depths = _depths(children.sum(axis=1), node_size, field)
+    depths = _depths(children.sum(axis=1), node_size)
     if depths.max() > deepest:
-        raise MessageError(field, f"nodes of at most depth {deepest}", int(depths.max()))
+        raise MessageError("data", f"nodes of at most depth {deepest}", int(depths.max()))
     # Preorder keeps the nodes of one depth in the order of their parents and child numbers.
     by_depth = np.argsort(depths, kind="stable")
     ends = np.cumsum(np.bincount(depths))
@@ -149,7 +145,7 @@ def _levels(
         keys = _child_keys(keys, children.take(nodes, axis=0))
 
 
-def _depths(counts: npt.NDArray[np.intp], node_size: int, field: str) -> npt.NDArray[np.intp]:
+def _depths(counts: npt.NDArray[np.intp], node_size: int) -> npt.NDArray[np.intp]:
     """Return the depths (N,) of nodes in preorder with `counts` children each.
 
     Raises:
@@ -159,10 +155,10 @@ def _depths(counts: npt.NDArray[np.intp], node_size: int, field: str) -> npt.NDA
     open_ends = np.append(0, np.cumsum(counts - 1)) + 1
     closed = np.flatnonzero(open_ends == 0)
     if not len(closed):
-        raise MessageError(field, f"{open_ends[-1]} more nodes of the tree", "the end")
+        raise MessageError("data", f"{open_ends[-1]} more nodes of the tree", "the end")
     if closed[0] != len(counts):
         found = f"{len(counts) * node_size} bytes"
-        raise MessageError(field, f"{closed[0] * node_size} bytes, where the tree ends", found)
+        raise MessageError("data", f"{closed[0] * node_size} bytes, where the tree ends", found)
     # The subtree of a node ends where, for the first time after it, one node fewer must follow.
     # Sorting by (nodes to follow, number) makes that place a binary search.
     numbers, count = np.arange(len(open_ends)), len(open_ends)
