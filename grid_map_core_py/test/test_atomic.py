@@ -3,16 +3,17 @@
 """Files and folders are written atomically even if the process is killed."""
 
 import errno
+import itertools
 import os
 import shutil
+import signal
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from killing import killed_at_every_step
 
 from grid_map_core_py.files import _atomic as atomic
 from grid_map_core_py.files import new_file, new_folder
@@ -44,6 +45,43 @@ def remove_remains(folder: Path) -> None:
             shutil.rmtree(path)
         else:
             path.unlink()
+
+
+def killed_at_every_step(work: Callable[[], object], limit: int = 1000) -> Iterator[int]:
+    """Run `work` in copies of this process, and kill each copy one step later than the last.
+
+    A step is what Python announces to audit hooks: opening, renaming and removing files, making
+    folders and so on. The last copy is not killed, because it has finished.
+
+    Args:
+        work: operation to run.
+        limit: maximum number of steps.
+
+    Yields:
+        The number of the step before which the copy has died.
+    """
+    for step in range(limit):
+        process = os.fork()
+        if process == 0:
+            die_before(step)
+            work()
+            os._exit(0)
+        _, status = os.waitpid(process, 0)
+        yield step
+        if os.WIFEXITED(status):
+            return
+    raise AssertionError(f"more than {limit} steps")
+
+
+def die_before(step: int) -> None:
+    count = itertools.count()
+
+    def die(event: str, _: object) -> None:
+        watched = event.startswith(("os.", "fcntl.", "shutil.", "open", "ctypes.call"))
+        if watched and next(count) == step:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.addaudithook(die)
 
 
 @pytest.fixture(params=["exchange", "aside"])

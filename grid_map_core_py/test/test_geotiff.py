@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import a_map
 
 from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff
-from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+from grid_map_core_py.testing import assert_maps_equal
 
 PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)
 """Rows to the south, columns to the east."""
@@ -25,19 +26,6 @@ def in_folder(tmp_path, monkeypatch):
 @pytest.fixture
 def rasterio():
     return pytest.importorskip("rasterio")
-
-
-def a_map() -> GridMap:
-    """Return a moved map with a hole, an infinity and packed colors."""
-    options = {"position": (1.0, 2.0), "frame_id": "odom", "timestamp": 3_000_000_007}
-    made = GridMap((0.8, 0.6), 0.1, layers=("elevation", "variance", "color"), **options)
-    made["elevation"] = np.random.default_rng(5).normal(size=(8, 6))
-    made["elevation"][2, 3:5] = np.nan
-    made["variance"] = 0.25
-    made["variance"][0, 0] = np.inf
-    made["color"] = np.array(0x00FF8000, np.uint32).view(np.float32)
-    made.basic_layers = ["elevation"]
-    return moved_in_buffer(made, (3, 1))
 
 
 def write(rasterio, name="dem.tif", pixels=PIXELS, **changes):

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A progress bar for runs over many maps."""
 
+import io
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TextIO
 
 WIDTH = 30
@@ -34,8 +34,7 @@ class ProgressBar:
         *,
         quiet: bool = False,
     ) -> None:
-        self._quiet = quiet
-        self._stream = stream or sys.stderr
+        self._stream = io.StringIO() if quiet else stream or sys.stderr
         self._clock = clock
         self._begin = clock()
         self._shown_at = -PERIOD
@@ -43,15 +42,9 @@ class ProgressBar:
         self._state: tuple[int, int | None] = (0, None)
 
     def __enter__(self) -> "ProgressBar":
-        self._begin = self._clock()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._show()
         self._write("\n")
 
@@ -71,9 +64,8 @@ class ProgressBar:
         self._shown = text
 
     def _write(self, text: str) -> None:
-        if not self._quiet:
-            self._stream.write(text)
-            self._stream.flush()
+        self._stream.write(text)
+        self._stream.flush()
 
 
 def progress_text(done: int, total: int | None, seconds: float) -> str:
