@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import GeometryError
 from grid_map_core_py.conversions import downsample
-from grid_map_core_py.conversions._voxels import finite_points
+from grid_map_core_py.conversions._point_cloud_pipeline import finite_points
 
 SIDES = st.sampled_from([0.25, 0.5, 1.0, 3.0])
 NUMBERS = st.floats(-4, 4, width=32) | st.sampled_from([np.nan, np.inf])

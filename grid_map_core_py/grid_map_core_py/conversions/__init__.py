@@ -55,10 +55,10 @@ from ._point_cloud_pipeline import (
     Grid,
     OutlierRemoval,
     PointCloudPipeline,
+    downsample,
     remove_outliers,
 )
 from ._point_layers import COLOR_FIELDS, fitting_geometry, from_points, rasterize
-from ._voxels import downsample
 
 __all__ = [
     "CENTURY",

@@ -38,16 +38,7 @@ def euclidean_clusters(
         return np.zeros(0, np.int64)
     # A search tree cannot split points at the same place, of which sensors may deliver thousands.
     distinct, numbers = np.unique(np.column_stack([points, groups]), axis=0, return_inverse=True)
-    clusters = _distinct_clusters(
-        distinct[:, :3], distinct[:, 3].astype(np.int64), tolerance, workers
-    )
-    return clusters[numbers.reshape(-1)]
-
-
-def _distinct_clusters(
-    points: Positions, groups: Integers, tolerance: float, workers: int
-) -> Integers:
-    """Return the clusters of points, which must be distinct within their group."""
+    points, groups = distinct[:, :3], distinct[:, 3].astype(np.int64)
     reach = tolerance + BORDER_TOLERANCE
     separated = _apart(points, groups, reach)
     _, neighbors = cKDTree(separated).query(
@@ -61,7 +52,9 @@ def _distinct_clusters(
     # Only points that reached the maximum number of links may have further neighbors.
     crowded = np.flatnonzero(found[:, -1])
     edges += _missing_links(points, groups, clusters, crowded, reach, workers)
-    return clusters if len(edges) == 1 else _components(len(points), edges)
+    if len(edges) > 1:
+        clusters = _components(len(points), edges)
+    return clusters[numbers.reshape(-1)]
 
 
 def _missing_links(

@@ -3,7 +3,7 @@
 """Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
 
 The parameters are those of the C++ package `grid_map_pcl`; its parameter files load unchanged. The
-algorithms of PCL are in `_voxels.py`, `_clusters.py` and here.
+algorithms of PCL are in `_clusters.py` and here.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,12 +13,11 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Integers, Positions, as_number
-from ..errors import ConfigError, GridMapError
+from ..arrays._checks import Integers, Positions, as_array, as_number
+from ..errors import ConfigError, GeometryError, GridMapError
 from ..map._grid_map import GridMap
 from ..plugins._parameters import build, check
-from ._point_layers import fitting_geometry
-from ._voxels import downsample, finite_points
+from ._point_layers import as_points, fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided
 
@@ -269,6 +268,55 @@ class PointCloudPipeline:
             order = np.lexsort((means, -sizes, ~near, cells))
             means = means[order]
         return occupied, means[first]
+
+
+def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
+    """Return the mean of the points in each voxel that holds any.
+
+    Args:
+        points: (N, 3) or wider, x, y, z [m]; those that are not finite are left out.
+        voxel_size: (3,) sides of a voxel [m].
+
+    Returns:
+        (M, 3) float64, voxel by voxel in growing x, then y, then z.
+
+    Raises:
+        GeometryError: a side is not positive and finite, or is too small for the extent of the
+            points.
+    """
+    sides = as_array(voxel_size, np.float64, "voxel_size")
+    if sides.shape != (3,) or not (np.isfinite(sides).all() and (sides > 0).all()):
+        raise GeometryError(f"voxel_size: expected three positive numbers, got {voxel_size!r}")
+    xyz = finite_points(points)
+    if not len(xyz):
+        return xyz
+    first = np.floor(xyz.min(axis=0) / sides)
+    counts = np.floor(xyz.max(axis=0) / sides) - first + 1
+    with np.errstate(over="ignore"):
+        voxel_count = counts.prod()
+    if not voxel_count < 2.0**62:
+        raise GeometryError(
+            f"voxel_size: expected fewer than 2**62 voxels, got sides {tuple(sides.tolist())} m"
+        )
+    voxels = np.zeros(len(xyz), np.int64)
+    for axis in range(3):
+        voxels *= int(counts[axis])
+        voxels += (np.floor(xyz[:, axis] / sides[axis]) - first[axis]).astype(np.int64)
+    _, numbers = np.unique(voxels, return_inverse=True)
+    sizes = np.bincount(numbers)
+    # Relative to a point of the cloud, because sums of large coordinates lose precision.
+    offsets = (xyz - xyz[0]).T
+    means: Positions = np.column_stack([np.bincount(numbers, along) for along in offsets])
+    means /= sizes[:, None]
+    means += xyz[0]
+    return means
+
+
+def finite_points(points: npt.ArrayLike) -> Positions:
+    """Return x, y, z (N, 3) as float64 of the points with finite coordinates."""
+    xyz: Positions = as_points(points)[:, :3].astype(np.float64)
+    finite = np.isfinite(xyz).all(axis=1)
+    return xyz if finite.all() else xyz[finite]
 
 
 def remove_outliers(

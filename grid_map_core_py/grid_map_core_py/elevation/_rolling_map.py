@@ -122,7 +122,18 @@ class RollingMap:
         new = self._rasterized(geometry, points, columns)
         if position is not None:
             self.move(position)
-        self._take(new.with_start_index(self._map.start_index))
+        old, new = self._map, new.with_start_index(self._map.start_index)
+        # Heights beyond float32 become infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            fused = self._fusion(
+                {name: old[name] for name in self._layers},
+                {name: new[name] for name in self._layers},
+                self._max_count,
+            )
+        for name in new:
+            if name not in fused:
+                fused[name] = _newer(old[name], new[name]) if name in old else new[name]
+        self._map = old.with_layers(fused)
         if timestamp is not None:
             self._map.timestamp = timestamp
 
@@ -135,20 +146,6 @@ class RollingMap:
             min_height=self._min_height,
             max_height=self._max_height,
         )
-
-    def _take(self, new: GridMap) -> None:
-        old = self._map
-        # Heights beyond float32 become infinite.
-        with np.errstate(over="ignore", invalid="ignore"):
-            fused = self._fusion(
-                {name: old[name] for name in self._layers},
-                {name: new[name] for name in self._layers},
-                self._max_count,
-            )
-        for name in new:
-            if name not in fused:
-                fused[name] = _newer(old[name], new[name]) if name in old else new[name]
-        self._map = old.with_layers(fused)
 
 
 def _newer(old: Layer, new: Layer) -> Layer:

@@ -148,7 +148,9 @@ class GridGeometry:
         with np.errstate(over="ignore"):
             for part in chunks(points):
                 pairs = points[part].reshape(-1)
-                steps = self._from_corner(pairs, half, center, out=steps[: pairs.size])
+                # Rounded as in the C++ library; `_within` takes the differences in another order.
+                steps = np.subtract(pairs, half[: pairs.size], out=steps[: pairs.size])
+                steps -= center[: pairs.size]
                 steps /= -self.resolution
                 # Checking all cells at once is faster than searching for the few outside.
                 if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
@@ -332,21 +334,8 @@ class GridGeometry:
         stop = max(math.ceil(max(far, -1.0)), first + 1)
         return slice(min(max(first, 0), size), min(max(stop, 0), size))
 
-    # A position on a cell border must fall to the same side as in the C++ library, which rounds
-    # the next two differences in different orders. Both take one x, y or an array x, y, x, y, ...
-    # with `half` and `center` interleaved likewise and at least as long.
-
-    def _from_corner(
-        self,
-        pairs: Positions,
-        half: Positions,
-        center: Positions,
-        out: Positions | None = None,
-    ) -> Positions:
-        """Return the offsets [m] from the corner to positions; negative on the map."""
-        offsets: Positions = np.subtract(pairs, half[: pairs.size], out=out)
-        offsets -= center[: pairs.size]
-        return offsets
+    # A position on a cell border must fall to the same side as in the C++ library. `half` and
+    # `center` are x, y, or interleaved like an array x, y, x, y, ... and at least as long.
 
     def _within(self, pairs: Positions, half: Positions, center: Positions) -> tuple[Mask, Mask]:
         """Return which coordinates are within the +x, +y border, and within the -x, -y border."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import base64
 import html
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -19,25 +18,22 @@ import numpy.typing as npt
 
 from ..arrays._checks import Layer, as_text
 from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
-
-if TYPE_CHECKING:
-    from ._grid_map import GridMap
+from ._grid_map import GridMap
 
 THUMBNAIL = 96  # pixels of the longer side of a layer's picture in the table
 PICTURE = 480  # pixels of the longer side of the single picture
-_COLUMNS = ("layer", "min", "max", "mean", "NaN", "")
 _OPAQUE = 255
 
 
 def to_html(grid_map: GridMap) -> str:
     """Return an HTML table of the layers with embedded pictures."""
-    rows, columns = grid_map.size
     title = (
-        f"GridMap: {rows} x {columns} cells of {grid_map.resolution:g} m, "
+        f"GridMap: {grid_map.size[0]} x {grid_map.size[1]} cells of {grid_map.resolution:g} m, "
         f"{as_text(grid_map.length)} m around {as_text(grid_map.position)} "
         f"in {grid_map.frame_id!r}, {grid_map.timestamp} ns"
     )
-    head = "".join(f"<th>{name}</th>" for name in _COLUMNS)
+    columns = ("layer", "min", "max", "mean", "NaN", "")
+    head = "".join(f"<th>{name}</th>" for name in columns)
     body = "".join(_row(grid_map, layer) for layer in grid_map)
     return f"<p>{html.escape(title)}</p><table><tr>{head}</tr>{body}</table>"
 

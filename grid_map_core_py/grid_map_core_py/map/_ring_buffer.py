@@ -94,34 +94,28 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     """
     if any(abs(step) >= cells for step, cells in zip(shift, size, strict=True)):
         return [BufferRegion((0, 0), size)]
-    rows = [
-        BufferRegion((first, 0), (count, size[1]))
-        for first, count in _strips(start[0], size[0], shift[0])
+    strips = [
+        _runs(first if step > 0 else first + step, abs(step), cells)
+        for first, step, cells in zip(start, shift, size, strict=True)
     ]
-    columns = [
-        BufferRegion((0, first), (size[0], count))
-        for first, count in _strips(start[1], size[1], shift[1])
-    ]
+    rows = [BufferRegion((first, 0), (count, size[1])) for first, count in strips[0]]
+    columns = [BufferRegion((0, first), (size[0], count)) for first, count in strips[1]]
     return rows + columns
 
 
 def _pieces(cells: slice, start: int, size: int) -> Iterator[tuple[slice, slice]]:
     """Yield (buffer slice, block slice) of the one or two runs that cells take in the buffer."""
-    first = (cells.start + start) % size
-    count = cells.stop - cells.start
-    before_end = min(count, size - first)
-    yield slice(first, first + before_end), slice(0, before_end)
-    if before_end < count:
-        yield slice(0, count - before_end), slice(before_end, count)
+    done = 0
+    for first, count in _runs(cells.start + start, cells.stop - cells.start, size):
+        yield slice(first, first + count), slice(done, done + count)
+        done += count
 
 
-def _strips(start: int, size: int, shift: int) -> Iterator[tuple[int, int]]:
-    """Yield (first, count) of the buffer lines that a shift along one axis uncovers."""
-    if shift == 0:
-        return
-    first = (start if shift > 0 else start + shift) % size
-    count = abs(shift)
+def _runs(first: int, count: int, size: int) -> Iterator[tuple[int, int]]:
+    """Yield (first, count) of the runs of `count` lines of the buffer, which wrap at its end."""
+    first %= size
     before_end = min(count, size - first)
-    yield first, before_end
+    if before_end:
+        yield first, before_end
     if before_end < count:
         yield 0, count - before_end

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -18,15 +18,12 @@ from ..arrays._checks import Layer, Positions, as_array, as_number
 from ..arrays._pieces import CHUNK, chunks
 from ..errors import GeometryError, GridMapError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
-
-if TYPE_CHECKING:
-    from ._grid_map import GridMap
+from ._grid_map import GridMap
 
 Nodes: TypeAlias = npt.NDArray[np.float32]
 """(rows, cols, levels) float32, or a part of it: one number per node of a field."""
 
-_Coordinates: TypeAlias = list[Positions]
-"""Three (N,) float64: the coordinates of N points along each axis."""
+_Coordinates: TypeAlias = list[Positions]  # three (N,): coordinates of N points along each axis
 
 _MOST_NODES = 2**31  # largest number of nodes (8 GiB); a larger field is a mistake in its heights
 _STRIP = 1 << 16  # number of cells in a strip, which fit into the cache
@@ -87,7 +84,15 @@ class SignedDistanceField:
         self._levels = _levels(self._geometry, min_height, max_height)
         self._distances = _distances(heights, self._levels, self.resolution)
         self._distances.flags.writeable = False
-        self._base, self._interpolant = self._interpolation()
+        x, y = self._geometry.axes_in_map_order()
+        first = np.array([x[0], y[0], self._levels[0]])
+        steps = self.resolution * np.array([-1.0, -1.0, 1.0])
+        # Infinities cannot be interpolated; a field is infinite everywhere or nowhere.
+        base = float(self._distances[0, 0, 0])
+        self._base, nodes = 0.0, self._distances
+        if math.isinf(base):
+            self._base, nodes = base, np.zeros((1, 1, 1), np.float32)
+        self._interpolant = _Trilinear(nodes, first, steps)
 
     @property
     def geometry(self) -> GridGeometry:
@@ -206,17 +211,6 @@ class SignedDistanceField:
             f"SignedDistanceField({rows} x {columns} x {levels} nodes of {self.resolution} m, "
             f"z from {self._levels[0]:g} to {self._levels[-1]:g} m, in {self._frame_id!r})"
         )
-
-    def _interpolation(self) -> tuple[float, _Trilinear]:
-        """Return a constant offset, and the interpolation without that offset."""
-        x, y = self._geometry.axes_in_map_order()
-        first = np.array([x[0], y[0], self._levels[0]])
-        steps = self.resolution * np.array([-1.0, -1.0, 1.0])
-        # Infinities cannot be interpolated; a field is infinite everywhere or nowhere.
-        base = float(self._distances[0, 0, 0])
-        if math.isinf(base):
-            return base, _Trilinear(np.zeros((1, 1, 1), np.float32), first, steps)
-        return 0.0, _Trilinear(self._distances, first, steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -46,18 +45,20 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    points = _Points(
-        *grid_map.geometry.axes_in_map_order(), grid_map.unwrapped(height_layer), matrix, steps
-    )
+    x, y = grid_map.geometry.axes_in_map_order()
+    heights = grid_map.unwrapped(height_layer)
     others = [name for name in grid_map if name != height_layer]
     surface = _Surface(_footprint(grid_map.geometry, matrix), with_sources=bool(others))
     result = grid_map.from_geometry(
         surface.geometry, frame_id=frame_id, timestamp=grid_map.timestamp
     )
     for rows, columns in _blocks(grid_map.size):
-        surface.add(points.moved(rows, columns), points.numbers(rows, columns))
-    # Their heights may be a copy, whose memory the next layers can reuse.
-    del points
+        points = _points(x[rows], y[columns], heights[rows, columns], matrix[:3], steps)
+        # Cells are numbered column after column.
+        numbers = np.arange(columns.start, columns.stop)[:, None] * x.size
+        surface.add(points, numbers + np.arange(rows.start, rows.stop))
+    # It may be a copy, whose memory the next layers can reuse.
+    del heights, points
     layers = {name: surface.carried(grid_map.unwrapped(name)) for name in others}
     layers[height_layer] = surface.layer
     result = result.with_layers({name: layers[name] for name in grid_map})
@@ -125,41 +126,28 @@ def _blocks(size: Size) -> Iterator[tuple[slice, slice]]:
             yield slice(row, min(row + height, size[0])), columns
 
 
-@dataclass(frozen=True)
-class _Points:
-    """The cells of a map as 3-D points that move.
+def _points(
+    x: Positions,
+    y: Positions,
+    heights: Layer,
+    matrix: Positions,
+    steps: list[tuple[float, float]],
+) -> Iterator[list[Positions]]:
+    """Yield, for every step, moved x, y, z (cols, rows) of cells; -inf in z where no height is.
 
-    Attributes:
+    Args:
         x, y: (rows,) and (cols,) centers of the cells [m].
-        heights: (rows, cols) z [m], in map order.
-        matrix: (4, 4) how they move.
+        heights: (rows, cols) z [m].
+        matrix: (3, 4) how they move.
         steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
-
-    x: Positions
-    y: Positions
-    heights: Layer
-    matrix: Positions
-    steps: list[tuple[float, float]]
-
-    def moved(self, rows: slice, columns: slice) -> Iterator[list[Positions]]:
-        """Yield, for every step, x, y, z (cols, rows) of the points; -inf in z where is none."""
-        x, y = self.x[rows], self.y[columns]
-        z = self.heights.T[columns, rows].astype(np.float64)
-        missing = ~np.isfinite(z)
-        np.copyto(z, 0.0, where=missing)
-        matrix = self.matrix[:3]
-        lifts = [row[2] * z + row[3] for row in matrix]
-        np.copyto(lifts[2], -np.inf, where=missing)
-        for dx, dy in self.steps:
-            yield [
-                _moved(row, x + dx, y + dy, lift) for row, lift in zip(matrix, lifts, strict=True)
-            ]
-
-    def numbers(self, rows: slice, columns: slice) -> _Indices:
-        """Return the numbers (cols, rows) of cells, counted column after column."""
-        first = np.arange(columns.start, columns.stop)[:, None] * self.x.size
-        return first + np.arange(rows.start, rows.stop)
+    z = heights.T.astype(np.float64)
+    missing = ~np.isfinite(z)
+    np.copyto(z, 0.0, where=missing)
+    lifts = [row[2] * z + row[3] for row in matrix]
+    np.copyto(lifts[2], -np.inf, where=missing)
+    for dx, dy in steps:
+        yield [_moved(row, x + dx, y + dy, lift) for row, lift in zip(matrix, lifts, strict=True)]
 
 
 class _Surface:

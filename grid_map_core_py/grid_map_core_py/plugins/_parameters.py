@@ -10,7 +10,7 @@ import numbers
 import types
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from ..errors import ConfigError
@@ -33,14 +33,11 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
         if name not in known:
             raise ConfigError(f"unknown parameter {name!r}; known: {', '.join(known) or '(none)'}")
     for name, declared in known.items():
-        if name not in parameters and _is_required(declared):
+        is_required = declared.default is MISSING and declared.default_factory is MISSING
+        if is_required and name not in parameters:
             raise ConfigError(f"missing parameter {name!r}")
     hints = typing.get_type_hints(cls)
     return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
-
-
-def _is_required(declared: "Field[Any]") -> bool:
-    return declared.default is MISSING and declared.default_factory is MISSING
 
 
 def cast(name: str, value: object, hint: Any) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from ..errors import ConfigError
 
@@ -35,7 +35,12 @@ class Registry(Generic[T]):
         """
         plugins = self._plugins
         if type_name in plugins:
-            return _load(plugins[type_name])
+            entry = plugins[type_name]
+            try:
+                loaded: type[T] = entry.load()
+            except Exception as error:  # a plugin may raise anything; the user must learn which one
+                raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
+            return loaded
         if type_name not in self.built_in:
             raise ConfigError(f"unknown type {type_name!r}; {self._suggestion(type_name)}")
         return self.built_in[type_name]
@@ -63,11 +68,3 @@ class Registry(Generic[T]):
         if close:
             return f"did you mean {' or '.join(close)}?"
         return f"known: {', '.join(self.types)}"
-
-
-def _load(entry: EntryPoint) -> type[Any]:
-    try:
-        loaded: type[Any] = entry.load()
-    except Exception as error:  # the message must name the plugin
-        raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
-    return loaded

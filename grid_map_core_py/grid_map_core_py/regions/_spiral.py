@@ -43,17 +43,14 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     middle = _cell_under(grid_map.geometry, center)
     if limit < (KEPT_RINGS - 2) * grid_map.resolution:
         return _cut_out(grid_map, center, middle, limit)
-    return _sorted(grid_map, circle_cells(grid_map, center, radius), middle)
-
-
-def _sorted(grid_map: GridMap, cells: Cells, middle: Size) -> Cells:
-    """Sort cells in place; each axis on its own takes less memory."""
-    ring = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
-    for numbers, cell, start, size in ring:
+    cells = circle_cells(grid_map, center, radius)
+    # Sorted in place; each axis on its own takes less memory.
+    axes = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
+    for numbers, cell, start, size in axes:
         place(numbers, 0, -start % size, size)
         numbers -= cell
     order = _spiral_order(*cells)
-    for numbers, cell, start, size in ring:
+    for numbers, cell, start, size in axes:
         numbers[...] = numbers[order]
         place(numbers, cell, start, size)
     return cells
