@@ -242,12 +242,6 @@ def test_ellipse_cells_are_inside_the_ellipse(grid_map, fraction, axes, rotation
     assert found == cells_by_hand(grid_map, lambda p: value(p) < 1.0)
 
 
-def test_an_ellipse_is_turned_counter_clockwise():
-    grid_map = GridMap((5, 5), 1.0)
-    cells = ellipse_cells(grid_map, (0, 0), (6.0, 0.6), math.pi / 4)
-    assert grid_map.get_positions(cells).tolist() == [[2, 2], [1, 1], [0, 0], [-1, -1], [-2, -2]]
-
-
 def test_an_ellipse_without_area_has_no_cells():
     assert pairs(ellipse_cells(GridMap((5, 5), 1.0), (0, 0), (6.0, 0.0))) == []
 

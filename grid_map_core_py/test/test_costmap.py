@@ -125,15 +125,8 @@ def test_nan_never_becomes_free(codec):
 def test_values_outside_the_scale_are_free_or_lethal():
     assert CENTURY.to_costs([-2, -0.5, 99.4, 99.6, 1e9]).tolist() == [0, 0, 253, 254, 254]
     assert CENTURY.to_costs([-np.inf, np.inf]).tolist() == [0, 254]
-    assert CostRange(-1, 1).to_costs([-np.inf, -2, -1, 0, 1, 2, np.inf]).tolist() == [
-        0,
-        0,
-        0,
-        127,
-        254,
-        254,
-        254,
-    ]
+    costs = CostRange(-1, 1).to_costs([-np.inf, -2, -1, 0, 1, 2, np.inf])
+    assert costs.tolist() == [0, 0, 0, 127, 254, 254, 254]
     assert CostRange(1, -1).to_costs([-np.inf, -1, 1, np.inf]).tolist() == [254, 254, 0, 0]
 
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from memory import peak_of
 
@@ -15,7 +15,7 @@ import golden
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
 from grid_map_core_py.map import Interpolation
-from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_core_py.testing import grid_maps
 
 NEAREST, LINEAR, CUBIC_CONVOLUTION, CUBIC = Interpolation
 METHODS = list(Interpolation)
@@ -256,9 +256,6 @@ def places(draw, maps=None):
     return grid_map, grid_map.get_closest_position_in_map(positions)
 
 
-finite_maps = grid_maps(allow_nan=False, allow_infinity=False)
-
-
 @by_method
 @given(places())
 def test_values_equal_the_definitions(method, drawn):
@@ -267,42 +264,6 @@ def test_values_equal_the_definitions(method, drawn):
     found = grid_map.at_position("elevation", positions, method)
     expected = [oracle.chain(position, method)[1] for position in positions.tolist()]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-8)
-
-
-@by_method
-@settings(max_examples=50)
-@given(places(), st.data())
-def test_a_moved_map_has_the_same_values(method, drawn, data):
-    grid_map, positions = drawn
-    start = [data.draw(st.integers(0, count - 1)) for count in grid_map.size]
-    moved = moved_in_buffer(grid_map, tuple(start))
-    np.testing.assert_array_equal(
-        moved.at_position("elevation", positions, method),
-        grid_map.at_position("elevation", positions, method),
-    )
-
-
-@by_method
-@given(
-    grid_map=finite_maps,
-    slopes=st.tuples(*[st.floats(-2, 2)] * 3),
-    data=st.data(),
-)
-def test_planes_are_reproduced_away_from_the_border(method, grid_map, slopes, data):
-    margin = {NEAREST: np.inf, LINEAR: 0.5}.get(method, 1.5) * grid_map.resolution
-    room = 0.5 * grid_map.length - margin
-    if method is NEAREST or (room <= 0).any():
-        return
-    constant, along_x, along_y = slopes
-    plane = np.array([along_x, along_y])
-    heights = constant + grid_map.get_positions() @ plane
-    grid_map["plane"] = heights.reshape(grid_map.size, order="F")
-    shares = data.draw(st.lists(st.tuples(*[st.floats(-1, 1)] * 2), min_size=1, max_size=5))
-    positions = grid_map.position + np.array(shares) * room
-    found = grid_map.at_position("plane", positions, method)
-    # The cells hold the plane as float32.
-    rounding = 1e-6 * (1.0 + np.abs(heights).max())
-    np.testing.assert_allclose(found, constant + positions @ plane, rtol=0, atol=rounding)
 
 
 @given(
@@ -383,13 +344,6 @@ def test_simpler_method_is_used_at_cells_not_finite(missing, method, coordinate,
     holed = {-2.25: [1.0, missing, 8.0, 16.0, 32.0], -2.0: [1.0, missing, 8.0, 16.0, 32.0]}
     grid_map = line(holed.get(coordinate, [missing, 4.0, missing, 16.0, 32.0]))
     assert grid_map.at_position("a", (coordinate, 0.0), method) == expected
-
-
-@by_method
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_cell_not_finite_is_returned_if_nothing_else_remains(method, value):
-    grid_map = line([1.0, 2.0, value, 3.0, 4.0])
-    np.testing.assert_array_equal(grid_map.at_position("a", [(-2.25, 0.1)], method), [value])
 
 
 def bumpy(cells: int = 30) -> GridMap:

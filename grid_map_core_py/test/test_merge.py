@@ -12,13 +12,7 @@ from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
-
-
-@pytest.fixture
-def terrain() -> GridMap:
-    values = np.arange(8 * 5, dtype=np.float32).reshape(8, 5)
-    return GridMap((8, 5), 1.0, (0.5, 0.0), {"elevation": values, "variance": 0.1}, frame_id="map")
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 
 @st.composite
@@ -128,26 +122,6 @@ class TestExtendToInclude:
         assert_grown(grid_map, before, other)
         assert_maps_equal(other, other_before)
         assert other.start_index == other_before.start_index
-
-    @given(neighbors(), st.data())
-    def test_is_the_same_moved_or_not(self, maps, data):
-        grid_map, other = maps
-        start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
-        moved = moved_in_buffer(grid_map, start)
-        grid_map.extend_to_include(other)
-        moved.extend_to_include(other)
-        assert_maps_equal(moved, grid_map)
-
-    @given(neighbors())
-    def test_once_more_changes_nothing(self, maps):
-        grid_map, other = maps
-        grid_map.extend_to_include(other)
-        before, layer = grid_map.copy(), grid_map["elevation"]
-        grid_map.extend_to_include(other)
-        grid_map.extend_to_include(grid_map)
-        assert_maps_equal(grid_map, before)
-        assert grid_map["elevation"] is layer
-        assert grid_map.start_index == before.start_index
 
     def test_map_that_covers_the_other_is_unchanged(self, terrain):
         terrain.start_index = (3, 2)

@@ -20,8 +20,11 @@ from grid_map_core_py.conversions import (
     Grid,
     OutlierRemoval,
     PointCloudPipeline,
+    downsample,
     remove_outliers,
 )
+from grid_map_core_py.conversions._clusters import euclidean_clusters
+from grid_map_core_py.conversions._point_cloud_pipeline import finite_points
 
 UPSTREAM = """
 pcl_grid_map_extraction:
@@ -50,6 +53,26 @@ pcl_grid_map_extraction:
 """
 
 
+def clusters_by_hand(points, groups, tolerance) -> list[frozenset[int]]:
+    """Oracle: flood from point to point, looking at all others each time."""
+    left, clusters = set(range(len(points))), []
+    while left:
+        cluster, front = set(), {left.pop()}
+        while front:
+            point = front.pop()
+            cluster.add(point)
+            near = {
+                other
+                for other in left
+                if groups[other] == groups[point]
+                and np.linalg.norm(points[other] - points[point]) <= tolerance + 1e-9
+            }
+            left -= near
+            front |= near
+        clusters.append(frozenset(cluster))
+    return sorted(clusters, key=min)
+
+
 def heights_by_hand(pipeline: PointCloudPipeline, points, grid_map) -> np.ndarray:
     """Oracle: cell by cell and cluster by cluster."""
     cells = {}
@@ -66,8 +89,8 @@ def height_by_hand(pipeline, points) -> float:
     if not settings.min_num_points_per_cell <= len(points) <= settings.max_num_points_per_cell:
         return np.nan
     clusters = [
-        points[cluster][:, 2]
-        for cluster in flooded(points, extraction.cluster_tolerance + 1e-9)
+        points[sorted(cluster)][:, 2]
+        for cluster in clusters_by_hand(points, np.zeros(len(points)), extraction.cluster_tolerance)
         if extraction.min_num_points <= len(cluster) <= extraction.max_num_points
     ]
     if not clusters:
@@ -81,20 +104,6 @@ def height_by_hand(pipeline, points) -> float:
         if mean - min(means) <= settings.height_thresh
     ]
     return min(near)[1]
-
-
-def flooded(points, tolerance) -> list[list[int]]:
-    left, clusters = set(range(len(points))), []
-    while left:
-        cluster, front = [], [left.pop()]
-        while front:
-            cluster.append(front.pop())
-            distances = np.linalg.norm(points - points[cluster[-1]], axis=1)
-            near = {other for other in left if distances[other] <= tolerance}
-            left -= near
-            front += near
-        clusters.append(cluster)
-    return clusters
 
 
 @given(
@@ -123,9 +132,10 @@ def test_heights_equal_search_cell_by_cell(points, extraction, grid):
     pipeline = PointCloudPipeline(
         num_processing_threads=1, cluster_extraction=extraction, grid_map=grid
     )
-    grid_map = pipeline(points)
+    grid_map = pipeline(points, layer="z", frame_id="map", timestamp=4)
     expected = heights_by_hand(pipeline, points, grid_map)
-    np.testing.assert_allclose(grid_map["elevation"], expected, rtol=1e-6)
+    np.testing.assert_allclose(grid_map["z"], expected, rtol=1e-6)
+    assert (grid_map.frame_id, grid_map.timestamp) == ("map", 4)
 
 
 def test_many_cells_are_worked_on_in_portions(monkeypatch):
@@ -137,34 +147,6 @@ def test_many_cells_are_worked_on_in_portions(monkeypatch):
     np.testing.assert_allclose(
         whole["elevation"], heights_by_hand(pipeline, points, whole), rtol=1e-6
     )
-
-
-GROUND = [(x, y, 0.5) for x in (0.0, 0.05) for y in (0.0, 0.05)]
-BRANCH = [(x, y, 1.2) for x in (0.0, 0.05) for y in (0.0, 0.02, 0.04)]
-ROOF = [(x, y, 4.0) for x in (0.0, 0.05) for y in (0.0, 0.01, 0.02, 0.03, 0.04)]
-
-
-@pytest.mark.parametrize(
-    ("grid", "use_highest", "height"),
-    [
-        ({}, False, 0.5),
-        ({}, True, 4.0),
-        ({"height_type": 1, "height_thresh": 10.0}, False, 4.0),
-        ({"height_type": 1}, False, 1.2),
-        ({"height_type": 1, "height_thresh": 0.1}, True, 0.5),
-        ({"min_num_points_per_cell": 21}, False, np.nan),
-        ({"max_num_points_per_cell": 19}, False, np.nan),
-        ({"max_num_points_per_cell": 20, "min_num_points_per_cell": 20}, False, 0.5),
-    ],
-)
-def test_the_kinds_of_height(grid, use_highest, height):
-    pipeline = PointCloudPipeline(
-        cluster_extraction=ClusterExtraction(use_max_height_as_cell_elevation=use_highest),
-        grid_map=Grid(resolution=1.0, **grid),
-    )
-    grid_map = pipeline(GROUND + BRANCH + ROOF, layer="z", frame_id="map", timestamp=4)
-    np.testing.assert_allclose(grid_map["z"], [[height]])
-    assert (grid_map.frame_id, grid_map.timestamp) == ("map", 4)
 
 
 # Stages
@@ -327,3 +309,117 @@ def test_many_points_at_one_place_take_no_time():
     assert pipeline(same)["elevation"].tolist() == [[0.0]]
     np.testing.assert_array_equal(remove_outliers(cloud, 3, 1.0), same)
     assert time.perf_counter() - started < 5.0
+
+
+# Clusters
+
+
+def as_sets(labels) -> list[frozenset[int]]:
+    members = {}
+    for point, label in enumerate(labels.tolist()):
+        members.setdefault(label, set()).add(point)
+    return sorted(map(frozenset, members.values()), key=min)
+
+
+@given(
+    arrays.arrays(
+        np.float64, st.tuples(st.integers(0, 60), st.just(3)), elements=st.integers(0, 6)
+    ),
+    st.sampled_from([1.0, 1.5, 2.0, 3.0]),
+    st.data(),
+)
+def test_clusters_equal_flooding_by_hand(points, tolerance, data):
+    """Points on a lattice: many distances equal the tolerance, and points coincide."""
+    groups = data.draw(arrays.arrays(np.int64, len(points), elements=st.integers(0, 2)))
+    labels = euclidean_clusters(points, groups, tolerance)
+    assert as_sets(labels) == clusters_by_hand(points, groups, tolerance)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("gap", [0.06, 0.11])
+def test_crowds_that_touch_at_their_rims_are_one(seed, gap):
+    """So dense that the nearest neighbors of a point are all of its own crowd."""
+    rng = np.random.default_rng(seed)
+    crowds = [rng.normal(0, 0.001, (80, 3)) + (gap * n, 0, 0) for n in range(4)]
+    points = rng.permutation(np.vstack(crowds))
+    groups = np.zeros(len(points), np.int64)
+    labels = euclidean_clusters(points, groups, 0.08)
+    assert as_sets(labels) == clusters_by_hand(points, groups, 0.08)
+    assert len(set(labels.tolist())) == (1 if gap < 0.08 else 4)
+
+
+def test_dense_points_of_different_groups_stay_apart():
+    points = np.repeat(np.random.default_rng(1).normal(0, 1e-3, (50, 3)), 3, axis=0)
+    groups = np.tile([7, 2, 9], 50)
+    labels = euclidean_clusters(points, groups, 0.1)
+    assert as_sets(labels) == as_sets(groups)
+
+
+def test_a_long_chain_is_one_cluster():
+    points = np.zeros((5000, 3))
+    points[:, 0] = 0.1 * np.arange(5000)
+    groups = np.zeros(5000, np.int64)
+    assert not euclidean_clusters(points, groups, 0.1).any()
+    assert len(set(euclidean_clusters(points, groups, 0.0999).tolist())) == 5000
+
+
+def test_more_threads_find_the_same():
+    points = np.random.default_rng(1).uniform(0, 1, (500, 3))
+    groups = np.zeros(500, np.int64)
+    one = euclidean_clusters(points, groups, 0.1)
+    assert as_sets(euclidean_clusters(points, groups, 0.1, workers=2)) == as_sets(one)
+
+
+# Voxels
+
+
+SIDES = st.sampled_from([0.25, 0.5, 1.0, 3.0])
+NUMBERS = st.floats(-4, 4, width=32) | st.sampled_from([np.nan, np.inf])
+
+
+def downsample_by_hand(points, sides) -> np.ndarray:
+    """Oracle: sort points into a list per voxel one by one."""
+    voxels = {}
+    for point in points:
+        if np.isfinite(point).all():
+            voxels.setdefault(tuple(np.floor(point / sides)), []).append(point)
+    return np.array([np.mean(voxels[key], axis=0) for key in sorted(voxels)]).reshape(-1, 3)
+
+
+@given(
+    arrays.arrays(np.float64, st.tuples(st.integers(0, 40), st.just(3)), elements=NUMBERS),
+    st.tuples(SIDES, SIDES, SIDES),
+)
+def test_voxels_hold_the_mean_of_their_points(points, sides):
+    result = downsample(points, sides)
+    np.testing.assert_allclose(result, downsample_by_hand(points, sides), atol=1e-12)
+
+
+def test_large_coordinates_keep_their_digits():
+    points = np.array([(5e6, 5e6, 0), (5e6 + 0.001, 5e6, 0), (5e6 + 10, 5e6, 0)])
+    result = downsample(points, (1, 1, 1))
+    np.testing.assert_allclose(result[:, 0] - 5e6, (0.0005, 10), atol=2e-9)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 1, 0), (1, -1, 1), (1, np.nan, 1), 1.0])
+def test_a_voxel_needs_three_positive_sides(size):
+    with pytest.raises(GeometryError, match="voxel_size: expected three positive numbers"):
+        downsample([(0, 0, 0)], size)
+
+
+def test_the_sides_of_a_voxel_are_numbers():
+    with pytest.raises(GeometryError, match="voxel_size: expected numbers, got 'small'"):
+        downsample([(0, 0, 0)], "small")
+
+
+def test_voxels_too_small_to_be_counted_are_refused():
+    with pytest.raises(GeometryError, match=r"expected fewer than 2\*\*62 voxels"):
+        downsample([(0, 0, 0), (1e9, 1e9, 1e9)], (1e-3, 1e-3, 1e-3))
+
+
+def test_finite_points_are_their_own_copy():
+    points = np.array([(0.0, 1, 2), (np.nan, 0, 0), (0, 0, -np.inf)])
+    result = finite_points(points)
+    result[...] = 7
+    assert result.shape == (1, 3)
+    assert points[0, 1] == 1

@@ -211,21 +211,6 @@ def test_point_is_inside_if_winding_number_is_odd(vertices, point):
     assert Polygon(vertices).is_inside(point) is expected
 
 
-@given(st.lists(points, max_size=12), st.lists(points, max_size=12))
-def test_convex_hull_covers_all_points(first, second):
-    hull = Polygon.convex_hull(Polygon(first), Polygon(second)).vertices.tolist()
-    distinct = sorted(set(map(tuple, first + second)))
-    assert set(map(tuple, hull)) <= set(distinct)
-    assert len(set(map(tuple, hull))) == len(hull)
-    assert hull[:1] == [list(point) for point in distinct[:1]]
-    size = max((abs(v) for p in distinct for v in p), default=0.0) ** 2
-    for a, b in zip(hull, hull[1:] + hull[:1], strict=True):
-        assert all(turn(a, b, point) >= -1e-12 * size for point in distinct)
-    if len(hull) > 2:
-        around = hull + hull[:2]
-        assert all(turn(*around[i : i + 3]) > -1e-12 * size for i in range(len(hull)))
-
-
 @given(st.lists(st.tuples(st.integers(-4, 4), st.integers(-4, 4)), min_size=3, max_size=10))
 def test_a_convex_hull_of_whole_numbers_has_no_collinear_points(vertices):
     hull = Polygon.convex_hull(Polygon(vertices))
@@ -276,15 +261,6 @@ def test_area_and_centroid_do_not_depend_on_place_or_direction(vertices, shift):
     assert turned.area == pytest.approx(polygon.area, rel=1e-9, abs=1e-6)
     if polygon.area > 1.0:
         np.testing.assert_allclose(turned.centroid - shift, polygon.centroid, atol=1e-6)
-
-
-@given(st.lists(points, min_size=3, max_size=8))
-def test_triangles_of_a_convex_polygon_add_up_to_it(vertices):
-    hull = Polygon.convex_hull(Polygon(vertices))
-    if len(hull) > 2:
-        triangles = hull.triangulate()
-        assert len(triangles) == len(hull) - 2
-        assert sum(triangle.area for triangle in triangles) == pytest.approx(hull.area)
 
 
 # Single cases

@@ -176,13 +176,6 @@ def test_values_move_with_the_map() -> None:
     assert np.isnan(rolling.grid_map["intensity"]).all()
 
 
-def test_cells_that_the_map_moves_onto_have_no_points() -> None:
-    rolling = RollingMap(GEOMETRY, fusion="mean")
-    rolling.move((0.5, 1.0))
-    assert (rolling.grid_map["count"] == 0).all()
-    assert np.isnan(rolling.grid_map["elevation"]).all()
-
-
 def test_points_beyond_the_height_limits_are_left_out() -> None:
     rolling = RollingMap(GEOMETRY, min_height=0.0, max_height=1.0)
     rolling.fuse([(0.1, 0.1, 0.5), (0.1, 0.1, 1.5), (0.7, 0.1, -0.5)])

@@ -12,7 +12,7 @@ from memory import peak_of
 
 import golden
 from grid_map_core_py import GeometryError, GridMap, GridMapError, LayerNotFoundError
-from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
+from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 GOLDEN = golden.load("transformed_map")
 # Not 0.5: such points lie on cell borders, where rounding decides the cell.
@@ -156,24 +156,6 @@ def test_a_single_layer_equals_a_loop_over_all_points(grid_map, transform, ratio
     assert_maps_equal(result, expected)
 
 
-@given(terrains(), TRANSFORMS, RATIOS, st.data())
-def test_is_the_same_moved_or_not(grid_map, transform, ratio, data):
-    start = tuple(data.draw(st.integers(0, side - 1)) for side in grid_map.size)
-    moved = moved_in_buffer(grid_map, start)
-    arguments = transform, "elevation", "new", ratio
-    assert_maps_equal(
-        moved.get_transformed_map(*arguments), grid_map.get_transformed_map(*arguments)
-    )
-
-
-@given(terrains(), TRANSFORMS)
-def test_the_corners_lie_on_the_result(grid_map, transform):
-    result = grid_map.get_transformed_map(transform, "elevation", "new")
-    for signs in itertools.product((0.5, -0.5), repeat=2):
-        corner = transform @ [*(grid_map.position + np.multiply(signs, grid_map.length)), 0.0, 1.0]
-        assert (np.abs(corner[:2] - result.position) <= 0.5 * result.length + 1e-9).all()
-
-
 @pytest.mark.parametrize("size", [(40_000, 1), (1, 40_000), (2, 20_000), (200, 300)])
 def test_maps_of_many_cells_are_complete_and_in_order(size):
     values = np.arange(np.prod(size)).reshape(size)
@@ -187,12 +169,6 @@ def test_maps_of_many_cells_are_complete_and_in_order(size):
     lowest = grid_map.get_transformed_map(rigid(pitch=-np.pi / 2), "elevation", "new")
     np.testing.assert_array_equal(edge["number"][0], values[-1])
     np.testing.assert_array_equal(lowest["number"][0], values[0])
-
-
-def test_of_equally_high_cells_the_last_one_stays():
-    grid_map = GridMap((2, 2), 1.0, layers={"elevation": 0.0, "number": [[1, 3], [2, 4]]})
-    result = grid_map.get_transformed_map(np.eye(4), "elevation", "new", sample_ratio=1.0)
-    np.testing.assert_array_equal(result["number"], [[3, 4], [4, 4]])
 
 
 def test_samples_close_the_gaps_of_a_turned_map():
