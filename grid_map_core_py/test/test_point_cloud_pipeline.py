@@ -338,7 +338,7 @@ def test_clusters_equal_flooding_by_hand(points, tolerance, data):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("gap", [0.06, 0.11])
 def test_crowds_that_touch_at_their_rims_are_one(seed, gap):
-    """So dense that the nearest neighbors of a point are all of its own crowd."""
+    """The crowds are so dense that all nearest neighbors of a point are in its own crowd."""
     rng = np.random.default_rng(seed)
     crowds = [rng.normal(0, 0.001, (80, 3)) + (gap * n, 0, 0) for n in range(4)]
     points = rng.permutation(np.vstack(crowds))

@@ -310,7 +310,11 @@ def _read_gray(
     low, high = _given_range(lower, upper)
 
     def values(part: Image) -> Layer:
-        gray = _to_gray(part, order)
+        if part.dtype == np.float64:
+            part = part.astype(np.float32)
+        channels = part.shape[2]
+        single = part[..., 0] if channels == 1 else cv2.cvtColor(part, _TO_GRAY[order, channels])
+        gray: Layer = np.array(single, dtype=np.float32)
         gray /= largest
         gray *= high - low
         gray += low
@@ -334,14 +338,6 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
             if channels == 4:
                 values[part][block[..., 3] < threshold] = np.nan
     return values
-
-
-def _to_gray(pixels: Image, order: Order) -> Layer:
-    if pixels.dtype == np.float64:
-        pixels = pixels.astype(np.float32)
-    channels = pixels.shape[2]
-    gray = pixels[..., 0] if channels == 1 else cv2.cvtColor(pixels, _TO_GRAY[order, channels])
-    return np.array(gray, dtype=np.float32)
 
 
 def _pack(pixels: Image, order: Order) -> Layer:

@@ -256,18 +256,16 @@ def _columns(
         for name, reduction in layers.items()
     }
     for name, field in fields.items():
-        reduction = field_reductions.get(name, "mean")
-        columns[name] = _field_column(name, field, reduction, len(heights))
+        is_color = name in COLOR_FIELDS
+        read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
+        values = read(field, f"field {name!r}")
+        if values.shape != heights.shape:
+            raise GeometryError(
+                f"field {name!r}: expected shape {heights.shape}, got {values.shape}"
+            )
+        reducer = _chosen(kinds, name, field_reductions.get(name, "mean"))
+        columns[name] = _Column(values, reducer, all_count=False)
     return columns
-
-
-def _field_column(name: str, field: ArrayLike, reduction: str, points: int) -> _Column:
-    is_color = name in COLOR_FIELDS
-    read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
-    values = read(field, f"field {name!r}")
-    if values.shape != (points,):
-        raise GeometryError(f"field {name!r}: expected shape {(points,)}, got {values.shape}")
-    return _Column(values, _chosen(kinds, name, reduction), all_count=False)
 
 
 def _chosen(

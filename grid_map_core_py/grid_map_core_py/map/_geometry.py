@@ -261,7 +261,15 @@ class GridGeometry:
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
-        lower, upper = self._innermost_bounds()
+        # About the smallest and largest coordinates inside: they differ from the borders by the
+        # rounding error of a sum of position and length. The step inwards has that size too: a
+        # smaller step would not change such a sum.
+        lower, upper = self.position - self._half, self.corner
+        step = np.spacing(np.abs(self.position) + self.length)
+        while not (inside := self._within(lower, self._half, self.position)[1]).all():
+            lower = np.where(inside, lower, lower + step)
+        while not (inside := self._within(upper, self._half, self.position)[0]).all():
+            upper = np.where(inside, upper, upper - step)
         clamped = np.clip(positions, lower, upper)
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
@@ -370,20 +378,6 @@ class GridGeometry:
     @cached_property
     def _half(self) -> Positions:
         return 0.5 * self.length
-
-    def _innermost_bounds(self) -> tuple[Positions, Positions]:
-        """Return about the smallest and largest coordinates that are inside on each axis.
-
-        They differ from the borders by the rounding error of a sum of position and length. The step
-        inwards has that size too: a smaller step would not change such a sum.
-        """
-        lower, upper = self.position - self._half, self.corner
-        step = np.spacing(np.abs(self.position) + self.length)
-        while not (inside := self._within(lower, self._half, self.position)[1]).all():
-            lower = np.where(inside, lower, lower + step)
-        while not (inside := self._within(upper, self._half, self.position)[0]).all():
-            upper = np.where(inside, upper, upper - step)
-        return lower, upper
 
 
 def _frozen(values: Positions) -> Positions:

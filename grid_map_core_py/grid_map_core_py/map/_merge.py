@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Mask, Positions
+from ..arrays._checks import Mask
 from ..errors import GridMapError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 from ._layer_names import select_layers
@@ -52,7 +52,16 @@ def add_data_from(
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return a map that covers `other` as well; `grid_map` itself if it covers it already."""
     _check_frames(grid_map, other)
-    before, after = _missing_cells(grid_map.geometry, other.geometry)
+    inner, outer = grid_map.geometry, other.geometry
+    # Far from the origin, coordinates are less precise than the usual tolerance.
+    tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
+    ahead = outer.corner - inner.corner
+    behind = (inner.corner - inner.length) - (outer.corner - outer.length)
+    # Rows and columns that are missing towards +x, +y and towards -x, -y.
+    before, after = (
+        np.maximum(np.ceil((overhang - tolerance) / inner.resolution), 0.0)
+        for overhang in (ahead, behind)
+    )
     if not (before.any() or after.any()):
         return grid_map
     shift = 0.5 * grid_map.resolution * (before - after)
@@ -81,24 +90,6 @@ def _check_frames(grid_map: GridMap, other: GridMap) -> None:
             f"other: expected a map in frame {grid_map.frame_id!r}, got {other.frame_id!r}. "
             f"Transform it with get_transformed_map first"
         )
-
-
-def _missing_cells(inner: GridGeometry, outer: GridGeometry) -> tuple[Positions, Positions]:
-    """Return the numbers of rows and columns by which `outer` extends beyond `inner`.
-
-    Returns:
-        before: (2,) whole numbers >= 0 of rows and columns towards +x, +y.
-        after: (2,) likewise towards -x, -y.
-    """
-    ahead = outer.corner - inner.corner
-    # Far from the origin, rounding of coordinates exceeds the usual tolerance.
-    tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
-    behind = (inner.corner - inner.length) - (outer.corner - outer.length)
-    before, after = (
-        np.maximum(np.ceil((overhang - tolerance) / inner.resolution), 0.0)
-        for overhang in (ahead, behind)
-    )
-    return before, after
 
 
 def _lines_under(

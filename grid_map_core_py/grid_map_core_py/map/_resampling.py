@@ -94,18 +94,19 @@ class Axis:
         margin = math.ceil(1.0 / self.factor) if is_short else 0
         padded = np.pad(lines.astype(np.float32), ((0, margin), (0, 0)), mode="edge")
         # As channels of one line of pixels, none of them can leak into another.
-        parts = [self._resize(padded[None, :, part]) for part in slices(lines.shape[1], _CHANNELS)]
+        parts = []
+        for part in slices(lines.shape[1], _CHANNELS):
+            line = padded[None, :, part]
+            try:
+                resized = cv2.resize(
+                    line, None, fx=self.factor, fy=1, interpolation=self.interpolation
+                )
+            except cv2.error as error:
+                raise GeometryError(
+                    f"interpolation: OpenCV cannot resize with {self.interpolation!r}: {error.err}"
+                ) from error
+            parts.append(np.asarray(resized, dtype=np.float32).reshape(-1, line.shape[2]))
         return np.concatenate(parts, axis=1)[: self.targets]
-
-    def _resize(self, line: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Return (1, pixels, channels) resized to (targets, channels), which may be too many."""
-        try:
-            resized = cv2.resize(line, None, fx=self.factor, fy=1, interpolation=self.interpolation)
-        except cv2.error as error:
-            raise GeometryError(
-                f"interpolation: OpenCV cannot resize with {self.interpolation!r}: {error.err}"
-            ) from error
-        return np.asarray(resized, dtype=np.float32).reshape(-1, line.shape[2])
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,15 @@ def window_array(
     size = _window_cells(grid_map.resolution, window_size, window_length)
     margin = 0 if edge_handling == "inside" else size // 2
     windows = _view(_padded(grid_map.unwrapped(layer), margin), size)
-    return _mean_padded(windows) if edge_handling == "mean" else windows
+    if edge_handling != "mean":
+        return windows
+    beyond = _view(_padded(np.zeros(grid_map.size, dtype=np.float32), margin), size)
+    filled = windows.copy()
+    # Row by row, so that temporaries stay small compared to the result.
+    for row, outside in zip(filled, beyond, strict=True):
+        np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
+    filled.flags.writeable = False
+    return filled
 
 
 def _check_edge_handling(edge_handling: object, known: tuple[str, ...]) -> None:
@@ -147,18 +155,6 @@ def _padded(data: Layer, margin: int) -> Layer:
     padded[margin : margin + rows, margin : margin + columns] = data
     padded.flags.writeable = False
     return padded
-
-
-def _mean_padded(windows: Layer) -> Layer:
-    """Return a copy of the (rows, cols, size, size) windows, padded with their means."""
-    rows, columns, size, _ = windows.shape
-    beyond = _view(_padded(np.zeros((rows, columns), dtype=np.float32), size // 2), size)
-    filled = windows.copy()
-    # Row by row, so that temporaries stay small compared to the result.
-    for row, outside in zip(filled, beyond, strict=True):
-        np.copyto(row, _finite_means(row)[:, None, None], where=np.isnan(outside))
-    filled.flags.writeable = False
-    return filled
 
 
 def _finite_means(windows: Layer) -> Layer:
