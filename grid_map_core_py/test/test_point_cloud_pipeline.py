@@ -337,7 +337,7 @@ def test_clusters_equal_flooding_by_hand(points, tolerance, data):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("gap", [0.06, 0.11])
-def test_crowds_that_touch_at_their_rims_are_one(seed, gap):
+def test_touching_crowds_are_one_cluster(seed, gap):
     """The crowds are so dense that all nearest neighbors of a point are in its own crowd."""
     rng = np.random.default_rng(seed)
     crowds = [rng.normal(0, 0.001, (80, 3)) + (gap * n, 0, 0) for n in range(4)]
@@ -395,7 +395,7 @@ def test_voxels_hold_the_mean_of_their_points(points, sides):
     np.testing.assert_allclose(result, downsample_by_hand(points, sides), atol=1e-12)
 
 
-def test_large_coordinates_keep_their_digits():
+def test_large_coordinates_keep_precision():
     points = np.array([(5e6, 5e6, 0), (5e6 + 0.001, 5e6, 0), (5e6 + 10, 5e6, 0)])
     result = downsample(points, (1, 1, 1))
     np.testing.assert_allclose(result[:, 0] - 5e6, (0.0005, 10), atol=2e-9)
