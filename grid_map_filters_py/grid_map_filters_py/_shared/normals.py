@@ -1,6 +1,11 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Surface normals of a layer."""
+"""Surface normals of a layer.
+
+A layer is (rows, cols) heights [m] in map order, not finite where unknown. The radius of the discs
+and the resolution, which is the side of a cell, are in m. Normals are the x, y and z components
+(rows, cols) of unit vectors; those of planes are NaN where the layer is not finite.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
@@ -33,14 +38,6 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
 
     The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
     fewer than three points are finite, or they are on a line, it is the z axis.
-
-    Args:
-        layer: (rows, cols) heights [m] in map order; not finite where unknown.
-        radius: radius of the disc [m].
-        resolution: side of a cell [m].
-
-    Returns:
-        x, y and z components (rows, cols) of unit vectors; NaN where the layer is not finite.
     """
     normals = _empty(layer)
     offset = typical_value(layer)
@@ -52,15 +49,8 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
 def raster_normals(layer: Layer, resolution: float) -> Normals:
     """Return the normals from the slopes between neighboring cells.
 
-    Slopes are central differences, also across an unknown cell, and one-sided beside one.
-
-    Args:
-        layer: (rows, cols) heights [m] in map order; not finite where unknown.
-        resolution: side of a cell [m].
-
-    Returns:
-        x, y and z components (rows, cols) of unit vectors; NaN in the cells at the border of the
-        map and where a slope has no two finite cells.
+    Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
+    are NaN at the border of the map, and where a slope has no two finite cells.
     """
     normals = _empty(layer)
     if min(layer.shape) > 2:
@@ -72,26 +62,10 @@ def raster_normals(layer: Layer, resolution: float) -> Normals:
     return normals
 
 
-def flip_towards(normals: Normals, axis: int) -> Normals:
-    """Turn the normals so that their component along an axis (0, 1, 2) is not negative."""
-    away = normals[axis] < 0
-    if away.any():
-        for component in normals:
-            np.negative(component, out=component, where=away)
-    return normals
-
-
 def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
-    """Return the standard deviation of the points in a disc from the plane of `area_normals`.
+    """Return the standard deviation [m] of the points in a disc from the plane of `area_normals`.
 
-    Args:
-        layer: (rows, cols) heights [m] in map order; not finite where unknown.
-        radius: radius of the disc [m].
-        resolution: side of a cell [m].
-
-    Returns:
-        (rows, cols) sample standard deviations [m] (n - 1 in the denominator); NaN where the disc
-        has one point or the layer is not finite.
+    It is that of a sample (n - 1 in the denominator); NaN also where the disc has one point.
     """
     deviations = np.empty(layer.shape, np.float32, order="F")
     offset = typical_value(layer)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
@@ -85,20 +84,16 @@ def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
         lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer
     )
     gray[holes] = 0.0
-    filled = _inpaint(gray, holes.astype(np.uint8), radius)
+    # OpenCV reads beyond the border of images with sides of one or two pixels.
+    margins = [(1, 1) if side < 3 else (0, 0) for side in layer.shape]
+    image, mask = (
+        np.ascontiguousarray(np.pad(values, margins, mode="edge"))
+        for values in (gray, holes.astype(np.uint8))
+    )
+    filled = cv2.inpaint(image, mask, radius, cv2.INPAINT_NS)
+    inner = tuple(slice(before, -after or None) for before, after in margins)
     return elementwise(
         lambda grays: np.clip(grays, 0.0, 255.0, dtype=np.float64) / scale + lowest,
         np.float32,
-        filled,
+        np.asarray(filled[inner], dtype=np.float32),
     )
-
-
-def _inpaint(image: Layer, mask: npt.NDArray[np.uint8], radius: float) -> Layer:
-    # OpenCV reads beyond the border of images with sides of one or two pixels.
-    margins = [(1, 1) if side < 3 else (0, 0) for side in image.shape]
-    image, mask = np.pad(image, margins, mode="edge"), np.pad(mask, margins, mode="edge")
-    filled = cv2.inpaint(
-        np.ascontiguousarray(image), np.ascontiguousarray(mask), radius, cv2.INPAINT_NS
-    )
-    inner = tuple(slice(before, -after or None) for before, after in margins)
-    return np.asarray(filled[inner], dtype=np.float32)

@@ -6,11 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
-from .._shared.normals import area_normals, flip_towards, raster_normals
+from .._shared.normals import area_normals, raster_normals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +48,9 @@ class NormalVectors:
             normals = raster_normals(heights, grid_map.resolution)
         else:
             normals = area_normals(heights, self.radius, grid_map.resolution)
-        normals = flip_towards(normals, "xyz".index(self.normal_vector_positive_axis))
+        away = normals["xyz".index(self.normal_vector_positive_axis)] < 0
+        if away.any():
+            for component in normals:
+                np.negative(component, out=component, where=away)
         names = (self.output_layers_prefix + axis for axis in "xyz")
         return grid_map.with_layers(dict(zip(names, normals, strict=True)))
