@@ -11,10 +11,7 @@ PACKAGE = "grid_map_demos_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
 
 options = {}
-requirements = [
-    "grid_map_filters_py~=0.2.0",
-    "grid_map_visualization_py[pictures]~=0.2.0",
-]
+requirements = ["grid_map_filters_py~=0.2.0", "grid_map_visualization_py[pictures]~=0.2.0"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
@@ -74,6 +71,6 @@ setup(
             "simple_demo = grid_map_demos_py.simple_demo_node:main",
             "terrain_publisher = grid_map_demos_py.terrain_publisher_node:main",
             "tutorial_demo = grid_map_demos_py.tutorial_demo_node:main",
-        ],
+        ]
     },
 )

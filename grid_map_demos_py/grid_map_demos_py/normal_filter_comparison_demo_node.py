@@ -50,10 +50,7 @@ FILTERS = [
 ]
 """Default filter chain."""
 
-SMOOTHING_RADIUS = 0.1
 MOST_NOISE = 1e3
-MEMORY = 20
-"""Number of maps in the running mean of the logged errors."""
 
 
 def wave(x: Numbers, y: Numbers, seconds: float) -> Surface:
@@ -116,7 +113,7 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
     noisy.flat[random.choice(noisy.size, count, replace=False)] = np.inf
     grid_map["elevation_noisy"] = noisy
     grid_map["elevation_filtered"] = (
-        weighted_means(noisy, SMOOTHING_RADIUS, grid_map.resolution) if noise or outliers else noisy
+        weighted_means(noisy, 0.1, grid_map.resolution) if noise or outliers else noisy
     )
 
 
@@ -208,7 +205,8 @@ class NormalFilterComparisonDemoNode(Node):
     def _report(self, grid_map: GridMap) -> None:
         for layer, before in self._errors.items():
             error = np.nan_to_num(sum_of_finites(grid_map[layer]))
-            self._errors[layer] = float(before + (error - before) / MEMORY)
+            # The running mean of about 20 maps.
+            self._errors[layer] = float(before + (error - before) / 20)
         text = ", ".join(f"{layer} = {error:f}" for layer, error in self._errors.items())
         self.get_logger().info(text, throttle_duration_sec=2.0)
 

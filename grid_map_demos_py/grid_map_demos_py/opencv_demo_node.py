@@ -23,9 +23,6 @@ from .star import HEIGHT, star_map
 LARGEST_WIDTH = 200
 """Distance between the centers of the first and the last pixel of the largest kernel."""
 
-ALPHA_THRESHOLD = 0.3
-"""Smallest opacity of a blurred cell with a value."""
-
 
 def kernel_size(seconds: float) -> int:
     """Return the side of the kernel [pixels] at a time: odd, from 201 to 1 and back in pi s."""
@@ -36,9 +33,8 @@ def kernel_size(seconds: float) -> int:
 def blur(grid_map: GridMap, image: Image, size: int) -> None:
     """Blur an image with a kernel of `size` x `size` pixels, into the layer `elevation`."""
     blurred = cv2.GaussianBlur(image, (size, size), 0.0)
-    add_layer_from_image(
-        grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=ALPHA_THRESHOLD
-    )
+    # Blurred cells of less opacity have no value.
+    add_layer_from_image(grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=0.3)
 
 
 class OpencvDemoNode(Node):

@@ -17,11 +17,6 @@ from types import FrameType
 PATIENCE = 5.0
 """Maximum time for a process to stop before it is killed [s]."""
 
-POLL_PERIOD = 0.05
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Signals that ask a process group to stop."""
-
 
 class ProcessGroup:
     """Starts Python modules as processes and stops them all on exit.
@@ -36,7 +31,7 @@ class ProcessGroup:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> "ProcessGroup":
-        for number in SIGNALS:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, self._stop)
         return self
 
@@ -47,7 +42,11 @@ class ProcessGroup:
                 process.terminate()
         deadline = time.monotonic() + PATIENCE
         for process in self._processes.values():
-            _wait_or_kill(process, deadline)
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
     def start(self, module: str, arguments: Sequence[str]) -> None:
         """Start `python -m module arguments`, unless the group has been stopped."""
@@ -66,19 +65,11 @@ class ProcessGroup:
                 code = process.poll()
                 if code is not None:
                     return module, code
-            time.sleep(POLL_PERIOD)
+            time.sleep(0.05)
         return None
 
     def _stop(self, _number: int, _frame: FrameType | None) -> None:
         self.stopped = True
-
-
-def _wait_or_kill(process: "subprocess.Popen[bytes]", deadline: float) -> None:
-    try:
-        process.wait(max(0.0, deadline - time.monotonic()))
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
 
 
 def _die_with_parent(parent: int) -> None:

@@ -16,10 +16,6 @@ METRES_PER_POST = 84.0
 EXAGGERATION = 2.0
 """Factor on the heights, which makes some slopes too steep for a robot."""
 
-HOLES = 120
-LARGEST_HOLE = 6.0
-"""Largest radius of a hole in cells."""
-
 
 def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map") -> GridMap:
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
@@ -79,8 +75,8 @@ def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float
 def _punch_holes(grid_map: GridMap) -> None:
     """Set the same random discs to NaN in every call."""
     random = np.random.default_rng(7)
-    centers = grid_map.position + random.uniform(-0.5, 0.5, (HOLES, 2)) * grid_map.length
-    radii = random.uniform(0.5, LARGEST_HOLE, HOLES) * grid_map.resolution
+    centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
+    radii = random.uniform(0.5, 6.0, 120) * grid_map.resolution
     for center, radius in zip(centers, radii, strict=True):
         cells = circle_cells(grid_map, center, radius)
         for layer in grid_map:

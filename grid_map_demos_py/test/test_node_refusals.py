@@ -40,21 +40,15 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("image_path:=/nope.png", "image '/nope.png': No such file"),
         ("image_path:=~nobody_known/a.png", "a.png': No such file"),
     ],
-    "image_to_gridmap_demo": [
-        ("max_height:=0.0", "parameter 'max_height': expected a finite"),
-    ],
+    "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],
     "grid_map_to_image_demo": [
         ("bits:=12", "parameter 'bits': expected 8 or 16"),
         ("file:=/no/such/map.png", "a file in a folder that exists"),
         ("file:=/tmp/map.doc", "parameter 'file': expected a format"),
         ("file:=~nobody_known/a.png", "a file in a folder that exists"),
     ],
-    "opencv_demo": [
-        ("publish_rate:=.nan", "parameter 'publish_rate': expected a positive"),
-    ],
-    "resolution_change_demo": [
-        ("interpolation:=best", "parameter 'interpolation': expected"),
-    ],
+    "opencv_demo": [("publish_rate:=.nan", "parameter 'publish_rate': expected a positive")],
+    "resolution_change_demo": [("interpolation:=best", "parameter 'interpolation': expected")],
     "interpolation_demo": [
         ("world:=Cosine", "parameter 'world': expected one of Sine, Poly, Gauss, Tanh, got 'Co"),
         ("interpolation_type:=linear", "expected one of Nearest, Linear, Cubic_convolution, Cubic"),

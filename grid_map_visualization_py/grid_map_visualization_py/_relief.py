@@ -48,16 +48,11 @@ def draw_relief(
     step = -(-max(heights.shape) // MAX_SIDE)
     heights, colors = heights[::step, ::step] / step, colors[::step, ::step]
     if min(heights.shape) >= 2 and np.isfinite(heights).any():
-        _draw(picture, _filled(heights), (colors / 255) ** _GAMMA, azimuth, elevation)
+        _, nearest = ndimage.distance_transform_edt(~np.isfinite(heights), return_indices=True)
+        _draw(picture, heights[tuple(nearest)], (colors / 255) ** _GAMMA, azimuth, elevation)
     picture = picture.reshape(size[1], _SUPERSAMPLING, size[0], _SUPERSAMPLING, 3).mean(axis=(1, 3))
     pixels: Colors = np.rint(255 * np.clip(picture, 0.0, 1.0) ** (1 / _GAMMA)).astype(np.uint8)
     return pixels
-
-
-def _filled(heights: Floats) -> Floats:
-    _, nearest = ndimage.distance_transform_edt(~np.isfinite(heights), return_indices=True)
-    filled: Floats = heights[tuple(nearest)]
-    return filled
 
 
 def _draw(

@@ -117,7 +117,10 @@ class Surface:
         self, origin: npt.ArrayLike = (0.0, 0.0), dtype: npt.DTypeLike = np.float64
     ) -> npt.NDArray[Any]:
         """Return x, y, z (columns * rows, 3) of all cells [m], relative to `origin`."""
-        (x, y), (x0, y0) = self._axes, np.asarray(origin)
+        (x, y), (x0, y0) = self.grid_map.geometry.axes_in_map_order(), np.asarray(origin)
+        if self._step > 1:
+            rows, columns = self._kept
+            x, y = x[rows], y[columns]
         heights = self.values(self.height_layer)
         points = np.empty((*heights.shape, 3), dtype)
         points[..., 0] = x - x0
@@ -169,15 +172,6 @@ class Surface:
             _every(self._step, axis, resolution)
             for axis in self.grid_map.geometry.axes_in_map_order()
         ]
-
-    @cached_property
-    def _axes(self) -> tuple[Positions, Positions]:
-        """Return x of the rows and y of the columns that are shown [m]."""
-        axes = self.grid_map.geometry.axes_in_map_order()
-        if self._step == 1:
-            return axes
-        rows, columns = self._kept
-        return axes[0][rows], axes[1][columns]
 
 
 def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:

@@ -14,12 +14,7 @@ from hypothesis.extra import numpy as arrays
 from grid_map_core_py import color_vector_to_value
 from grid_map_core_py.errors import ConfigError, MissingPackageError
 from grid_map_visualization_py import colors as colormaps
-from grid_map_visualization_py.colors import (
-    MISSING,
-    Coloring,
-    ColorScale,
-    color_map_names,
-)
+from grid_map_visualization_py.colors import MISSING, Coloring, ColorScale, color_map_names
 
 FLOATS = st.floats(width=32)
 

@@ -196,12 +196,12 @@ def test_every_type_survives_a_map_without_its_layers(peer, tmp_path):
         assert f"visualization '{name}': no layer" in node.text
 
 
-WRONG = {"wrong": {"type": "surface", "params": {"color_map": "virids"}}}
-GOOD = {"region": {"type": "map_region"}}
-
-
 def test_misconfigured_visualizations_are_named_and_skipped_on_request(peer, tmp_path):
-    outputs = {**WRONG, **GOOD, "no topic": {"type": "map_region"}}
+    outputs = {
+        "wrong": {"type": "surface", "params": {"color_map": "virids"}},
+        "region": {"type": "map_region"},
+        "no topic": {"type": "map_region"},
+    }
     with running_node(MODULE, *arguments(tmp_path, outputs, skip_invalid=True)) as node:
         peer.listen("region", Marker)
         peer.publish("/grid_map", to_message(small_map()))

@@ -61,15 +61,6 @@ def _serve_page(node: Node) -> Page:
     about = "port of the page; 0 for any free one"
     port = read_parameter(node, "port", int, 8080, description=about)
     check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
-    page = Page(host, port, _read_settings(node))
-    if not is_loopback(host):
-        node.get_logger().warning(
-            f"anyone who can reach {page.url} sees the map and can change the settings"
-        )
-    return page
-
-
-def _read_settings(node: Node) -> Settings:
     about = "initial layer of the heights"
     height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
     about = "initial layer of the colors; empty for the heights"
@@ -77,7 +68,12 @@ def _read_settings(node: Node) -> Settings:
     about = "initial color map, a name of Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
     coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
-    return Settings(height_layer=height_layer, coloring=coloring)
+    page = Page(host, port, Settings(height_layer=height_layer, coloring=coloring))
+    if not is_loopback(host):
+        node.get_logger().warning(
+            f"anyone who can reach {page.url} sees the map and can change the settings"
+        )
+    return page
 
 
 def main() -> int:

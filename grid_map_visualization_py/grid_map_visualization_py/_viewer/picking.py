@@ -8,9 +8,6 @@ from grid_map_core_py.arrays import Positions
 
 from ..surface import Mesh
 
-_PARALLEL = 1e-12
-"""Triangles at a smaller angle to the ray count as parallel to it."""
-
 
 def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
     """Return the first point (3,) at which a ray hits a mesh [m, map frame], from either side.
@@ -40,7 +37,7 @@ def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
         u = np.einsum("ij,ij->i", offset, normal) / volume
         v = across @ direction / volume
         distance = np.einsum("ij,ij->i", other, across) / volume
-        is_hit = (np.abs(volume) > _PARALLEL * area) & (u >= 0) & (v >= 0) & (u + v <= 1)
+        is_hit = (np.abs(volume) > 1e-12 * area) & (u >= 0) & (v >= 0) & (u + v <= 1)
         is_hit &= distance > 0
     if not is_hit.any():
         return None

@@ -125,10 +125,7 @@ def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
     number = (np.cumsum(valid) - 1).reshape(valid.shape)
     pairs = [
         np.stack([number[first][both], number[second][both]], axis=-1)
-        for first, second in (
-            (np.s_[:-1, :], np.s_[1:, :]),
-            (np.s_[:, :-1], np.s_[:, 1:]),
-        )
+        for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
         for both in [valid[first] & valid[second]]
     ]
     lines: Points = mesh.vertices[np.concatenate(pairs)]
