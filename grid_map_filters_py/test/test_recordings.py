@@ -17,7 +17,6 @@ from scipy.ndimage import binary_dilation, correlate
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
-from grid_map_filters_py._config import parse_steps, read_chain
 from grid_map_filters_py.parts._disc import Disc
 
 DATA = Path(__file__).parent / "data"
@@ -64,10 +63,9 @@ def test_chain_gives_the_recorded_layers(ours, theirs):
 def test_later_steps_equal_cpp_on_its_own_layers(theirs):
     layers = ("elevation", "elevation_inpainted", "elevation_smooth")
     given = theirs.without_layers(name for name in theirs if name not in layers)
-    steps = parse_steps(read_chain(CHAIN, "filters"))
-    first = next(number for number, step in enumerate(steps) if step.name == "surface_normals")
-    rest = [{"name": s.name, "type": s.type, "params": s.params} for s in steps[first:]]
-    result = FilterChain.from_config(rest)(given)
+    steps = FilterChain.from_yaml(CHAIN).steps
+    assert steps[4].config.name == "surface_normals"
+    result = FilterChain(steps[4:])(given)
     assert set(result.layers) == set(theirs.layers)
     for layer in theirs:
         span = np.nanmax(theirs[layer]) - np.nanmin(theirs[layer])
