@@ -41,7 +41,7 @@ html_title = project
 html_copy_source = False
 
 myst_heading_anchors = 4
-# GitHub can show a folder as a page; the site cannot.
+# GitHub shows folders as pages; the site cannot.
 nitpick_ignore_regex = [("myst", r".*/")]
 
 OVERVIEWS = {

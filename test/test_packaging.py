@@ -188,7 +188,7 @@ def test_grid_map_has_the_commands_of_installed_packages(venv, tmp_path):
     assert "a bag needs the package 'grid_map_ros_py', which is not installed" in done.stderr
 
 
-def test_grid_map_takes_bags_and_draws_without_ros(everything, tmp_path):
+def test_grid_map_reads_bags_and_draws_without_ros(everything, tmp_path):
     run(everything / "bin/python", "-c", SAVE_SITE, environ=fresh_environment(), cwd=tmp_path)
     for line in ("convert site.npz survey", "info survey", "plot survey map.png"):
         done = grid_map(everything, tmp_path, *line.split())

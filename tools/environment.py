@@ -109,7 +109,7 @@ def _ensure_venv(
         return
     stamp = venv / ".complete"
     say(f"Making {venv.name} with Python {platform.python_version()}; this takes minutes, once ...")
-    # The stamp goes first, so that a removal that is cut short leaves none behind.
+    # The stamp is removed first, so that none is left after an interrupted removal.
     stamp.unlink(missing_ok=True)
     if venv.exists():
         shutil.rmtree(venv)
@@ -130,7 +130,7 @@ def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
 
 def _install_ros(outer: Mapping[str, str]) -> None:
     _pip(VENV, outer, "-r", REQUIREMENTS, "-c", CONSTRAINTS)
-    # A requirement of ROS brings the outdated lark-parser, whose files are on top of lark's.
+    # A requirement of ROS installs the outdated lark-parser, which overwrites files of lark.
     _pip(VENV, outer, "--force-reinstall", "--no-deps", *_pins_of(["lark"]))
     # The CMake files of the wheels name the Python paths of the machine that built them.
     there = r"/opt/python/cp\d+-cp\d+"

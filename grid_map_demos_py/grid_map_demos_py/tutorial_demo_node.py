@@ -73,7 +73,7 @@ def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -
     reach = int(radius / grid_map.resolution)
     steps = grid_map.resolution * np.arange(-reach, reach + 1)
     weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
-    # The array of all windows is a view of the layer; the index copies those of the cells.
+    # The array of all windows is a view of the layer; indexing copies the windows of the cells.
     windows = window_array(grid_map, layer, "empty", len(steps))[cells]
     known = np.isfinite(windows)
     with np.errstate(invalid="ignore"):

@@ -92,7 +92,7 @@ def test_clamp_gives_the_lowest_for_nan():
 def test_filters_work_if_numba_is_missing_turned_off_or_broken(tmp_path, setting):
     (tmp_path / "numba").mkdir()
     (tmp_path / "numba" / "__init__.py").write_text("raise SystemError('built for another NumPy')")
-    # What a failed import leaves.
+    # State after a failed import.
     program = (
         PROGRAM if setting != "MISSING" else f"import sys; sys.modules['numba'] = None{PROGRAM}"
     )

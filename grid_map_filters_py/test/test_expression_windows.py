@@ -309,7 +309,7 @@ def test_huge_cropped_window_covers_the_map(shape):
             for size in (0, -1, 2, 4)
         ),
         (np.ones((4, 5)), 3, "wrap", "no edge handling 'wrap'; available: inside, crop"),
-        (np.ones(4), 3, "crop", "a layer has rows and columns"),
+        (np.ones(4), 3, "crop", "layer: expected rows and columns, got shape"),
     ],
 )
 def test_wrong_arguments_are_refused(layer, window_size, edge_handling, message):

@@ -160,7 +160,7 @@ def test_values_that_are_not_finite_are_never_free_by_accident(value: float) -> 
     assert to_costmap(grid_map, "e", 0.0, 1.0).data.tolist() == [expected]
 
 
-# The other checks of the grid are those of occupancy grids.
+# test_occupancy_grid.py covers the other checks of the grid.
 MALFORMED = {
     "no cells along x": ("metadata.size_x", 0, r"metadata\.size_x: expected at least one cell"),
     "no cells along y": ("metadata.size_y", 0, r"metadata\.size_y: expected at least one cell"),

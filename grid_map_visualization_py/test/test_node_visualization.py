@@ -147,7 +147,7 @@ def test_node_subscribes_while_outputs_have_subscribers(peer, parameters):
 def test_late_listener_gets_the_map_published_before(peer, parameters, transient_local):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
-    # The regular check comes too late here.
+    # The periodic check is too late here.
     late = two_outputs(transient_local=True, activity_check_rate=0.01)
     qos = map_qos(transient_local=transient_local)
     with running_node(MODULE, *parameters(**late)):

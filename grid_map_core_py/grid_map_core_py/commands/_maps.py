@@ -174,7 +174,7 @@ def open_records(
 
 def _source_format(options: argparse.Namespace) -> "tuple[Format, dict[str, Any]]":
     """Return the format of the source and the options for it that were given."""
-    # A destination takes black and white, too, and complains if neither does.
+    # The destination may use black and white, too; if neither uses them, it has already raised.
     elsewhere = ("lower", "upper") if hasattr(options, "destination") else ()
     return _choose(options, _READING, elsewhere, writes=False)
 
@@ -228,7 +228,7 @@ class Destination:
             raise CommandError("expected a pipe or a file at standard output, for an .npz file")
         is_alike = source.name == self.format.name
         if is_alike and "crs" in options_of(self.format.save, 2) and "crs" not in self._given:
-            # A GeoTIFF stays in its reference system.
+            # A map from a GeoTIFF keeps its coordinate reference system.
             self._given["crs"] = describe(options)["map"].get("crs", "")
         check_free(self.path, force=options.force)
 

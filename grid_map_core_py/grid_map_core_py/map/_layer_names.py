@@ -10,7 +10,7 @@ from ..errors import GridMapError, LayerNotFoundError
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
     """Return names as a tuple; a single one may be given as a string."""
     try:
-        # A string is a sequence of one-letter names, too.
+        # A string would be iterated letter by letter.
         return (names,) if isinstance(names, str) else tuple(names)
     except TypeError:
         raise GridMapError(f"layers: expected names of layers, got {names!r}") from None

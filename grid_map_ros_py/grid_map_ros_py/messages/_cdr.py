@@ -335,7 +335,7 @@ class _Struct:
         else:
             self._name, types = message_type.__name__, message_type.get_fields_and_field_types()
         self._fields = {name: _codec(kind, f"{self._name}.{name}") for name, kind in types.items()}
-        # A message without fields takes a byte all the same.
+        # A message without fields still takes one byte.
         self.smallest: int = sum(codec.smallest for codec in self._fields.values()) or 1
 
     def read(self, reader: _Reader) -> Any:
@@ -347,7 +347,7 @@ class _Struct:
     def write(
         self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
     ) -> None:
-        """Write the fields of `value`, those in `arrays` from there."""
+        """Write the fields of `value`; fields named in `arrays` are taken from `arrays`."""
         if not self._fields:
             writer.add(b"\0")
         for name, codec in self._fields.items():

@@ -96,7 +96,7 @@ def _interleaved(
     layers = [grid_map[name].ravel("F") for name in names]
     field_of_x = names.index(point_layer)
     fields = [*range(field_of_x), *range(field_of_x + 2, len(names) + 2)]
-    # A few columns of cells at a time stay in the cache while field after field is woven in. Their
+    # A few columns of cells at a time stay in the cache while fields are interleaved. Their
     # x are always the same. Cells without data are dropped by a mask, as a whole: by their indices
     # it would take four times as long.
     block = np.empty((max(1, min(BLOCK // rows, columns)), rows, len(names) + 2), FLOAT)
