@@ -86,5 +86,5 @@ BAG = Format(
 )
 
 OCTOMAP = Format(
-    name="octomap", description="octomap, its surface", endings=(".bt", ".ot"), load=load_octomap
+    name="octomap", description="surface of an octomap", endings=(".bt", ".ot"), load=load_octomap
 )

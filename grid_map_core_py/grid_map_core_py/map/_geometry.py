@@ -189,7 +189,7 @@ class GridGeometry:
         for part in slices(len(positions), CHUNK):
             for axis, coordinates in enumerate(axes):
                 found = np.ascontiguousarray(cells[axis][part])
-                # Checking each chunk while it is in the cache is faster than checking all cells at once.
+                # Checking each chunk in the cache is faster than checking all cells at once.
                 if found.view(np.uint64).max() >= coordinates.size:
                     self.check_cells(cells)
                 positions[part, axis] = coordinates.take(found, mode="clip")
