@@ -163,35 +163,21 @@ def window_size_of(case) -> int:
     return cells if cells % 2 else cells + 1
 
 
-def is_moved(case) -> bool:
-    return golden("filters")["maps"][case["map"]]["start_index"] != [0, 0]
-
-
-def gives_matrix(case) -> bool:
-    return case["params"]["expression"] == case["params"]["input_layer"]
-
-
-def starts_late(case) -> bool:
+def deviates(case) -> str | None:
+    """Return the reason for a deliberate deviation, or None."""
     params = case["params"]
-    return "window_length" in params and params["edge_handling"] == "inside"
-
-
-WINDOW_DEVIATIONS = {
-    "moved maps work": is_moved,
-    "an expression that gives a matrix is an error": gives_matrix,
-    "windows of one cell start at the first cell": starts_late,
-    "compute_empty_cells is respected": lambda case: not case["params"]["compute_empty_cells"],
-}
+    if golden("filters")["maps"][case["map"]]["start_index"] != [0, 0]:
+        return "moved maps work"
+    if params["expression"] == params["input_layer"]:
+        return "an expression that gives a matrix is an error"
+    if "window_length" in params and params["edge_handling"] == "inside":
+        return "windows of one cell start at the first cell"
+    return None if params["compute_empty_cells"] else "compute_empty_cells is respected"
 
 
 def window_cases(deviation: str | None) -> list[Any]:
-    """Return the golden cases with this reason for a deviation, or without any."""
     cases = filter_cases("SlidingWindowMathExpressionFilter")
-    return [
-        case
-        for case in cases
-        if next((why for why, holds in WINDOW_DEVIATIONS.items() if holds(case)), None) == deviation
-    ]
+    return [case for case in cases if deviates(case) == deviation]
 
 
 @pytest.mark.parametrize("case", window_cases(None), ids=case_id)
