@@ -1,51 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The circular buffer, compared with a map that copies its data on every move."""
+"""Blocks of the circular buffer, compared with the C++ library."""
 
 import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import golden
 from grid_map_core_py import GridMap, submap_cells
 from grid_map_core_py.map import _ring_buffer as ring_buffer
 
 GEOMETRY = golden.load("geometry")
-sizes = st.tuples(st.integers(1, 9), st.integers(1, 9))
-
-
-@given(sizes, st.data())
-def test_block_equals_a_rolled_slice(size, data):
-    start = tuple(data.draw(st.integers(0, n - 1)) for n in size)
-    rows, columns = (
-        slice(*sorted((data.draw(st.integers(0, n)), data.draw(st.integers(0, n))))) for n in size
-    )
-    layer = np.asfortranarray(np.arange(size[0] * size[1], dtype=np.float32).reshape(size))
-    block = ring_buffer.block(layer, start, rows, columns)
-    expected = np.roll(layer, (-start[0], -start[1]), axis=(0, 1))[rows, columns]
-    np.testing.assert_array_equal(block, expected)
-    assert block.flags.f_contiguous
-
-
-@given(sizes, st.data())
-def test_uncovered_regions_hold_exactly_the_cells_that_leave(size, data):
-    start = tuple(data.draw(st.integers(0, n - 1)) for n in size)
-    shift = tuple(data.draw(st.integers(-2 * n, 2 * n)) for n in size)
-    uncovered = np.zeros(size, dtype=bool)
-    for region in ring_buffer.uncovered(start, size, shift):
-        uncovered[region.slices] = True
-    expected = np.zeros(size, dtype=bool)
-    for cell in np.argwhere(~expected):
-        after = cell - shift
-        expected[tuple((cell + start) % size)] = not ((after >= 0) & (after < size)).all()
-    np.testing.assert_array_equal(uncovered, expected)
-
-
-@pytest.mark.parametrize("shift", [(8, 0), (0, -5), (9, 1), (1, 6), (-20, 20)])
-def test_a_shift_by_the_whole_map_uncovers_everything_once(shift):
-    regions = ring_buffer.uncovered((3, 2), (8, 5), shift)
-    assert regions == [ring_buffer.BufferRegion((0, 0), (8, 5))]
 
 
 def test_positions_beyond_the_map_get_border_cell_as_in_cpp():
