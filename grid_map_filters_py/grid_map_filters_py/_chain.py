@@ -8,6 +8,9 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
 
+import cv2
+import numpy as np
+
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.errors import GridMapError
@@ -94,6 +97,8 @@ class FilterChain:
         Raises:
             FilterError: a filter failed; the message names it.
         """
+        if not OPENCV_KEEPS_READ_ONLY and grid_map.start_index == (0, 0):
+            grid_map = grid_map.copy()
         result, start, own = self._run(grid_map, observer, warnings)
         if start != (0, 0):
             return result.with_start_index(start)
@@ -141,6 +146,21 @@ class FilterChain:
 
     def __repr__(self) -> str:
         return f"FilterChain({', '.join(step.config.name for step in self.steps)})"
+
+
+def _opencv_keeps_read_only() -> bool:
+    """Return whether OpenCV refuses to write into a read-only array; OpenCV 4.6 does not."""
+    array = np.zeros((1, 1), np.float32)
+    array.flags.writeable = False
+    try:
+        cv2.add(array, 1.0, dst=array)
+    except cv2.error:
+        return True
+    return False
+
+
+OPENCV_KEEPS_READ_ONLY = _opencv_keeps_read_only()
+"""If False, a call works on a copy, since a filter could change the caller's map unnoticed."""
 
 
 def _build(config: StepConfig) -> Filter:
