@@ -153,7 +153,7 @@ def _opencv_keeps_read_only() -> bool:
     array = np.zeros((1, 1), np.float32)
     array.flags.writeable = False
     try:
-        cv2.add(array, 1.0, dst=array)
+        cv2.blur(array, (1, 1), dst=array)
     except cv2.error:
         return True
     return False
