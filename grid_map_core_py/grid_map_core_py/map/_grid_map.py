@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -592,15 +593,11 @@ class GridMap(MutableMapping[str, Layer]):
                 f"the submap at {as_text(center)} of length {as_text(sides)} does not overlap the "
                 f"map: {self._geometry.place}"
             )
-        result = GridMap.from_geometry(
-            self._geometry.cropped(rows, columns), frame_id=self.frame_id, timestamp=self.timestamp
-        )
-        result._layers = {
+        layers = {
             name: ring_buffer.block(data, self._start, rows, columns)
             for name, data in self._layers.items()
         }
-        result._basic_layers = self._basic_layers
-        return result
+        return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
@@ -715,13 +712,22 @@ class GridMap(MutableMapping[str, Layer]):
             return data
         return as_layer(data, self.size, name)
 
-    def _with(self, layers: dict[str, Layer]) -> GridMap:
-        result = GridMap.from_geometry(
-            self._geometry, frame_id=self.frame_id, timestamp=self.timestamp
-        )
-        result._start = self._start
-        result._layers = layers
-        result._basic_layers = tuple(name for name in self._basic_layers if name in layers)
+    def _with(
+        self,
+        layers: dict[str, Layer],
+        geometry: GridGeometry | None = None,
+        start: Size | None = None,
+    ) -> GridMap:
+        """Return a map with these layers; the rest is from this map and needs no check."""
+        result = GridMap.__new__(GridMap)
+        # The `__setattr__` of this class, which explains wrong names, takes microseconds in total.
+        put = partial(object.__setattr__, result)
+        put("_geometry", geometry or self._geometry)
+        put("_start", start or self._start)
+        put("_layers", layers)
+        put("_basic_layers", tuple(name for name in self._basic_layers if name in layers))
+        put("_frame_id", self._frame_id)
+        put("_timestamp", self._timestamp)
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
