@@ -4,7 +4,7 @@
 
 import json
 import statistics
-import time
+import timeit
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -72,9 +72,9 @@ class Measurement:
     _round: int = 0
 
     def __post_init__(self) -> None:
-        begin = time.perf_counter()
-        self.operation(*self.prepare())
-        self._seconds = time.perf_counter() - begin
+        # The first call may also import or compile.
+        call = lambda: self.operation(*self.prepare())  # noqa: E731
+        self._seconds = min(timeit.repeat(call, number=1, repeat=2))
         wanted = int(SECONDS_PER_BLOCK / self._seconds)
         self.rounds_per_block = max(1, min(MOST_ROUNDS, wanted))
 
