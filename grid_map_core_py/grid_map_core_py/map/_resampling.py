@@ -67,8 +67,8 @@ class Axis:
         return np.asarray(np.clip(cells, 0, self.sources - 1), dtype=np.intp)
 
     @cached_property
-    def weights(self) -> "Weights":
-        """The weights of the source cells in the target cells."""
+    def weights(self) -> "sparse.csr_array":
+        """(targets, sources) float32 weights of the source cells in the target cells."""
         from scipy import sparse  # slow to import
 
         # Sources that are too far apart to meet in one target share a line.
@@ -85,7 +85,13 @@ class Axis:
         matrix = sparse.csr_array((weights[used], sources[used], ends), shape)
         # SciPy may sort later, which would reorder values that parts share.
         matrix.sort_indices()
-        return Weights(matrix)
+        return matrix
+
+    @cached_property
+    def magnitudes(self) -> tuple["sparse.csr_array", npt.NDArray[np.float32]]:
+        """(targets, sources) the weights without signs, and their sums (targets,)."""
+        matrix = abs(self.weights)
+        return matrix, matrix.sum(axis=1)
 
     def _resized(self, lines: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
         """Return N lines of pixels (sources, N) resized to (targets, N)."""
@@ -109,39 +115,6 @@ class Axis:
         return np.concatenate(parts, axis=1)[: self.targets]
 
 
-@dataclass(frozen=True)
-class Weights:
-    """Weights of source cells in target cells.
-
-    Args:
-        matrix: (targets, sources) float32.
-    """
-
-    matrix: "sparse.csr_array"
-
-    @cached_property
-    def magnitudes(self) -> "sparse.csr_array":
-        """(targets, sources) the weights without signs."""
-        return abs(self.matrix)
-
-    @cached_property
-    def sums(self) -> npt.NDArray[np.float32]:
-        """(targets,) sums of the magnitudes."""
-        return np.asarray(self.magnitudes.sum(axis=1))
-
-    def part(self, targets: slice) -> tuple[slice, "Weights"]:
-        """Return the sources of some targets, and their weights."""
-        from scipy import sparse  # slow to import
-
-        ends = self.matrix.indptr[targets.start : targets.stop + 1]
-        used = slice(ends[0], ends[-1])
-        sources = self.matrix.indices[used]
-        first, last = int(sources.min()), int(sources.max())
-        values = self.matrix.data[used], sources - first, ends - ends[0]
-        shape = targets.stop - targets.start, last + 1 - first
-        return slice(first, last + 1), Weights(sparse.csr_array(values, shape))
-
-
 def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
     """Interpolate a layer.
 
@@ -160,28 +133,39 @@ def resample(layer: Layer, start: Size, rows: Axis, columns: Axis) -> Layer:
     cells = min(_BLOCK, max(_SMALL_BLOCK, result.size // 3))
     step = int(cells / (rows.sources / columns.factor + rows.targets))
     for targets in slices(columns.targets, step):
-        needed, weights = columns.weights.part(targets)
+        needed, weights = _part(columns.weights, targets)
         block = ring_buffer.block(layer, start, slice(0, rows.sources), needed)
         picked: Layer = block[np.ix_(rows.nearest, columns.nearest[targets] - needed.start)]
         if not rows.picks:
             finite = np.isfinite(picked)
-            np.copyto(picked, _interpolate(block, rows.weights, weights), where=finite)
+            np.copyto(picked, _interpolate(block, rows, weights), where=finite)
         result[:, targets] = picked
     return result
 
 
-def _interpolate(block: Layer, rows: Weights, columns: Weights) -> Layer:
+def _part(weights: "sparse.csr_array", targets: slice) -> tuple[slice, "sparse.csr_array"]:
+    """Return the sources of some targets, and their weights; faster than indexing twice."""
+    ends = weights.indptr[targets.start : targets.stop + 1]
+    used = slice(ends[0], ends[-1])
+    sources = weights.indices[used]
+    first, stop = int(sources.min()), int(sources.max()) + 1
+    values = weights.data[used], sources - first, ends - ends[0]
+    return slice(first, stop), type(weights)(values, (targets.stop - targets.start, stop - first))
+
+
+def _interpolate(block: Layer, rows: Axis, columns: "sparse.csr_array") -> Layer:
     """Return the interpolated block; the values at holes have no meaning. Overwrites the block."""
     missing = ~np.isfinite(block)
     np.copyto(block, 0, where=missing)
-    result = _product(rows.matrix, block, columns.matrix)
+    result = _product(rows.weights, block, columns)
     if not missing.any():
         return result
     # Beside holes, the sum of weights could vanish; there a mean with positive weights is used.
-    holes = _product(rows.magnitudes, missing.astype(np.float32), columns.magnitudes)
-    known = np.outer(rows.sums, columns.sums) - holes
+    (along, sums), across = rows.magnitudes, abs(columns)
+    holes = _product(along, missing.astype(np.float32), across)
+    known = np.outer(sums, across.sum(axis=1)) - holes
     with np.errstate(divide="ignore", invalid="ignore"):
-        means = _product(rows.magnitudes, block, columns.magnitudes) / known
+        means = _product(along, block, across) / known
     return np.where(holes > 0, means, result)
 
 

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -55,6 +53,16 @@ class SignedDistanceField:
         unknown: meaning of cells without data (NaN); None refuses them, "free" treats them as cells
             of height -inf.
 
+    Attributes:
+        geometry: size, resolution and place of the map.
+        resolution: distance between neighboring nodes along each axis [m].
+        frame_id: coordinate frame of all points.
+        timestamp: time of the map [ns].
+        levels: (levels,) z of every level [m], ascending; read-only.
+        distances: (rows, cols, levels) float32 distance at every node [m]; read-only. Rows and
+            columns are in map order, levels run upwards.
+        shape: rows, columns and levels.
+
     Raises:
         LayerNotFoundError: there is no such layer.
         GeometryError: a height is not finite, `max_height` is below `min_height`, or there
@@ -77,61 +85,32 @@ class SignedDistanceField:
         *,
         unknown: Literal["free"] | None = None,
     ) -> None:
-        self._geometry = grid_map.geometry
-        self._frame_id = grid_map.frame_id
-        self._timestamp = grid_map.timestamp
+        self.geometry = grid_map.geometry
+        self.resolution = grid_map.resolution
+        self.frame_id = grid_map.frame_id
+        self.timestamp = grid_map.timestamp
         heights = _heights(grid_map, layer, unknown)
-        self._levels = _levels(self._geometry, min_height, max_height)
-        self._distances = _distances(heights, self._levels, self.resolution)
-        self._distances.flags.writeable = False
-        x, y = self._geometry.axes_in_map_order()
-        first = np.array([x[0], y[0], self._levels[0]])
-        steps = self.resolution * np.array([-1.0, -1.0, 1.0])
+        self.levels = _levels(self.geometry, min_height, max_height)
+        self.distances = _distances(heights, self.levels, self.resolution)
+        self.distances.flags.writeable = False
+        self.shape = (*self.geometry.size, self.levels.size)
+        x, y = self.geometry.axes_in_map_order()
+        self._first = np.array([x[0], y[0], self.levels[0]])
+        self._steps = self.resolution * np.array([-1.0, -1.0, 1.0])
         # Infinities cannot be interpolated; a field is infinite everywhere or nowhere.
-        base = float(self._distances[0, 0, 0])
-        self._base, nodes = 0.0, self._distances
-        if math.isinf(base):
-            self._base, nodes = base, np.zeros((1, 1, 1), np.float32)
-        self._interpolant = _Trilinear(nodes, first, steps)
-
-    @property
-    def geometry(self) -> GridGeometry:
-        """Size, resolution and place of the map."""
-        return self._geometry
-
-    @property
-    def resolution(self) -> float:
-        """Distance between neighboring nodes along each axis [m]."""
-        return self._geometry.resolution
-
-    @property
-    def frame_id(self) -> str:
-        """Coordinate frame of all points."""
-        return self._frame_id
-
-    @property
-    def timestamp(self) -> int:
-        """Time of the map [ns]."""
-        return self._timestamp
-
-    @property
-    def levels(self) -> Positions:
-        """(levels,) z of every level [m], ascending; read-only."""
-        return self._levels
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Rows, columns and levels."""
-        return *self._geometry.size, self._levels.size
-
-    @property
-    def distances(self) -> Nodes:
-        """(rows, cols, levels) float32 distance at every node [m]; read-only.
-
-        Rows run towards -x and columns towards -y from the corner with the largest x and y, however
-        the map was stored; levels run upwards.
-        """
-        return self._distances
+        first = float(self.distances[0, 0, 0])
+        self._base = first if math.isinf(first) else 0.0
+        nodes = self.distances if self._base == 0.0 else np.zeros((1, 1, 1), np.float32)
+        self._counts = nodes.shape
+        # From a node to the next one in memory; an axis with one node is constant.
+        self._strides = [
+            stride // nodes.itemsize if count > 1 else 0
+            for stride, count in zip(nodes.strides, nodes.shape, strict=True)
+        ]
+        flat = nodes.ravel(order="K")
+        # In each of these views, the index of a cell gives one of its eight corners.
+        offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
+        self._corner_nodes = [flat[offset:] for offset in offsets]
 
     def value(self, points: ArrayLike) -> float | Positions:
         """Return the signed distance at points.
@@ -145,8 +124,20 @@ class SignedDistanceField:
         Raises:
             GeometryError: the points have another shape.
         """
-        given = _as_points(points)
-        values = self._interpolant.values(given.reshape(-1, 3))
+        given, flat = _as_points(points)
+        values = np.empty(len(flat))
+        # Allocation for every chunk would be slower.
+        buffer = np.empty((8, min(len(flat), CHUNK)), np.float32)
+        for part in chunks(flat):
+            places, cells = self._located(flat[part], np.floor, 2)
+            corners = self._corners(cells, buffer[:, : cells[0].size])
+            for place, cell in zip(places, cells, strict=True):
+                low, high = corners[: len(corners) // 2], corners[len(corners) // 2 :]
+                high -= low
+                high *= (place - cell).astype(np.float32)
+                low += high
+                corners = low
+            values[part] = corners[0]
         values += self._base
         return float(values[0]) if given.ndim == 1 else values
 
@@ -155,8 +146,13 @@ class SignedDistanceField:
 
         Arguments and errors: see `value`. Outside, the nearest node is one on the border.
         """
-        given = _as_points(points)
-        values = self._interpolant.nearest_values(given.reshape(-1, 3))
+        given, flat = _as_points(points)
+        values = np.empty(len(flat))
+        for part in chunks(flat):
+            places, cells = self._located(flat[part], np.rint, 1)
+            values[part] = self._corner_nodes[0].take(self._index(cells))
+            if np.isnan(sum(place.sum() for place in places)):
+                values[part][np.isnan(places).any(axis=0)] = np.nan
         values += self._base
         return float(values[0]) if given.ndim == 1 else values
 
@@ -179,8 +175,23 @@ class SignedDistanceField:
 
     def value_and_gradient(self, points: ArrayLike) -> tuple[float | Positions, Positions]:
         """Return the results of `value` and `gradient`; it takes the time of `gradient`."""
-        given = _as_points(points)
-        values, gradients = self._interpolant.values_and_gradients(given.reshape(-1, 3))
+        given, flat = _as_points(points)
+        values, gradients = np.empty(len(flat)), np.empty(flat.shape)
+        for part in chunks(flat):
+            places, cells = self._located(flat[part], np.floor, 2)
+            values[part], *slopes = self._values_and_slopes(places, cells)
+            for axis, (slope, place) in enumerate(zip(slopes, places, strict=True)):
+                nearest = np.rint(place)
+                kink = np.abs(place - nearest) <= BORDER_TOLERANCE / self.resolution
+                kink &= (nearest > 0) & (nearest < self._counts[axis] - 1)
+                if kink.any():
+                    beyond = [cell[kink] for cell in cells]
+                    beyond[axis] = 2 * nearest[kink] - 1 - beyond[axis]
+                    there = self._values_and_slopes([place[kink] for place in places], beyond)
+                    slope[kink] = 0.5 * (slope[kink] + there[1 + axis])
+                np.divide(slope, self._steps[axis], out=gradients[part, axis])
+        gradients += 0.0  # Steps are negative along x and y; adding 0 turns -0 into 0.
+        gradients[np.isnan(values)] = np.nan
         values += self._base
         return (float(values[0]), gradients[0]) if given.ndim == 1 else (values, gradients)
 
@@ -196,77 +207,20 @@ class SignedDistanceField:
             towards -y, then towards -x.
         """
         least, most = as_number(lower, "lower"), as_number(upper, "upper")
-        chosen = (self._distances >= least) & (self._distances <= most)
+        chosen = (self.distances >= least) & (self.distances <= most)
         points = np.empty((np.count_nonzero(chosen), 4), np.float32)
-        for axis, coordinates in enumerate(
-            np.ix_(*self._geometry.axes_in_map_order(), self._levels)
-        ):
+        axes = np.ix_(*self.geometry.axes_in_map_order(), self.levels)
+        for axis, coordinates in enumerate(axes):
             points[:, axis] = np.broadcast_to(coordinates, self.shape)[chosen]
-        points[:, 3] = self._distances[chosen]
+        points[:, 3] = self.distances[chosen]
         return points
 
     def __repr__(self) -> str:
         rows, columns, levels = self.shape
         return (
             f"SignedDistanceField({rows} x {columns} x {levels} nodes of {self.resolution} m, "
-            f"z from {self._levels[0]:g} to {self._levels[-1]:g} m, in {self._frame_id!r})"
+            f"z from {self.levels[0]:g} to {self.levels[-1]:g} m, in {self.frame_id!r})"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Trilinear:
-    """Trilinear interpolation between regular nodes, with linear extrapolation outside.
-
-    Args:
-        nodes: (l, m, n) float32 values, contiguous in any order of the axes; constant along an axis
-            with a single node.
-        first: (3,) where node (0, 0, 0) lies.
-        steps: (3,) from a node to the next one along each axis.
-    """
-
-    nodes: Nodes
-    first: Positions
-    steps: Positions
-
-    def nearest_values(self, points: Positions) -> Positions:
-        """Return the values (N,) of the nodes nearest to points (N, 3)."""
-        values = np.empty(len(points))
-        for part in chunks(points):
-            places, cells = self._located(points[part], np.rint, 1)
-            values[part] = self._flat_nodes.take(self._index(cells))
-            if np.isnan(sum(place.sum() for place in places)):
-                values[part][np.isnan(places).any(axis=0)] = np.nan
-        return values
-
-    def values(self, points: Positions) -> Positions:
-        """Return the values (N,) at points (N, 3)."""
-        values = np.empty(len(points))
-        # Allocation for every chunk would be slower.
-        buffer = np.empty((8, min(len(points), CHUNK)), np.float32)
-        for part in chunks(points):
-            places, cells = self._located(points[part], np.floor, 2)
-            corners = self._corners(cells, buffer[:, : cells[0].size])
-            for fraction in _fractions(places, cells):
-                low, high = _halves(corners)
-                high -= low
-                high *= fraction
-                low += high
-                corners = low
-            values[part] = corners[0]
-        return values
-
-    def values_and_gradients(self, points: Positions) -> tuple[Positions, Positions]:
-        """Return the values (N,) and gradients (N, 3) at points (N, 3)."""
-        values, gradients = np.empty(len(points)), np.empty(points.shape)
-        for part in chunks(points):
-            places, cells = self._located(points[part], np.floor, 2)
-            values[part], *slopes = self._values_and_slopes(places, cells)
-            for axis, slope in enumerate(slopes):
-                self._average_at_kinks(slope, axis, places, cells)
-                np.divide(slope, self.steps[axis], out=gradients[part, axis])
-        gradients += 0.0  # Steps are negative along x and y; adding 0 turns -0 into 0.
-        gradients[np.isnan(values)] = np.nan
-        return values, gradients
 
     def _located(
         self, points: Positions, rounded: Callable[[Positions], Positions], width: int
@@ -283,9 +237,9 @@ class _Trilinear:
             cells: whole numbers, `rounded` places moved to existing nodes.
         """
         places, cells = [], []
-        for axis, size in enumerate(self.nodes.shape):
-            place = points[:, axis] - self.first[axis]
-            place *= 1 / self.steps[axis]
+        for axis, size in enumerate(self._counts):
+            place = points[:, axis] - self._first[axis]
+            place *= 1 / self._steps[axis]
             cell, last = rounded(place), max(size - width, 0)
             # Most often all points are inside, and the check is faster than clamping.
             if not (cell.min() >= 0 and cell.max() <= last):
@@ -304,70 +258,32 @@ class _Trilinear:
         index += cells[2] * third
         return index.astype(np.intp)
 
-    @cached_property
-    def _strides(self) -> list[int]:
-        """Memory steps [nodes] to the next node along each axis; 0 along an axis with one node."""
-        strides = np.floor_divide(self.nodes.strides, self.nodes.itemsize)
-        return [int(stride) for stride in np.where(np.array(self.nodes.shape) > 1, strides, 0)]
-
-    @cached_property
-    def _flat_nodes(self) -> npt.NDArray[np.float32]:
-        """The nodes in memory order; a view."""
-        return self.nodes.ravel(order="K")
-
     def _corners(self, cells: _Coordinates, out: Nodes) -> Nodes:
         """Return in `out` the nodes (8, N) around cells; the first axis changes slowest."""
         index = self._index(cells)
-        for corner, nodes in zip(out, self._shifted_nodes, strict=True):
+        for corner, nodes in zip(out, self._corner_nodes, strict=True):
             # Every index is in range; other modes would copy through a buffer.
             nodes.take(index, out=corner, mode="clip")
         return out
 
-    @cached_property
-    def _shifted_nodes(self) -> list[npt.NDArray[np.float32]]:
-        """Views of the flat nodes; in each, the index of a cell gives one of its eight corners."""
-        offsets = np.indices((2, 2, 2)).reshape(3, 8).T @ self._strides
-        return [self._flat_nodes[offset:] for offset in offsets]
-
     def _values_and_slopes(self, places: _Coordinates, cells: _Coordinates) -> Nodes:
         """Return (4, N) the values, and their derivatives along the three axes per node."""
         found: Nodes = self._corners(cells, np.empty((8, cells[0].size), np.float32))[:, None]
-        for fraction in _fractions(places, cells):
-            low, high = _halves(found)
+        for place, cell in zip(places, cells, strict=True):
+            low, high = found[: len(found) // 2], found[len(found) // 2 :]
             slope = high - low
+            fraction = (place - cell).astype(np.float32)
             found = np.concatenate([low + slope * fraction, slope[:, :1]], axis=1)
         jets: Nodes = found[0]
         return jets
 
-    def _average_at_kinks(
-        self, slope: Nodes, axis: int, places: _Coordinates, cells: _Coordinates
-    ) -> None:
-        """Replace slopes (N,) on planes through inner nodes by the mean of both sides."""
-        nearest = np.rint(places[axis])
-        kink = np.abs(places[axis] - nearest) <= BORDER_TOLERANCE / abs(self.steps[axis])
-        kink &= (nearest > 0) & (nearest < self.nodes.shape[axis] - 1)
-        if kink.any():
-            beyond = [cell[kink] for cell in cells]
-            beyond[axis] = 2 * nearest[kink] - 1 - beyond[axis]
-            there = self._values_and_slopes([place[kink] for place in places], beyond)
-            slope[kink] += there[1 + axis]
-            slope[kink] *= 0.5
 
-
-def _halves(array: Nodes) -> tuple[Nodes, Nodes]:
-    half = len(array) // 2
-    return array[:half], array[half:]
-
-
-def _fractions(places: _Coordinates, cells: _Coordinates) -> list[npt.NDArray[np.float32]]:
-    return [(place - cell).astype(np.float32) for place, cell in zip(places, cells, strict=True)]
-
-
-def _as_points(values: ArrayLike) -> Positions:
+def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
+    """Return points as they are given, and as (N, 3)."""
     points: Positions = as_array(values, np.float64, "points")
     if points.ndim not in {1, 2} or points.shape[-1] != 3:
         raise GeometryError(f"points: expected x, y, z of shape (3,) or (N, 3), got {points.shape}")
-    return points
+    return points, points.reshape(-1, 3)
 
 
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
@@ -429,19 +345,16 @@ def _to_nearest(upper: ArrayLike, lower: ArrayLike, resolution: float) -> Layer:
     generalised distance transform of f^2 (Felzenszwalb and Huttenlocher, Distance Transforms of
     Sampled Functions, 2012), for one axis after the other.
     """
-    # Nothing but the call holds the gaps, so that their memory is free for the second transform.
-    squares = _transformed(_transformed(_squared_gaps(upper, lower), resolution), resolution)
-    return np.sqrt(squares, out=squares)
-
-
-def _squared_gaps(upper: ArrayLike, lower: ArrayLike) -> Layer:
     # In float64, because the difference of large heights may be small.
-    gaps = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
-    np.subtract(upper, lower, out=gaps, dtype=np.float64, casting="same_kind")
-    np.maximum(gaps, 0, out=gaps)
+    squares = np.empty(np.broadcast_shapes(np.shape(upper), np.shape(lower)), np.float32)
+    np.subtract(upper, lower, out=squares, dtype=np.float64, casting="same_kind")
+    np.maximum(squares, 0, out=squares)
     # A squared distance beyond float32 becomes infinite, so that the column is never the nearest.
     with np.errstate(over="ignore"):
-        return np.multiply(gaps, gaps, out=gaps)
+        np.multiply(squares, squares, out=squares)
+    for _ in ("x", "y"):
+        squares = _transformed(squares, resolution)
+    return np.sqrt(squares, out=squares)
 
 
 def _transformed(costs: Layer, resolution: float) -> Layer:

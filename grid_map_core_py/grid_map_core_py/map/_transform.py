@@ -5,14 +5,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Mask, Positions, Size, as_finite
+from ..arrays._checks import Positions, as_finite
+from ..arrays._pieces import slices
 from ..errors import GeometryError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 
@@ -36,7 +37,7 @@ def transformed_map(
     transform: ArrayLike,
     height_layer: str,
     frame_id: str,
-    sample_ratio: float = 0.0,
+    sample_ratio: float,
 ) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)
@@ -45,23 +46,18 @@ def transformed_map(
     steps = [(0.0, 0.0)]
     if ratio > 0:
         steps += [(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)]
-    x, y = grid_map.geometry.axes_in_map_order()
-    heights = grid_map.unwrapped(height_layer)
+    geometry = _footprint(grid_map.geometry, matrix)
     others = [name for name in grid_map if name != height_layer]
-    surface = _Surface(_footprint(grid_map.geometry, matrix), with_sources=bool(others))
-    result = grid_map.from_geometry(
-        surface.geometry, frame_id=frame_id, timestamp=grid_map.timestamp
-    )
-    for rows, columns in _blocks(grid_map.size):
-        points = _points(x[rows], y[columns], heights[rows, columns], matrix[:3], steps)
-        # Cells are numbered column after column.
-        numbers = np.arange(columns.start, columns.stop)[:, None] * x.size
-        surface.add(points, numbers + np.arange(rows.start, rows.stop))
-    # It may be a copy, whose memory the next layers can reuse.
-    del heights, points
-    layers = {name: surface.carried(grid_map.unwrapped(name)) for name in others}
-    layers[height_layer] = surface.layer
-    result = result.with_layers({name: layers[name] for name in grid_map})
+    points = _points(grid_map, height_layer, matrix[:3], steps)
+    highest, sources = _seen_from_above(geometry, points, with_sources=bool(others))
+    is_empty = ~np.isfinite(highest)
+    layers = {}
+    for name in grid_map:
+        values = grid_map.unwrapped(name).ravel("F")[sources] if name in others else highest
+        values[is_empty] = np.nan
+        layers[name] = values.reshape(geometry.size, order="F")
+    result = grid_map.from_geometry(geometry, frame_id=frame_id, timestamp=grid_map.timestamp)
+    result = result.with_layers(layers)
     result.basic_layers = grid_map.basic_layers
     return result
 
@@ -115,116 +111,89 @@ def _moved(row: Positions, x: Positions, y: Positions, lift: Positions | float) 
     return moved
 
 
-def _blocks(size: Size) -> Iterator[tuple[slice, slice]]:
-    """Yield blocks of rows and columns of a map, column after column."""
-    block = min(max(_SMALL_BLOCK, math.prod(size) // 12), _LARGE_BLOCK)
-    height = min(size[0], block)
-    width = max(1, block // height)
-    for column in range(0, size[1], width):
-        columns = slice(column, min(column + width, size[1]))
-        for row in range(0, size[0], height):
-            yield slice(row, min(row + height, size[0])), columns
-
-
 def _points(
-    x: Positions,
-    y: Positions,
-    heights: Layer,
-    matrix: Positions,
-    steps: list[tuple[float, float]],
-) -> Iterator[list[Positions]]:
-    """Yield, for every step, moved x, y, z (cols, rows) of cells; -inf in z where no height is.
+    grid_map: GridMap, height_layer: str, matrix: Positions, steps: list[tuple[float, float]]
+) -> Iterator[tuple[_Indices, Iterator[list[Positions]]]]:
+    """Yield, block by block, the numbers (cols, rows) of cells, and their moved points.
+
+    Cells are numbered column after column. The points are one x, y, z (cols, rows) for every step;
+    z is -inf where there is no height.
 
     Args:
-        x, y: (rows,) and (cols,) centers of the cells [m].
-        heights: (rows, cols) z [m].
-        matrix: (3, 4) how they move.
+        matrix: (3, 4) how the points move.
         steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
-    z = heights.T.astype(np.float64)
-    missing = ~np.isfinite(z)
-    np.copyto(z, 0.0, where=missing)
-    lifts = [row[2] * z + row[3] for row in matrix]
-    np.copyto(lifts[2], -np.inf, where=missing)
-    for dx, dy in steps:
-        yield [_moved(row, x + dx, y + dy, lift) for row, lift in zip(matrix, lifts, strict=True)]
+    heights = grid_map.unwrapped(height_layer)
+    block = min(max(_SMALL_BLOCK, heights.size // 12), _LARGE_BLOCK)
+    x, y = grid_map.geometry.axes_in_map_order()
+    all_numbers = np.arange(y.size)[:, None] * x.size, np.arange(x.size)
+    for columns in slices(y.size, block // x.size):
+        for rows in slices(x.size, block):
+            z = heights[rows, columns].T.astype(np.float64)
+            missing = ~np.isfinite(z)
+            np.copyto(z, 0.0, where=missing)
+            lifts = [row[2] * z + row[3] for row in matrix]
+            np.copyto(lifts[2], -np.inf, where=missing)
+            yield (
+                all_numbers[0][columns] + all_numbers[1][rows],
+                (
+                    [
+                        _moved(row, x[rows] + dx, y[columns] + dy, lift)
+                        for row, lift in zip(matrix, lifts, strict=True)
+                    ]
+                    for dx, dy in steps
+                ),
+            )
 
 
-class _Surface:
-    """The highest point in each cell of a grid.
+def _seen_from_above(
+    geometry: GridGeometry,
+    blocks: Iterator[tuple[_Indices, Iterator[list[Positions]]]],
+    *,
+    with_sources: bool,
+) -> tuple[npt.NDArray[np.float32], _Indices]:
+    """Return the height of the highest point in each cell, and the number of its source.
 
-    Args:
-        geometry: geometry of the grid.
-        with_sources: True to keep the source cell of each highest point.
+    Both are in the order of stored layers, column after column; -inf where no point came down.
+    Among points of equal height, the one of the last source stays.
     """
-
-    def __init__(self, geometry: GridGeometry, *, with_sources: bool) -> None:
-        self.geometry = geometry
-        cells = math.prod(geometry.size)
-        # Both column after column, as layers are stored. NaN would make maxima twice as slow.
-        self._heights = np.full(cells, -np.inf, dtype=np.float32)
-        self._sources = np.zeros(cells, dtype=np.intp) if with_sources else None
-
-    @property
-    def layer(self) -> Layer:
-        """(rows, cols) z of the highest points [m]; NaN where none came down."""
-        self._heights[self._is_empty] = np.nan
-        return self._heights.reshape(self.geometry.size, order="F")
-
-    def carried(self, layer: Layer) -> Layer:
-        """Return the values (rows, cols) of a layer in the cells where the points came from."""
-        values = layer.ravel("F")[self._sources]
-        values[self._is_empty] = np.nan
-        return values.reshape(self.geometry.size, order="F")
-
-    def add(self, points: Iterable[list[Positions]], sources: _Indices) -> None:
-        """Drop points onto the grid, several from each source.
-
-        Among points of equal height, the one of the last source stays.
-
-        Args:
-            points: x, y, z [m], each of the shape of `sources`; -inf in z is no point.
-            sources: number of the cell that the points came from.
-        """
+    # NaN would make maxima twice as slow.
+    highest = np.full(math.prod(geometry.size), -np.inf, dtype=np.float32)
+    sources = np.zeros(highest.size if with_sources else 0, dtype=np.intp)
+    for numbers, points in blocks:
         landed = []
         for point in points:
-            cells, heights = self._landed(*point)
-            np.maximum.at(self._heights, cells, heights)
-            if self._sources is not None:
+            cells, heights = _landed(geometry, *point)
+            np.maximum.at(highest, cells, heights)
+            if with_sources:
                 landed.append((cells, heights))
-        if self._sources is not None:
+        if with_sources:
             # One row per source, so that they keep their order.
             cells, heights = (np.stack(parts, axis=-1) for parts in zip(*landed, strict=True))
-            highest = self._heights[cells] == heights
-            self._sources[cells[highest]] = sources.reshape(-1)[np.nonzero(highest)[0]]
+            stays = highest[cells] == heights
+            sources[cells[stays]] = np.broadcast_to(numbers.reshape(-1, 1), stays.shape)[stays]
+    return highest, sources
 
-    @property
-    def _is_empty(self) -> Mask:
-        return ~np.isfinite(self._heights)
 
-    def _landed(
-        self, x: Positions, y: Positions, z: Positions
-    ) -> tuple[_Indices, npt.NDArray[np.float32]]:
-        """Return the cells under points, counted column after column, and their heights.
+def _landed(
+    geometry: GridGeometry, x: Positions, y: Positions, z: Positions
+) -> tuple[_Indices, npt.NDArray[np.float32]]:
+    """Return the cells (N,) under points, counted column after column, and their heights (N,).
 
-        Points beside the grid get the height -inf.
-        """
-        row, column = self._offsets(x, 0), self._offsets(y, 1)
-        rows, columns = self.geometry.size
-        with np.errstate(over="ignore"):
-            heights = z.astype(np.float32)
-        if row.min() < 0 or row.max() >= rows or column.min() < 0 or column.max() >= columns:
-            outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
-            row[outside] = column[outside] = 0
-            heights[outside] = -np.inf
-        cells = np.trunc(column, out=column)
-        cells *= rows
-        cells += np.trunc(row, out=row)
-        return cells.astype(np.intp).reshape(-1), heights.reshape(-1)
-
-    def _offsets(self, values: Positions, axis: int) -> Positions:
-        """Return the distance of x or y from the corner in rows or columns, with fractions."""
-        offsets: Positions = values - 0.5 * self.geometry.length[axis]
-        offsets -= self.geometry.position[axis]
-        offsets /= -self.geometry.resolution
-        return offsets
+    Points beside the grid get the height -inf.
+    """
+    row, column = x - 0.5 * geometry.length[0], y - 0.5 * geometry.length[1]
+    for axis, offsets in enumerate((row, column)):
+        offsets -= geometry.position[axis]
+        offsets /= -geometry.resolution
+    rows, columns = geometry.size
+    with np.errstate(over="ignore"):
+        heights = z.astype(np.float32)
+    if row.min() < 0 or row.max() >= rows or column.min() < 0 or column.max() >= columns:
+        outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
+        row[outside] = column[outside] = 0
+        heights[outside] = -np.inf
+    cells = np.trunc(column, out=column)
+    cells *= rows
+    cells += np.trunc(row, out=row)
+    return cells.astype(np.intp).reshape(-1), heights.reshape(-1)
