@@ -26,7 +26,7 @@ from visualization_msgs.msg import InteractiveMarker, Marker
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import MessageError
-from grid_map_ros_py.messages import serialize, serialize_view, view
+from grid_map_ros_py.messages import serialize, view
 
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=9)
 
@@ -179,7 +179,8 @@ def test_every_message_is_read_as_rclpy_reads_it(message_type, data):
     message = data.draw(messages(message_type))
     raw = serialize_message(message)
     assert_encodes(serialize(message), message, at_the_end=len(raw))
-    assert serialize_view(view(raw, message_type), message_type) == serialize(message)
+    read = serialize(view(raw, message_type), message_type=message_type)
+    assert read == serialize(message)
 
 
 @settings(max_examples=15)
@@ -198,7 +199,7 @@ def test_every_truncated_message_is_refused(message_type, data):
 @given(data=st.data())
 def test_big_endian_messages_are_read_like_little_endian_ones(message_type, data):
     message = data.draw(messages(message_type))
-    read = serialize_view(view(big_endian(message), message_type), message_type)
+    read = serialize(view(big_endian(message), message_type), message_type=message_type)
     assert read == serialize(message)
 
 
@@ -217,13 +218,12 @@ def test_view_of_read_only_bytes_is_read_only():
 @pytest.mark.parametrize(
     ("header", "found"),
     [
-        (b"\0\3\0\0", "'PL_CDR_LE (0x0003)'"),
-        (b"\0\7\0\0", "'CDR2_LE (0x0007)'"),
-        (b"\0\x0b\0\0", "'PL_CDR2_LE (0x000b)'"),
-        (b"\1\0\0\0", "'unknown (0x0100)'"),
+        (b"\0\3\0\0", "'0x0003'"),
+        (b"\0\x0b\0\0", "'0x000b'"),
+        (b"\1\0\0\0", "'0x0100'"),
     ],
 )
-def test_other_encodings_are_refused_by_name(header, found):
+def test_other_encodings_are_refused_by_number(header, found):
     with pytest.raises(MessageError) as error:
         view(header + bytes(8), Empty)
     expected = "encoding: expected plain CDR (0x0000 or 0x0001)"

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import Quaternion
+from std_msgs.msg import MultiArrayDimension
 from test_grid_map import sample_map
 from wire import set_field
 
@@ -47,25 +48,16 @@ MALFORMED: dict[str, tuple[Break, str, str, str]] = {
     "a layer without name": (setting("layers", ["elevation", ""]), "layers[1]", "a name", "''"),
     "an unknown basic layer": (
         setting("basic_layers", ["slope"]), "basic_layers[0]", "one of ['elevation'", "'slope'"),
-    "no dimensions": (
-        setting("data[0].layout.dim", []), "data[0].layout.dim", "2 dimensions", "0"),
-    "one dimension": (
-        lambda m: m.data[1].layout.dim.pop(), "data[1].layout.dim", "2 dimensions", "1"),
-    "three dimensions": (
-        lambda m: m.data[0].layout.dim.append(m.data[0].layout.dim[0]),
-        "data[0].layout.dim", "2 dimensions", "3"),
-    "an unknown first label": (
-        setting("data[0].layout.dim[0].label", "x"),
-        "data[0].layout.dim[0].label", "'column_index' or 'row_index'", "'x'"),
-    "an unknown second label": (
-        setting("data[0].layout.dim[1].label", "y"),
-        "data[0].layout.dim[1].label", "'row_index' after 'column_index'", "'y'"),
-    "the same label twice": (
-        setting("data[0].layout.dim[0].label", "row_index"),
-        "data[0].layout.dim[1].label", "'column_index' after 'row_index'", "'row_index'"),
-    "no labels": (
-        setting("data[0].layout.dim[0].label", ""),
-        "data[0].layout.dim[0].label", "'column_index' or 'row_index'", "''"),
+    **{
+        f"dimensions {labels}": (
+            lambda m, labels=labels: set_field(
+                m, "data[0].layout.dim", [MultiArrayDimension(label=one) for one in labels]),
+            "data[0].layout.dim",
+            "the labels ('column_index', 'row_index'), or in reverse", repr(labels))
+        for labels in [
+            (), ("row_index",), ("column_index", "row_index", "row_index"), ("x", "row_index"),
+            ("column_index", "y"), ("row_index", "row_index"), ("", "")]
+    },
     "labels that contradict the sizes": (
         swap_labels_only, "data[0].layout.dim[0].size", "3 (row_index of 3 x 4 cells)", "4"),
     "too many columns": (

@@ -127,9 +127,11 @@ class GridMap(MutableMapping[str, Layer]):
         self._basic_layers: tuple[str, ...] = ()
         self.frame_id = frame_id
         self.timestamp = timestamp
-        self.update(
-            layers if isinstance(layers, Mapping) else dict.fromkeys(as_names(layers), np.nan)
-        )
+        if not isinstance(layers, Mapping):
+            layers = dict.fromkeys(as_names(layers), np.nan)
+        # Conversions of small messages begin with a map without layers.
+        if layers:
+            self.update(layers)
         self.basic_layers = basic_layers
 
     # Properties
@@ -197,7 +199,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @basic_layers.setter
     def basic_layers(self, names: Iterable[str]) -> None:
-        self._basic_layers = select_layers(self, as_names(names))
+        self._basic_layers = select_layers(self._layers, as_names(names))
 
     @property
     def frame_id(self) -> str:

@@ -11,7 +11,7 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..bags._bag import load_from_bag
-from ..messages._serialized import to_serialized_message
+from ..messages._grid_map import to_serialized_message
 from ..nodes._parameters import check_topic, read_parameter
 from ..nodes._qos import map_qos
 from ..nodes._spin import run

@@ -11,7 +11,7 @@ from grid_map_core_py.errors import GridMapError
 
 from ..bags._bag import BagWriter
 from ..errors import MessageError, NodeFailedError
-from ..messages._serialized import ReceivedMap
+from ..messages._grid_map import ReceivedMap
 from ..nodes._parameters import check_topic, read_parameter
 from ..nodes._spin import run
 from ..nodes._subscription import MapSubscription

@@ -28,8 +28,7 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 
 from .._mapping.map_server import MapServer
 from ..bags._bag import STORAGES, load_from_bag
-from ..messages._grid_map import from_message
-from ..messages._serialized import ReceivedMap, to_serialized_message
+from ..messages._grid_map import ReceivedMap, from_message, to_serialized_message
 from ..nodes._parameters import check_topic, read_parameter
 from ..nodes._qos import map_qos
 from ..nodes._spin import run

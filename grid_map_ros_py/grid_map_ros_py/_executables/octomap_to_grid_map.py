@@ -13,9 +13,9 @@ from rclpy.node import Node
 from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
+from ..messages._grid_map import to_serialized_message
 from ..messages._octomap import from_octomap
 from ..messages._packages import messages_of
-from ..messages._serialized import to_serialized_message
 from ..nodes._parameters import check_topic, read_parameter, read_positive
 from ..nodes._qos import map_qos
 from ..nodes._spin import run

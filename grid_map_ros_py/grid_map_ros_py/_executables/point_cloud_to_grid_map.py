@@ -23,7 +23,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import NoPoses, PoseHistory, Poses, from_xyz_rpy
-from ..messages._serialized import to_serialized_message
+from ..messages._grid_map import to_serialized_message
 from ..nodes._parameters import read_parameter
 from ..nodes._qos import map_qos
 from ..nodes._spin import run

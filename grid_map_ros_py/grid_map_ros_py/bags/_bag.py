@@ -24,7 +24,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.files import new_folder
 
 from ..errors import BagError, MessageError
-from ..messages._serialized import from_serialized_message, to_serialized_message
+from ..messages._grid_map import from_serialized_message, to_serialized_message
 from ..messages._time import check_nanoseconds
 from . import _mcap as bag_mcap
 from . import _metadata as bag_metadata

@@ -2,10 +2,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Conversions between grid maps and ROS messages."""
 
-from ._cdr import serialize, serialize_view, view
+from ._cdr import serialize, view
 from ._costmap import OCCUPANCIES, from_costmap, to_costmap
 from ._grid_cells import from_grid_cells, to_grid_cells, to_serialized_grid_cells
-from ._grid_map import from_message, to_message
+from ._grid_map import (
+    ReceivedMap,
+    from_message,
+    from_serialized_message,
+    to_message,
+    to_serialized_message,
+)
 from ._image import (
     ENCODINGS,
     add_color_layer_from_image,
@@ -27,7 +33,6 @@ from ._polygon import (
     to_polygon,
     to_triangle_list_marker,
 )
-from ._serialized import ReceivedMap, from_serialized_message, to_serialized_message
 from ._time import from_stamp, to_header, to_stamp
 
 __all__ = [
@@ -53,7 +58,6 @@ __all__ = [
     "read_columns",
     "read_points",
     "serialize",
-    "serialize_view",
     "set_array",
     "to_color_image",
     "to_costmap",

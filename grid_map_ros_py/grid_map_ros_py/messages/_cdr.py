@@ -2,12 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Serialization of messages to CDR, the byte format of DDS and of bags, without rclpy.
 
-`serialize` works for every message type and gives the bytes of rclpy. Publishers accept them in
-place of a message, which saves one Python object per element: rclpy takes a second for a marker
-with 280 000 points.
-
-`view` reads bytes without copies: it has the attributes of a message, and its sequences of numbers
-are NumPy arrays that share the memory of the bytes. `serialize_view` is the way back.
+Publishers accept bytes in place of a message, which saves one Python object per element: rclpy
+takes a second for a marker with 280 000 points.
 
 Lengths in the bytes are checked against the bytes that remain. Damaged bytes raise one
 `MessageError` that names the field, and take no more memory than a small multiple of their size.
@@ -31,7 +27,7 @@ from ..errors import MessageError
 from ._definition import FIELDS_BY_TYPE
 from ._packages import messages_of
 
-MessageType: TypeAlias = "type | str"
+MessageType: TypeAlias = type | str
 """Class of a message, or a name in `FIELDS_BY_TYPE`, for which no message package is needed."""
 
 Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
@@ -39,17 +35,7 @@ Buffer: TypeAlias = "bytes | bytearray | memoryview | array.array[Any]"
 
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
 _ORDERS = {0: ">", 1: "<"}
-_OTHER_ENCODINGS = {
-    2: "PL_CDR_BE",
-    3: "PL_CDR_LE",
-    6: "CDR2_BE",
-    7: "CDR2_LE",
-    8: "D_CDR2_BE",
-    9: "D_CDR2_LE",
-    10: "PL_CDR2_BE",
-    11: "PL_CDR2_LE",
-}
-"""Representation identifiers of the DDS-XTypes specification, 7.6.3.1.2."""
+"""Byte order by the representation identifier of plain CDR (DDS-XTypes, 7.6.3.1.2)."""
 
 _CODES = {
     "boolean": "?",
@@ -76,13 +62,19 @@ _TYPE = re.compile(
 _NONE: Mapping[str, npt.NDArray[Any]] = {}
 
 
-def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> bytes:
+def serialize(
+    message: Any,
+    arrays: Mapping[str, npt.NDArray[Any]] = _NONE,
+    message_type: MessageType | None = None,
+) -> bytes:
     """Return the CDR bytes of a message, with some of its sequences taken from arrays.
 
     Args:
-        message: any ROS message; the values of the fields in `arrays` are ignored.
+        message: any ROS message, or an object with its attributes, such as `view` returns. Its
+            arrays are copied once; the values of the fields in `arrays` are ignored.
         arrays: (N, k) for a sequence of N messages that consist of k numbers of one type, (N,) for
             a sequence of N numbers; the dtype must be the type on the wire.
+        message_type: type of the message, as for `view`; None means its class.
 
     Raises:
         AttributeError: the message has no such field.
@@ -92,7 +84,7 @@ def serialize(message: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE) -> b
     for name in arrays:
         getattr(message, name)
     writer = _Writer()
-    _struct(message.__class__).write(writer, message, arrays)
+    _struct(type(message) if message_type is None else message_type).write(writer, message, arrays)
     return writer.joined()
 
 
@@ -115,20 +107,9 @@ def view(data: Buffer, message_type: MessageType) -> Any:
     return _struct(message_type).read(_Reader(data))
 
 
-def serialize_view(view: Any, message_type: MessageType) -> bytes:
-    """Return the CDR bytes of an object with the attributes of a message; arrays are copied once.
-
-    Raises:
-        MessageError: as for `serialize`.
-    """
-    writer = _Writer()
-    _struct(message_type).write(writer, view)
-    return writer.joined()
-
-
 @dataclass(frozen=True)
 class Deferred:
-    """A sequence of numbers for `serialize_view` that is written where it belongs in the bytes.
+    """A sequence of numbers for `serialize` that is written where it belongs in the bytes.
 
     Args:
         count: number of numbers.
@@ -177,7 +158,7 @@ class _Writer:
         self._size += padding + len(data)
 
     def count(self, number: int) -> None:
-        self.add(struct.pack("<I", number), 4)
+        _COUNT.write(self, number)
 
     def defer(self, values: Deferred, dtype: np.dtype[Any]) -> None:
         if values.count:
@@ -197,6 +178,7 @@ class _Reader:
 
     Attributes:
         order: byte order of numbers, as in `struct`.
+        data: the bytes without their header.
     """
 
     def __init__(self, data: Buffer) -> None:
@@ -205,23 +187,27 @@ class _Reader:
             raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
         number = int.from_bytes(buffer[:2])
         if number not in _ORDERS:
-            found = f"{_OTHER_ENCODINGS.get(number, 'unknown')} (0x{number:04x})"
-            raise MessageError("encoding", "plain CDR (0x0000 or 0x0001)", found)
+            raise MessageError("encoding", "plain CDR (0x0000 or 0x0001)", f"0x{number:04x}")
         self.order = _ORDERS[number]
-        self._data = buffer[len(_HEADER) :]
-        self._size = len(self._data)
+        self.data = buffer[len(_HEADER) :]
+        self._size = len(self.data)
         self._end = 0
 
-    def take(self, size: int, alignment: int = 1) -> memoryview:
-        begin = self._step(size, alignment)
-        return self._data[begin : self._end]
+    def step(self, size: int, alignment: int = 1, field: str = "") -> int:
+        """Step over `size` bytes and return where they begin."""
+        begin = self._end + -self._end % alignment
+        if size > self._size - begin:
+            raise MessageError(field, f"{size} bytes more", max(self._size - begin, 0))
+        self._end = begin + size
+        return begin
 
-    def number(self, code: str, size: int) -> Any:
-        return struct.unpack_from(self.order + code, self._data, self._step(size, size))[0]
+    def take(self, size: int, alignment: int = 1) -> memoryview:
+        begin = self.step(size, alignment)
+        return self.data[begin : begin + size]
 
     def count(self, bound: int, smallest: int) -> int:
         """Return the length of a sequence, which must fit its bound and the bytes that remain."""
-        number: int = self.number("I", 4)
+        number: int = _COUNT.read(self)
         if number > bound:
             raise MessageError("", f"at most {bound} values", number)
         remaining = self._size - self._end
@@ -229,14 +215,6 @@ class _Reader:
             fitting = f"at most {remaining // smallest} values ({remaining} bytes more)"
             raise MessageError("", fitting, number)
         return number
-
-    def _step(self, size: int, alignment: int) -> int:
-        """Step over `size` bytes and return where they begin."""
-        begin = self._end + -self._end % alignment
-        if size > self._size - begin:
-            raise MessageError("", f"{size} bytes more", max(self._size - begin, 0))
-        self._end = begin + size
-        return begin
 
 
 # Each type has a codec. Its `smallest` is the number of bytes that every value takes at least.
@@ -248,12 +226,15 @@ class _Number:
     def __init__(self, code: str) -> None:
         self.code = code
         self.smallest = struct.calcsize("<" + code)
+        self._pack = struct.Struct("<" + code).pack
+        self._unpack = {order: struct.Struct(order + code).unpack_from for order in "<>"}
 
     def read(self, reader: _Reader) -> Any:
-        return reader.number(self.code, self.smallest)
+        begin = reader.step(self.smallest, self.smallest)
+        return self._unpack[reader.order](reader.data, begin)[0]
 
     def write(self, writer: _Writer, value: Any) -> None:
-        writer.add(struct.pack("<" + self.code, value), self.smallest)
+        writer.add(self._pack(value), self.smallest)
 
     def read_array(self, reader: _Reader, count: int) -> npt.NDArray[Any]:
         """Return consecutive numbers in native byte order."""
@@ -270,14 +251,16 @@ class _Number:
             writer.array(np.asarray(values, self.code))
 
 
+_COUNT = _Number("I")
+
+
 @dataclass(frozen=True)
 class _Text:
     bound: int
     smallest: int = 4
 
     def read(self, reader: _Reader) -> str:
-        data = bytes(reader.take(reader.count(self.bound + 1, 1)))
-        data = data.removesuffix(b"\0")
+        data = bytes(reader.take(reader.count(self.bound + 1, 1))).removesuffix(b"\0")
         try:
             text = data.decode()
         except UnicodeDecodeError:
@@ -312,7 +295,13 @@ class _Items:
             count = reader.count(self._bound, self._item.smallest)
         if self._numbers:
             return self._numbers.read_array(reader, count)
-        return [_read(self._item, reader, f"[{index}]") for index in range(count)]
+        items: list[Any] = []
+        try:
+            while len(items) < count:
+                items.append(self._item.read(reader))
+        except MessageError as error:
+            raise _inside(f"[{len(items)}]", error) from None
+        return items
 
     def write(self, writer: _Writer, value: Any) -> None:
         if self._count is None:
@@ -323,7 +312,10 @@ class _Items:
             self._numbers.write_array(writer, value)
             return
         for index, item in enumerate(value):
-            _write(self._item, writer, item, f"[{index}]")
+            try:
+                self._item.write(writer, item)
+            except MessageError as error:
+                raise _inside(f"[{index}]", error) from None
 
 
 class _Struct:
@@ -340,9 +332,14 @@ class _Struct:
 
     def read(self, reader: _Reader) -> Any:
         if not self._fields:
-            _read(_Number("B"), reader, self._name)
-        fields = self._fields.items()
-        return SimpleNamespace(**{name: _read(codec, reader, name) for name, codec in fields})
+            reader.step(1, field=self._name)
+        values = {}
+        for name, codec in self._fields.items():
+            try:
+                values[name] = codec.read(reader)
+            except MessageError as error:
+                raise _inside(name, error) from None
+        return SimpleNamespace(**values)
 
     def write(
         self, writer: _Writer, value: Any, arrays: Mapping[str, npt.NDArray[Any]] = _NONE
@@ -354,16 +351,16 @@ class _Struct:
             if name in arrays:
                 writer.count(len(arrays[name]))
                 writer.array(arrays[name])
-            else:
-                _write(codec, writer, getattr(value, name), name)
+                continue
+            try:
+                codec.write(writer, getattr(value, name))
+            except MessageError as error:
+                raise _inside(name, error) from None
 
 
 _Codec: TypeAlias = _Number | _Text | _Items | _Struct
 
-
-@cache
-def _struct(message_type: Any) -> _Struct:
-    return _Struct(message_type)
+_struct = cache(_Struct)
 
 
 def _codec(kind: str, field: str) -> _Codec:
@@ -380,20 +377,6 @@ def _codec(kind: str, field: str) -> _Codec:
         is_known = kind in FIELDS_BY_TYPE
         return _struct(kind if is_known else getattr(messages_of(match["package"]), name))
     return _Text(int(match["length"] or sys.maxsize))
-
-
-def _read(codec: _Codec, reader: _Reader, name: str) -> Any:
-    try:
-        return codec.read(reader)
-    except MessageError as error:
-        raise _inside(name, error) from None
-
-
-def _write(codec: _Codec, writer: _Writer, value: Any, name: str) -> None:
-    try:
-        codec.write(writer, value)
-    except MessageError as error:
-        raise _inside(name, error) from None
 
 
 def _inside(name: str, error: MessageError) -> MessageError:

@@ -69,8 +69,8 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     origin = check_position(f"{field}.origin.position", info.origin.position)
     check_unrotated(f"{field}.origin.orientation", info.origin.orientation)
     try:
-        center = origin + 0.5 * resolution * np.array(size)
-        geometry = GridGeometry.from_size(size, resolution, center)
+        length = np.multiply(size, resolution)
+        geometry = GridGeometry(length, resolution, origin + 0.5 * length)
     except GeometryError as error:
         raise MessageError(field, "a grid of finite size and place", str(error)) from error
     if values != math.prod(size):

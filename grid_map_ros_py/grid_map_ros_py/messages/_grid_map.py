@@ -1,8 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""`grid_map_msgs/GridMap` and `GridMap`."""
+"""`grid_map_msgs/GridMap`, as a message or as its bytes (CDR), and `GridMap`.
+
+No message package is needed, except by `to_message`. Bytes are written and read without a message
+object: every layer is copied once, and only the layers that are wanted.
+"""
 
 from collections.abc import Iterable, Mapping
+from functools import cached_property
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,10 +18,12 @@ from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.map import select_layers, unwrapped
 
 from ..errors import MessageError
+from ._cdr import Buffer, Deferred, serialize, view
 from ._checks import check_position, check_positive, check_unrotated
-from ._multi_array import from_multi_array, to_multi_array
+from ._definition import GRID_MAP
+from ._multi_array import from_multi_array, to_layout, to_multi_array
 from ._packages import messages_of
-from ._time import from_stamp, to_header
+from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 if TYPE_CHECKING:
     from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -26,6 +34,9 @@ LARGEST_START_INDEX = 2**16 - 1
 
 LARGEST_SIDE = 2**31
 """Cells along a side; no map has more."""
+
+
+# --- writing --------------------------------------------------------------------------------------
 
 
 def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridMapMessage":
@@ -43,26 +54,61 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
         LayerNotFoundError: the map lacks a layer.
         MessageError: the timestamp does not fit the message.
     """
-    fields, first = outgoing(grid_map, layers, grid_map.start_index)
-    if first != (0, 0):
-        fields["data"] = [unwrapped(layer, first) for layer in fields["data"]]
-    fields["data"] = [to_multi_array(layer) for layer in fields["data"]]
-    header, info = to_header(grid_map), to_info(grid_map.geometry)
-    return messages_of("grid_map_msgs").GridMap(header=header, info=info, **fields)
+    plain, first = _described(grid_map, layers, grid_map.start_index)
+    plain.data = [
+        to_multi_array(unwrapped(layer, first) if any(first) else layer) for layer in plain.data
+    ]
+    return _filled(messages_of("grid_map_msgs").GridMap(), plain)
 
 
-def outgoing(
+def to_serialized_message(
+    grid_map: GridMap,
+    layers: Iterable[str] | None = None,
+    *,
+    start_index: Size | None = None,
+) -> bytes:
+    """Return the message of `to_message` in CDR; publishers accept it in place of the message.
+
+    Every layer is copied once, also where the start index changes.
+
+    Args:
+        grid_map, layers: as for `to_message`.
+        start_index: row and column of the message's buffer where cell (0, 0) of the map is stored;
+            None keeps the start index of the map.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer.
+        OutOfMapError: the start index is no cell of the map.
+        MessageError: the timestamp does not fit the message, or UTF-8 cannot hold a name.
+    """
+    if start_index is None:
+        start_index = grid_map.start_index
+    grid_map.geometry.check_cells(np.asarray(start_index))
+    plain, first = _described(grid_map, layers, start_index)
+    layout = to_layout(grid_map.size)
+    plain.data = [
+        SimpleNamespace(layout=layout, data=_values(layer, first)) for layer in plain.data
+    ]
+    return serialize(plain, message_type=GRID_MAP)
+
+
+def to_info(geometry: GridGeometry) -> "GridMapInfo":
+    """Return resolution, lengths and place of a grid as a message."""
+    return _filled(messages_of("grid_map_msgs").GridMapInfo(), _info(geometry))
+
+
+def _described(
     grid_map: GridMap, layers: Iterable[str] | None, start: Size
-) -> tuple[dict[str, Any], Size]:
-    """Return the fields of a map's message but `header` and `info`; `data` is the map's layers.
+) -> tuple[SimpleNamespace, Size]:
+    """Return an object with the attributes of a map's message; its `data` is the map's layers.
 
     Args:
         grid_map, layers: as for `to_message`, as are the errors.
         start: start index of the message; (0, 0) replaces one that does not fit the message.
 
     Returns:
-        fields: attributes of the message.
-        first: the cell of the arrays that the message stores first; the others follow cyclically.
+        plain: the object.
+        first: the cell of the layers that the message stores first; the others follow cyclically.
     """
     names = select_layers(grid_map.layers, layers)
     if max(start) > LARGEST_START_INDEX:
@@ -71,14 +117,52 @@ def outgoing(
         (stored - sent) % cells
         for stored, sent, cells in zip(grid_map.start_index, start, grid_map.size, strict=True)
     )
-    fields = {
-        "layers": list(names),
-        "basic_layers": [name for name in grid_map.basic_layers if name in names],
-        "data": [grid_map[name] for name in names],
-        "outer_start_index": start[0],
-        "inner_start_index": start[1],
-    }
-    return fields, (first, second)
+    seconds, rest = divmod(check_nanoseconds(grid_map.timestamp), NANOSECONDS)
+    stamp = SimpleNamespace(sec=seconds, nanosec=rest)
+    plain = SimpleNamespace(
+        header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
+        info=_info(grid_map.geometry),
+        layers=list(names),
+        basic_layers=[name for name in grid_map.basic_layers if name in names],
+        data=[grid_map[name] for name in names],
+        outer_start_index=start[0],
+        inner_start_index=start[1],
+    )
+    return plain, (first, second)
+
+
+def _info(geometry: GridGeometry) -> SimpleNamespace:
+    x, y = geometry.position.tolist()
+    length_x, length_y = geometry.length.tolist()
+    position = SimpleNamespace(x=x, y=y, z=0.0)
+    orientation = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    pose = SimpleNamespace(position=position, orientation=orientation)
+    return SimpleNamespace(
+        resolution=geometry.resolution, length_x=length_x, length_y=length_y, pose=pose
+    )
+
+
+def _filled(message: Any, plain: SimpleNamespace) -> Any:
+    """Return a message with the values of an object that has its attributes."""
+    for name, value in vars(plain).items():
+        if isinstance(value, SimpleNamespace):
+            _filled(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+def _values(layer: Layer, first: Size) -> Any:
+    """Return the values of a layer, column after column from the cell `first`."""
+    if first == (0, 0):
+        return np.asarray(layer, dtype=np.float32, order="F").ravel("K")
+    return Deferred(
+        layer.size,
+        lambda values: unwrapped(layer, first, out=values.reshape(layer.shape, order="F")),
+    )
+
+
+# --- reading --------------------------------------------------------------------------------------
 
 
 def from_message(
@@ -110,7 +194,7 @@ def from_message(
     """
     geometry = from_info(message.info)
     views = _layer_views(message, geometry.size)
-    start = received_start(message, geometry.size)
+    start = _start_index(message, geometry.size)
     for index, name in enumerate(message.basic_layers):
         if name not in message.layers:
             raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
@@ -126,15 +210,91 @@ def from_message(
     return grid_map
 
 
-def to_info(geometry: GridGeometry) -> "GridMapInfo":
-    """Return resolution, lengths and place of a grid as a message."""
-    x, y = geometry.position.tolist()
-    length_x, length_y = geometry.length.tolist()
-    info: GridMapInfo = messages_of("grid_map_msgs").GridMapInfo(
-        resolution=geometry.resolution, length_x=length_x, length_y=length_y
-    )
-    info.pose.position.x, info.pose.position.y = x, y
-    return info
+def from_serialized_message(
+    data: Buffer,
+    layers: Iterable[str] | None = None,
+    *,
+    copy_basic_layers: bool = True,
+    unwrap: bool = True,
+    copy: bool = True,
+) -> GridMap:
+    """Return the map in a serialized message, as `from_message` does.
+
+    Args:
+        data: the message in CDR, as a raw subscription receives it and bags hold it.
+        layers, copy_basic_layers, unwrap, copy: as for `from_message`.
+
+    Raises:
+        MessageError: the bytes are no such message, or it contradicts itself.
+        LayerNotFoundError: `layers` names one that the message lacks.
+    """
+    received = ReceivedMap(data)
+    return received.decode(layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy)
+
+
+class ReceivedMap:
+    """A serialized map message that decodes only the requested layers.
+
+    All but `data` raises MessageError if the bytes are no map message, or if what is asked for
+    is invalid.
+
+    Args:
+        data: the message in CDR.
+
+    Attributes:
+        data: as given. Publishers accept it in place of the message.
+    """
+
+    def __init__(self, data: Buffer) -> None:
+        self.data = data
+
+    @property
+    def frame_id(self) -> str:
+        """Coordinate frame of the map."""
+        frame_id: str = self._message.header.frame_id
+        return frame_id
+
+    @property
+    def timestamp(self) -> int:
+        """Time of the data [ns]."""
+        return from_stamp(self._message.header.stamp)
+
+    @property
+    def geometry(self) -> GridGeometry:
+        """Size, resolution and place of the grid."""
+        return from_info(self._message.info)
+
+    @property
+    def start_index(self) -> Size:
+        """(row, col) where the circular buffer begins."""
+        return _start_index(self._message, self.geometry.size)
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers."""
+        return tuple(self._message.layers)
+
+    @property
+    def basic_layers(self) -> tuple[str, ...]:
+        """Names of the layers that must be finite for a cell to be valid."""
+        return tuple(self._message.basic_layers)
+
+    def decode(
+        self,
+        layers: Iterable[str] | None = None,
+        *,
+        copy_basic_layers: bool = True,
+        unwrap: bool = True,
+        copy: bool = True,
+    ) -> GridMap:
+        """Return the map, or some of its layers; arguments and errors: see `from_message`."""
+        return from_message(
+            self._message, layers, copy_basic_layers=copy_basic_layers, unwrap=unwrap, copy=copy
+        )
+
+    @cached_property
+    def _message(self) -> Any:
+        return view(self.data, GRID_MAP)
 
 
 def from_info(info: "GridMapInfo") -> GridGeometry:
@@ -173,7 +333,7 @@ def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
     }
 
 
-def received_start(message: "GridMapMessage", size: Size) -> Size:
+def _start_index(message: "GridMapMessage", size: Size) -> Size:
     """Return the start index of a message, which must be a cell of the map."""
     start = (message.outer_start_index, message.inner_start_index)
     for name, index, cells in zip(("outer", "inner"), start, size, strict=True):
@@ -183,9 +343,10 @@ def received_start(message: "GridMapMessage", size: Size) -> Size:
 
 
 def _layer(view: Layer, start: Size, *, copy: bool) -> Layer:
-    flags = view.flags
-    if copy or start != (0, 0) or not (flags.f_contiguous and flags.aligned):
+    if start != (0, 0):
         return unwrapped(view, start)
+    if copy or not (view.flags.f_contiguous and view.flags.aligned):
+        return view.copy("F")
     shared = view.view()
     shared.flags.writeable = False
     return shared

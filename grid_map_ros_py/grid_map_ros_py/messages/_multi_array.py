@@ -15,10 +15,10 @@ from ..errors import MessageError
 from ._packages import messages_of
 
 if TYPE_CHECKING:
-    from std_msgs.msg import Float32MultiArray, MultiArrayDimension
+    from std_msgs.msg import Float32MultiArray
 
-COLUMN_LABEL = "column_index"
-ROW_LABEL = "row_index"
+LABELS = ("column_index", "row_index")
+"""Labels of the dimensions of column-major data; those of row-major data are in reverse."""
 
 
 def to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
@@ -28,8 +28,7 @@ def to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
     """
     messages = messages_of("std_msgs")
     data = np.asarray(layer, dtype=np.float32, order="F")
-    plain = to_layout(data.shape)
-    dim = [messages.MultiArrayDimension(**vars(axis)) for axis in plain.dim]
+    dim = [messages.MultiArrayDimension(**vars(axis)) for axis in to_layout(data.shape).dim]
     message = messages.Float32MultiArray(layout=messages.MultiArrayLayout(dim=dim))
     values = array.array("f")
     values.frombytes(data.T.data.cast("B"))
@@ -47,12 +46,10 @@ def set_array(message: Any, values: "array.array[Any]") -> None:
 
 
 def to_layout(size: Size) -> Any:
-    """Return what has the attributes of a `MultiArrayLayout`, for a column-major layer."""
+    """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
     rows, columns = size
-    dim = [
-        SimpleNamespace(label=COLUMN_LABEL, size=columns, stride=rows * columns),
-        SimpleNamespace(label=ROW_LABEL, size=rows, stride=rows),
-    ]
+    axes = zip(LABELS, (columns, rows), (rows * columns, rows), strict=True)
+    dim = [SimpleNamespace(label=label, size=n, stride=stride) for label, n, stride in axes]
     return SimpleNamespace(dim=dim, data_offset=0)
 
 
@@ -73,13 +70,16 @@ def from_multi_array(
     Raises:
         MessageError: labels, sizes, strides or the number of values are not those of such an array.
     """
-    column_major = _is_column_major(message.layout.dim, f"{field}.layout.dim")
-    shape = size[::-1] if column_major else size
+    labels = tuple(dim.label for dim in message.layout.dim)
+    if labels not in (LABELS, LABELS[::-1]):
+        expected = f"the labels {LABELS}, or in reverse"
+        raise MessageError(f"{field}.layout.dim", expected, labels)
+    shape = size[::-1] if labels == LABELS else size
+    offset, cells = message.layout.data_offset, size[0] * size[1]
     for axis, (dim, count) in enumerate(zip(message.layout.dim, shape, strict=True)):
         if dim.size != count:
             expected = f"{count} ({dim.label} of {size[0]} x {size[1]} cells)"
             raise MessageError(f"{field}.layout.dim[{axis}].size", expected, dim.size)
-    offset, cells = message.layout.data_offset, size[0] * size[1]
     if len(message.data) != offset + cells:
         expected = f"{offset + cells} values ({size[0]} x {size[1]} cells"
         expected += f" after data_offset {offset})" if offset else ")"
@@ -90,16 +90,4 @@ def from_multi_array(
             expected = f"one of {strides}, as there is no padding"
             raise MessageError(f"{field}.layout.dim[{axis}].stride", expected, dim.stride)
     values: Layer = np.asarray(message.data)[offset:].reshape(shape)
-    return values.T if column_major else values
-
-
-def _is_column_major(dim: "list[MultiArrayDimension]", field: str) -> bool:
-    if len(dim) != 2:
-        raise MessageError(field, "2 dimensions", len(dim))
-    first, second = (entry.label for entry in dim)
-    if first not in (COLUMN_LABEL, ROW_LABEL):
-        raise MessageError(f"{field}[0].label", f"{COLUMN_LABEL!r} or {ROW_LABEL!r}", first)
-    other = ROW_LABEL if first == COLUMN_LABEL else COLUMN_LABEL
-    if second != other:
-        raise MessageError(f"{field}[1].label", f"{other!r} after {first!r}", second)
-    return bool(first == COLUMN_LABEL)
+    return values.T if labels == LABELS else values

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPo
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ..messages._serialized import ReceivedMap
+from ..messages._grid_map import ReceivedMap
 from ._qos import map_qos
 
 
