@@ -437,8 +437,8 @@ def test_memory_stays_below_three_times_the_result(dtype, channels, size):
         ({"lower": -3e38, "upper": 3e38}, "lower, upper: expected two different finite"),
         ({"lower": np.nan, "upper": 1}, "lower, upper: expected two different finite"),
         ({"lower": "deep", "upper": 1}, "lower: expected a number, got 'deep'"),
-        ({"lower": np.nan}, "lower: expected a finite float32 number, got nan"),
-        ({"upper": -np.inf}, "upper: expected a finite float32 number, got -inf"),
+        ({"lower": np.nan}, r"two different finite float32 numbers, got \(nan, 2\.9"),
+        ({"upper": -np.inf}, r"two different finite float32 numbers, got \(-inf, -inf"),
     ],
 )
 def test_map_that_makes_no_image_is_refused(terrain, arguments, message):
@@ -448,7 +448,7 @@ def test_map_that_makes_no_image_is_refused(terrain, arguments, message):
 
 def test_a_range_of_values_is_one_that_float32_holds():
     grid_map = GridMap((2, 1), 1.0, layers={"extreme": [[-3e38], [3e38]]})
-    with pytest.raises(GeometryError, match="values: expected a range within float32"):
+    with pytest.raises(GeometryError, match=r"float32 numbers, got \(-3\S+e\+38, 3\S+e\+38"):
         to_image(grid_map, "extreme")
 
 

@@ -20,6 +20,7 @@ half of the largest value are NaN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias
 
@@ -147,7 +148,7 @@ def _encoder(
     """Return a function that turns layer values into gray values, as floats."""
     if pixel.kind == "f" and lower is None and upper is None:
         return lambda values: values
-    low, high = _value_range(values, lower, upper)
+    low, high = _range(lower, upper, values)
     # `fmax` and `fmin` turn NaN into the lower bound, which becomes 0.
     clamps = (np.maximum, np.minimum) if pixel.kind == "f" else (np.fmax, np.fmin)
     first, second = clamps if low <= high else clamps[::-1]
@@ -164,38 +165,25 @@ def _encoder(
     return gray
 
 
-def _value_range(
-    values: Layer, lower: float | None, upper: float | None
+def _range(
+    lower: float | None, upper: float | None, values: Layer
 ) -> tuple[np.float32, np.float32]:
-    """Return the bounds; the range of the finite values replaces bounds that are not given."""
-    if lower is not None and upper is not None:
-        return _given_range(lower, upper)
-    low = min_of_finites(values) if lower is None else _finite(lower, "lower")
-    high = max_of_finites(values) if upper is None else _finite(upper, "upper")
-    # A given bound stays; the other is NaN if no value is finite.
+    """Return the bounds; the range of the finite values replaces those that are None."""
+    low = math.nan if lower is None else as_number(lower, "lower")
+    high = math.nan if upper is None else as_number(upper, "upper")
+    # A given bound stays; the values lie on its other side, or there are none.
     if lower is None:
-        low = np.fmin(low, high)
-    else:
-        high = np.fmax(low, high)
-    bounds = np.nan_to_num(np.array([low, high])).astype(np.float32)
-    with np.errstate(over="ignore"):
-        _check(np.isfinite(bounds[1] - bounds[0]), "values", "a range within float32", (low, high))
-    return bounds[0], bounds[1]
-
-
-def _given_range(lower: object, upper: object) -> tuple[np.float32, np.float32]:
+        low = float(np.fmin(min_of_finites(values), high))
+    if upper is None:
+        high = float(np.fmax(max_of_finites(values), low))
+    if lower is None and upper is None and math.isnan(low):
+        low = high = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        low, high = np.float32(as_number(lower, "lower")), np.float32(as_number(upper, "upper"))
-        sensible = np.isfinite(high - low) and low != high
-    expected = "two different finite float32 numbers"
-    _check(sensible, "lower, upper", expected, (lower, upper))
-    return low, high
-
-
-def _finite(bound: object, name: str) -> float:
-    number = as_number(bound, name)
-    _check(abs(number) <= np.finfo(np.float32).max, name, "a finite float32 number", bound)
-    return number
+        first, last = np.float32(low), np.float32(high)
+        is_flat = first == last and lower is not None and upper is not None
+        sensible = np.isfinite(last - first) and not is_flat
+    _check(sensible, "lower, upper", "two different finite float32 numbers", (low, high))
+    return first, last
 
 
 def _unpack(values: Layer, pixel: np.dtype[Any], order: Order) -> list[npt.NDArray[Any]]:
@@ -307,7 +295,7 @@ def _read_gray(
 ) -> Layer:
     _check_order(order)
     largest = np.float32(_LARGEST[pixels.dtype.name])
-    low, high = _given_range(lower, upper)
+    low, high = _range(as_number(lower, "lower"), as_number(upper, "upper"), pixels)
 
     def values(part: Image) -> Layer:
         if part.dtype == np.float64:

@@ -5,23 +5,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Integers, Layer, Mask, Positions, Size
-from ..arrays._pieces import expanded
+from ..arrays._checks import Integers, Positions, Size
+from ..arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError
-from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._geometry import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
-_TRIANGLES = 1 << 13  # number of triangles in a chunk, whose temporaries fit into the cache
-# Number of pairs of a triangle and a cell in a chunk, whose temporaries fit into the cache.
-_PAIRS = 1 << 13
+# Temporaries of so many triangles, and pairs of a triangle and a cell, fit into the cache.
+_TRIANGLES = _PAIRS = 1 << 13
 
 _ROUNDING = 1e-9  # bound of the rounding error of the distance to an edge [cells]
 
@@ -49,10 +47,20 @@ def rasterize_triangles(
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
-    highest = _highest_hits(corners, triangles, grid_map.geometry)
-    if grid_map.start_index != (0, 0):
-        highest = np.roll(highest, grid_map.start_index, axis=(0, 1))
-    return grid_map.with_layers({layer: highest})
+    geometry = grid_map.geometry
+    highest = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
+    first_center = geometry.corner - 0.5 * geometry.resolution
+    tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        for part in slices(len(triangles), _TRIANGLES):
+            chosen = corners[triangles[part].T]
+            x, y, z = (chosen[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
+            rows = (first_center[0] - x) / geometry.resolution
+            columns = (first_center[1] - y) / geometry.resolution
+            for cells, heights in _hits(rows, columns, z, geometry.size, tolerance):
+                np.fmax.at(highest, cells, heights.astype(np.float32))
+    made = {layer: highest.reshape(geometry.size, order="F")}
+    return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
 
 
 def from_mesh(
@@ -85,7 +93,7 @@ def from_mesh(
     xy = corners[used, :2].astype(np.float64)
     geometry = fitting_geometry(xy.min(axis=0), xy.max(axis=0), resolution, hold_edges=False)
     grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
-    return grid_map.with_layers({layer: _highest_hits(corners, triangles, geometry)})
+    return rasterize_triangles(corners, triangles, grid_map, layer)
 
 
 def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
@@ -117,88 +125,57 @@ def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
     return np.concatenate([given[:, [0, n, n + 1]] for n in range(1, given.shape[1] - 1)])
 
 
-def _highest_hits(
-    vertices: npt.NDArray[Any], triangles: npt.NDArray[Any], geometry: GridGeometry
-) -> Layer:
-    """Return the highest hits (rows, cols) in map order."""
-    highest = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
-    first_center = geometry.corner - 0.5 * geometry.resolution
-    tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for first in range(0, len(triangles), _TRIANGLES):
-            corners = vertices[triangles[first : first + _TRIANGLES].T]
-            x, y, z = (corners[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
-            rows = (first_center[0] - x) / geometry.resolution
-            columns = (first_center[1] - y) / geometry.resolution
-            part = _Triangles(rows, columns, z, tolerance)
-            for cells, heights in part.hits(geometry.size):
-                np.fmax.at(highest, cells, heights.astype(np.float32))
-    return highest.reshape(geometry.size, order="F")
-
-
-class _Triangles:
-    """Triangles over a map whose cell centers have whole numbers as row and column.
+def _hits(
+    rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
+) -> Iterator[tuple[Integers, Positions]]:
+    """Yield the numbers (n,) of cells, column after column, and the heights (n,) of hits there.
 
     Args:
-        rows, columns, z: (3, T) of the corners.
+        rows, columns, z: (3, T) of the corners of triangles; cell centers have whole numbers as
+            row and column.
+        size: rows and columns of the map.
         tolerance: distance from a center to an edge that still counts as a hit [cells].
     """
-
-    def __init__(self, rows: Positions, columns: Positions, z: Positions, tolerance: float) -> None:
-        along_rows, along_columns = _edges(rows), _edges(columns)
-        area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
-        lengths = np.hypot(along_rows, along_columns)
-        # A triangle that is thinner than the tolerance is vertical or has no area.
-        kept = np.isfinite(z).all(axis=0) & (np.abs(area) > tolerance * lengths.max(axis=0))
-        kept_of = partial(np.compress, kept, axis=-1)
-        self._rows, self._columns, self._z = kept_of(rows), kept_of(columns), kept_of(z)
-        area = kept_of(area)
-        self._by_row, self._by_column = -kept_of(along_columns) / area, kept_of(along_rows) / area
-        self._slack = tolerance * kept_of(lengths) / np.abs(area)
-        self._tolerance = tolerance
-
-    def hits(self, size: Size) -> Iterator[tuple[Integers, Positions]]:
-        """Yield the numbers (n,) of cells, column after column, and the heights (n,) there."""
-        first_row, row_count = self._range(self._rows, size[0])
-        first_column, column_count = self._range(self._columns, size[1])
-        for triangles, numbers in expanded(row_count * column_count, _PAIRS):
-            strides = row_count[triangles]
-            beside = numbers // strides
-            rows = first_row[triangles] + numbers - beside * strides
-            columns = first_column[triangles] + beside
-            hit, heights = self._heights(triangles, rows, columns)
-            yield (rows + size[0] * columns)[hit], heights[hit]
-
-    def _range(self, corners: Positions, cells: int) -> tuple[Integers, Integers]:
-        """Return the first cell under each triangle along one axis, and how many there are."""
-        first = np.ceil(np.clip(corners.min(axis=0) - self._tolerance, 0, cells))
-        last = np.floor(np.clip(corners.max(axis=0) + self._tolerance, -1, cells - 1))
-        return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)
-
-    def _heights(
-        self, triangles: Integers, rows: Integers, columns: Integers
-    ) -> tuple[Mask, Positions]:
-        """Return a mask of the triangles that contain the cell centers, and their heights there.
-
-        Heights are weighted by barycentric coordinates: linear over the triangle, 1 at one corner
-        and 0 along the edge opposite.
-        """
+    along_rows, along_columns = _edges(rows), _edges(columns)
+    area = along_rows[2] * along_columns[0] - along_rows[0] * along_columns[2]
+    lengths = np.hypot(along_rows, along_columns)
+    # A triangle that is thinner than the tolerance is vertical or has no area.
+    kept = np.isfinite(z).all(axis=0) & (np.abs(area) > tolerance * lengths.max(axis=0))
+    rows, columns, z, along_rows, along_columns, lengths, area = (
+        np.compress(kept, values, axis=-1)
+        for values in (rows, columns, z, along_rows, along_columns, lengths, area)
+    )
+    by_row, by_column = -along_columns / area, along_rows / area
+    slacks = tolerance * lengths / np.abs(area)
+    first_row, row_count = _range(rows, size[0], tolerance)
+    first_column, column_count = _range(columns, size[1], tolerance)
+    for triangles, numbers in expanded(row_count * column_count, _PAIRS):
+        strides = row_count[triangles]
+        beside = numbers // strides
+        cell_rows = first_row[triangles] + numbers - beside * strides
+        cell_columns = first_column[triangles] + beside
         # Offsets from a corner keep their precision far from the first cell.
-        row, column = rows - self._rows[0][triangles], columns - self._columns[0][triangles]
-        weights = [
-            row * self._by_row[n][triangles] + column * self._by_column[n][triangles]
-            for n in (1, 2)
-        ]
+        row, column = cell_rows - rows[0][triangles], cell_columns - columns[0][triangles]
+        # Barycentric coordinates: linear over the triangle, 1 at one corner and 0 along the edge
+        # opposite.
+        weights = [row * by_row[n][triangles] + column * by_column[n][triangles] for n in (1, 2)]
         weights.insert(0, 1.0 - weights[0] - weights[1])
         hit = np.ones(len(triangles), np.bool_)
         heights, total = np.zeros(len(triangles)), np.zeros(len(triangles))
-        for weight, slack, z in zip(weights, self._slack, self._z, strict=True):
+        for weight, slack, height in zip(weights, slacks, z, strict=True):
             hit &= weight >= -slack[triangles]
             # Extrapolation of a steep triangle beyond its edge would be far off.
             np.maximum(weight, 0.0, out=weight)
-            heights += weight * z[triangles]
+            heights += weight * height[triangles]
             total += weight
-        return hit, heights / total
+        yield (cell_rows + size[0] * cell_columns)[hit], (heights / total)[hit]
+
+
+def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:
+    """Return the first cell under each triangle along one axis, and how many there are."""
+    first = np.ceil(np.clip(corners.min(axis=0) - tolerance, 0, cells))
+    last = np.floor(np.clip(corners.max(axis=0) + tolerance, -1, cells - 1))
+    return first.astype(np.int64), np.maximum(last - first + 1, 0).astype(np.int64)
 
 
 def _edges(corners: Positions) -> Positions:

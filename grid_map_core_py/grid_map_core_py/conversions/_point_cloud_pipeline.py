@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Elevation from raw point clouds: clean the cloud, cluster the points of each cell, take a height.
 
-The parameters are those of the C++ package `grid_map_pcl`; its parameter files load unchanged. The
-algorithms of PCL are in `_clusters.py` and here.
+The parameters are those of the C++ package `grid_map_pcl`; its parameter files load unchanged.
 """
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field, is_dataclass
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -84,9 +84,7 @@ class ClusterExtraction:
     use_max_height_as_cell_elevation: bool = False
 
     def __post_init__(self) -> None:
-        tolerance = self.cluster_tolerance
-        is_length = bool(np.isfinite(tolerance) and tolerance > 0)
-        check(is_length, "cluster_tolerance", "a positive number", tolerance)
+        _check_length(self.cluster_tolerance, "cluster_tolerance")
         _check_range(self.min_num_points, self.max_num_points, "num_points")
 
 
@@ -110,13 +108,11 @@ class Grid:
     height_thresh: float = 1.0
 
     def __post_init__(self) -> None:
-        is_length = bool(np.isfinite(self.resolution) and self.resolution > 0)
-        check(is_length, "resolution", "a positive number", self.resolution)
+        _check_length(self.resolution, "resolution")
         check(self.height_type in (0, 1), "height_type", "0 or 1", self.height_type)
         check(self.height_thresh >= 0, "height_thresh", "a number >= 0", self.height_thresh)
-        _check_range(
-            self.min_num_points_per_cell, self.max_num_points_per_cell, "num_points_per_cell"
-        )
+        least, most = self.min_num_points_per_cell, self.max_num_points_per_cell
+        _check_range(least, most, "num_points_per_cell")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +159,8 @@ class PointCloudPipeline:
         config = _as_mapping(_as_mapping(config).get("pcl_grid_map_extraction", config))
         sections = {
             name: _section(name, kind, config[name])
-            for name, kind in _SECTIONS.items()
-            if name in config
+            for name, kind in get_type_hints(cls).items()
+            if name in config and is_dataclass(kind)
         }
         return build(cls, {**config, **sections})
 
@@ -194,11 +190,13 @@ class PointCloudPipeline:
         lower, upper = cloud[:, :2].min(axis=0), cloud[:, :2].max(axis=0)
         geometry = fitting_geometry(lower, upper, self.grid_map.resolution, hold_edges=True)
         (rows, columns), _ = geometry.cells_at(cloud[:, :2])
-        heights = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
-        for cells, part in self._occupied(rows + geometry.size[0] * columns):
-            self._fill(heights, cells, cloud[part])
+        cells = rows + geometry.size[0] * columns
+        values = np.full(geometry.size[0] * geometry.size[1], np.nan, np.float32)
+        for part in self._chunks(cells):
+            occupied, heights = self._heights(cells[part], cloud[part])
+            values[occupied] = heights
         grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
-        return grid_map.with_layers({layer: heights.reshape(geometry.size, order="F")})
+        return grid_map.with_layers({layer: values.reshape(geometry.size, order="F")})
 
     def prepared(self, points: npt.ArrayLike) -> Positions:
         """Return the cleaned cloud (M, 3) [m] in the frame of the map."""
@@ -220,50 +218,43 @@ class PointCloudPipeline:
         moved: Positions = cloud @ rotation.T + transform.translation
         return moved
 
-    def _occupied(self, cells: Integers) -> Iterator[tuple[Integers, Integers]]:
-        """Yield cells (n,) and their points (n,) in chunks of whole cells, without sparse cells."""
+    def _chunks(self, cells: Integers) -> Iterator[Integers]:
+        """Yield numbers (n,) of points in chunks of whole cells that hold neither few nor many."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
-        limits = self.grid_map
-        counts = (sizes >= limits.min_num_points_per_cell) & (
-            sizes <= limits.max_num_points_per_cell
-        )
+        least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
+        counts = (sizes >= least) & (sizes <= most)
         order, sizes = order[np.repeat(counts, sizes)], sizes[counts]
         ends = np.cumsum(sizes)
         first = 0
         while first < len(order):
             last = int(ends[np.searchsorted(ends, min(first + _POINTS, len(order)))])
-            yield cells[order[first:last]], order[first:last]
+            yield order[first:last]
             first = last
 
-    def _fill(self, heights: npt.NDArray[np.float32], cells: Integers, points: Positions) -> None:
-        """Set the heights of the cells that these points are in."""
+    def _heights(
+        self, cells: Integers, points: Positions
+    ) -> tuple[Integers, npt.NDArray[np.float64]]:
+        """Return the cells (m,) that have clusters of these points (n, 3), and the heights (m,)."""
         from ._clusters import euclidean_clusters  # slow to import
 
         extraction = self.cluster_extraction
+        groups = np.unique(cells, return_inverse=True)[1]
         clusters = euclidean_clusters(
-            points,
-            np.unique(cells, return_inverse=True)[1],
-            extraction.cluster_tolerance,
-            workers=self.num_processing_threads,
+            points, groups, extraction.cluster_tolerance, workers=self.num_processing_threads
         )
         sizes = np.bincount(clusters)
         means = points[0, 2] + np.bincount(clusters, points[:, 2] - points[0, 2]) / sizes
         cell_of = np.empty(len(sizes), np.int64)
         cell_of[clusters] = cells
         valid = (sizes >= extraction.min_num_points) & (sizes <= extraction.max_num_points)
-        chosen, values = self._chosen(cell_of[valid], sizes[valid], means[valid])
-        heights[chosen] = values
-
-    def _chosen(
-        self, cells: Integers, sizes: Integers, means: npt.NDArray[np.float64]
-    ) -> tuple[Integers, npt.NDArray[np.float64]]:
-        """Return the cells (m,) that have clusters, and their heights (m,)."""
-        highest = self.cluster_extraction.use_max_height_as_cell_elevation
-        order = np.lexsort((-means if highest and self.grid_map.height_type == 0 else means, cells))
-        cells, sizes, means = cells[order], sizes[order], means[order]
+        by_size = self.grid_map.height_type == 1
+        downwards = extraction.use_max_height_as_cell_elevation and not by_size
+        order = np.lexsort((-means if downwards else means, cell_of))
+        order = order[valid[order]]
+        cells, sizes, means = cell_of[order], sizes[order], means[order]
         occupied, first, numbers = np.unique(cells, return_index=True, return_inverse=True)
-        if self.grid_map.height_type == 1:
+        if by_size:
             near = means - means[first[numbers]] <= self.grid_map.height_thresh
             order = np.lexsort((means, -sizes, ~near, cells))
             means = means[order]
@@ -290,18 +281,14 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
     xyz = finite_points(points)
     if not len(xyz):
         return xyz
-    first = np.floor(xyz.min(axis=0) / sides)
-    counts = np.floor(xyz.max(axis=0) / sides) - first + 1
-    with np.errstate(over="ignore"):
-        voxel_count = counts.prod()
-    if not voxel_count < 2.0**62:
+    places = np.floor(xyz / sides)
+    places -= places.min(axis=0)
+    counts = places.max(axis=0) + 1
+    if not math.prod(counts.tolist()) < 2.0**62:
         raise GeometryError(
             f"voxel_size: expected fewer than 2**62 voxels, got sides {tuple(sides.tolist())} m"
         )
-    voxels = np.zeros(len(xyz), np.int64)
-    for axis in range(3):
-        voxels *= int(counts[axis])
-        voxels += (np.floor(xyz[:, axis] / sides[axis]) - first[axis]).astype(np.int64)
+    voxels = np.ravel_multi_index((*places.T.astype(np.int64),), (*counts.astype(np.int64),))
     _, numbers = np.unique(voxels, return_inverse=True)
     sizes = np.bincount(numbers)
     # Relative to a point of the cloud, because sums of large coordinates lose precision.
@@ -372,16 +359,8 @@ def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArr
     return means[numbers.reshape(-1)]
 
 
-_SECTIONS: Mapping[str, type[Any]] = {
-    "cloud_transform": CloudTransform,
-    "cluster_extraction": ClusterExtraction,
-    "outlier_removal": OutlierRemoval,
-    "downsampling": Downsampling,
-    "grid_map": Grid,
-}
-
-# Parameters that upstream writes as a mapping of three letters to numbers.
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
+"""Parameters that upstream writes as a mapping of three letters to numbers."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:
@@ -390,21 +369,21 @@ def _as_mapping(parameters: object) -> Mapping[str, Any]:
     return parameters
 
 
-def _section(name: str, kind: type[Any], section: object) -> object:
+def _section(name: str, kind: Any, section: object) -> object:
     try:
-        parameters = _as_mapping(section).items()
-        return build(kind, {key: _in_order(key, value) for key, value in parameters})
+        parameters = dict(_as_mapping(section))
+        for key, letters in _TRIPLES.items():
+            value = parameters.get(key)
+            if isinstance(value, Mapping):
+                check(set(value) == set(letters), key, f"numbers {', '.join(letters)}", dict(value))
+                parameters[key] = [value[letter] for letter in letters]
+        return build(kind, parameters)
     except ConfigError as error:
         raise ConfigError(f"{name}: {error}") from error
 
 
-def _in_order(name: str, value: object) -> object:
-    """Return the numbers of a mapping as a list, anything else unchanged."""
-    letters = _TRIPLES.get(name)
-    if letters is None or not isinstance(value, Mapping):
-        return value
-    check(set(value) == set(letters), name, f"numbers {', '.join(letters)}", dict(value))
-    return [value[letter] for letter in letters]
+def _check_length(value: float, name: str) -> None:
+    check(0 < value < math.inf, name, "a positive number", value)
 
 
 def _check_triple(values: Triple, name: str) -> None:

@@ -16,8 +16,7 @@ Reductions, of heights as of other fields:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -25,12 +24,13 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Mask, Positions, as_finite, as_number, as_numbers, as_pair
+from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, as_pair
+from ..arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins._parameters import check
-from ._point_reductions import COLOR_REDUCERS, REDUCERS, Reducer
+from ._point_reductions import COLOR_REDUCERS, REDUCERS, MakeReducer
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
 """Default: a layer `elevation` with the largest height of each cell."""
@@ -77,13 +77,26 @@ def rasterize(
         ConfigError: a reduction is unknown or does not suit colors, or a limit is invalid.
         GridMapError: a layer and a field have the same name.
     """
-    cloud = _Cloud.of(points, min_height, max_height)
-    columns = _columns(cloud, layers, fields or {}, field_reductions or {})
-    made = _reduce(cloud, columns, grid_map.geometry)
-    if grid_map.start_index != (0, 0):
-        for name, layer in made.items():
-            made[name] = np.roll(layer, grid_map.start_index, axis=(0, 1))
-    return grid_map.with_layers(made)
+    cloud = as_points(points)
+    sources = _sources(cloud, layers, fields or {}, field_reductions or {})
+    geometry = grid_map.geometry
+    rows, cols = geometry.size
+    reducers = {name: make(rows * cols, len(cloud)) for name, (_, make) in sources.items()}
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        for part, counts in _chunks(cloud, min_height, max_height):
+            (cell_rows, cell_cols), inside = geometry.cells_at(cloud[part, :2])
+            counts &= inside
+            flat = (cell_rows + rows * cell_cols)[counts]
+            for name, (source, _) in sources.items():
+                cells, values = flat, source[part][counts].astype(np.float64)
+                # Heights that count are finite.
+                if name not in layers and not (finite := np.isfinite(values)).all():
+                    cells, values = cells[finite], values[finite]
+                reducers[name].add(cells, values)
+        made = {
+            name: reducers.pop(name).result().reshape(geometry.size, order="F") for name in sources
+        }
+    return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
 
 
 def from_points(
@@ -114,11 +127,28 @@ def from_points(
         GridMapError: no point is left to take the extent from, or the extent takes too many cells;
             and all that `rasterize` raises.
     """
-    cloud = _Cloud.of(points, min_height, max_height)
-    columns = _columns(cloud, layers, fields or {}, field_reductions or {})
-    geometry = _geometry(cloud, resolution, length, position)
-    grid_map = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
-    return grid_map.with_layers(_reduce(cloud, columns, geometry))
+    cloud = as_points(points)
+    center = None if position is None else as_pair(position, "position")
+    lower = upper = np.zeros(2)
+    if length is None or center is None:
+        lower, upper = _extent(cloud, min_height, max_height)
+    if length is not None:
+        middle = lower + 0.5 * (upper - lower) if center is None else center
+        geometry = GridGeometry(as_pair(length, "length"), resolution, middle)
+    else:
+        if center is not None:
+            reach = np.maximum(upper - center, center - lower)
+            lower, upper = center - reach, center + reach
+        geometry = fitting_geometry(lower, upper, resolution, hold_edges=True)
+    return rasterize(
+        cloud,
+        GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
+        layers,
+        fields=fields,
+        field_reductions=field_reductions,
+        min_height=min_height,
+        max_height=max_height,
+    )
 
 
 def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
@@ -184,65 +214,47 @@ def fitting_geometry(
     return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
 
 
-@dataclass(frozen=True)
-class _Cloud:
-    """Points (N, 3), and the limits of valid heights."""
-
-    points: npt.NDArray[Any]
-    lowest: float
-    highest: float
-
-    @classmethod
-    def of(cls, points: ArrayLike, min_height: float, max_height: float) -> _Cloud:
-        lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
-        if not lowest <= highest:
-            raise ConfigError(
-                f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
-            )
-        return cls(as_points(points), lowest, highest)
-
-    def chunks(self) -> Iterator[tuple[slice, Mask]]:
-        """Yield slices of points, and which of them have a finite height within the limits."""
-        for first in range(0, len(self.points), _CHUNK):
-            part = slice(first, first + _CHUNK)
-            z = np.ascontiguousarray(self.points[part, 2])
-            counts = np.isfinite(z)
-            counts &= z >= self.lowest
-            counts &= z <= self.highest
-            yield part, counts
-
-    def extent(self) -> tuple[Positions, Positions]:
-        """Return the smallest and largest x, y (2,) of the points that count."""
-        lower, upper = np.full(2, np.inf), np.full(2, -np.inf)
-        for part, counts in self.chunks():
-            for axis in (0, 1):
-                counts &= np.isfinite(self.points[part, axis])
-            for axis in (0, 1):
-                values = self.points[part, axis][counts]
-                lower[axis] = values.min(initial=lower[axis])
-                upper[axis] = values.max(initial=upper[axis])
-        if not np.isfinite(lower).all():
-            raise GridMapError("points: expected a finite one within the height limits, got none")
-        return lower, upper
+def _chunks(
+    points: npt.NDArray[Any], min_height: float, max_height: float
+) -> Iterator[tuple[slice, Mask]]:
+    """Yield slices of points, and which of them have a finite height within the limits."""
+    lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
+    if not lowest <= highest:
+        raise ConfigError(
+            f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
+        )
+    for part in slices(len(points), _CHUNK):
+        z = np.ascontiguousarray(points[part, 2])
+        counts = np.isfinite(z)
+        counts &= z >= lowest
+        counts &= z <= highest
+        yield part, counts
 
 
-@dataclass(frozen=True)
-class _Column:
-    """Source of a layer: (N,) values and the kind of reducer."""
+def _extent(
+    points: npt.NDArray[Any], min_height: float, max_height: float
+) -> tuple[Positions, Positions]:
+    """Return the smallest and largest x, y (2,) of the points that count."""
+    lower, upper = np.full(2, np.inf), np.full(2, -np.inf)
+    for part, counts in _chunks(points, min_height, max_height):
+        for axis in (0, 1):
+            counts &= np.isfinite(points[part, axis])
+        for axis in (0, 1):
+            values = points[part, axis][counts]
+            lower[axis] = values.min(initial=lower[axis])
+            upper[axis] = values.max(initial=upper[axis])
+    if not np.isfinite(lower).all():
+        raise GridMapError("points: expected a finite one within the height limits, got none")
+    return lower, upper
 
-    values: npt.NDArray[Any]
-    make: Callable[[int, int], Reducer]
-    all_count: bool
-    """True if the values need no check of their own, as heights do not."""
 
-
-def _columns(
-    cloud: _Cloud,
+def _sources(
+    cloud: npt.NDArray[Any],
     layers: Mapping[str, str],
     fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
-) -> dict[str, _Column]:
-    """Return the sources of the layers by name, after all checks."""
+) -> dict[str, tuple[npt.NDArray[Any], MakeReducer]]:
+    """Return the values (N,) and the kind of reducer of each layer by its name."""
     given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
     for name, mapping in given.items():
         check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
@@ -250,11 +262,8 @@ def _columns(
         raise GridMapError(f"fields: expected other names than those of the layers, got {name!r}")
     for name in field_reductions.keys() - fields.keys():
         raise ConfigError(f"field_reductions: expected fields, of {list(fields)}, got {name!r}")
-    heights = cloud.points[:, 2]
-    columns = {
-        name: _Column(heights, _chosen(REDUCERS, name, reduction), all_count=True)
-        for name, reduction in layers.items()
-    }
+    heights = cloud[:, 2]
+    sources = {name: (heights, _chosen(REDUCERS, name, kind)) for name, kind in layers.items()}
     for name, field in fields.items():
         is_color = name in COLOR_FIELDS
         read, kinds = (as_colors, COLOR_REDUCERS) if is_color else (_as_floats, REDUCERS)
@@ -263,60 +272,14 @@ def _columns(
             raise GeometryError(
                 f"field {name!r}: expected shape {heights.shape}, got {values.shape}"
             )
-        reducer = _chosen(kinds, name, field_reductions.get(name, "mean"))
-        columns[name] = _Column(values, reducer, all_count=False)
-    return columns
+        sources[name] = values, _chosen(kinds, name, field_reductions.get(name, "mean"))
+    return sources
 
 
-def _chosen(
-    kinds: Mapping[str, Callable[[int, int], Reducer]], layer: str, reduction: str
-) -> Callable[[int, int], Reducer]:
+def _chosen(kinds: Mapping[str, MakeReducer], layer: str, reduction: str) -> MakeReducer:
     known = isinstance(reduction, str) and reduction in kinds
     check(known, f"reduction of {layer}", f"one of {', '.join(kinds)}", reduction)
     return kinds[reduction]
-
-
-def _reduce(
-    cloud: _Cloud, columns: Mapping[str, _Column], geometry: GridGeometry
-) -> dict[str, Layer]:
-    """Return the layers (rows, cols) in map order."""
-    rows, cols = geometry.size
-    reducers = {
-        name: column.make(rows * cols, len(cloud.points)) for name, column in columns.items()
-    }
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for part, counts in cloud.chunks():
-            (cell_rows, cell_cols), inside = geometry.cells_at(cloud.points[part, :2])
-            counts &= inside
-            flat = (cell_rows + rows * cell_cols)[counts]
-            for name, column in columns.items():
-                cells, values = flat, column.values[part][counts].astype(np.float64)
-                if not column.all_count and not (finite := np.isfinite(values)).all():
-                    cells, values = cells[finite], values[finite]
-                reducers[name].add(cells, values)
-        return {
-            name: reducers.pop(name).result().reshape(geometry.size, order="F") for name in columns
-        }
-
-
-def _geometry(
-    cloud: _Cloud,
-    resolution: float,
-    length: ArrayLike | None,
-    position: ArrayLike | None,
-) -> GridGeometry:
-    """Return the grid; the points' extent replaces a length or position that is not given."""
-    center = None if position is None else as_pair(position, "position")
-    if length is None:
-        lower, upper = cloud.extent()
-        if center is not None:
-            reach = np.maximum(upper - center, center - lower)
-            lower, upper = center - reach, center + reach
-        return fitting_geometry(lower, upper, resolution, hold_edges=True)
-    if center is None:
-        lower, upper = cloud.extent()
-        center = lower + 0.5 * (upper - lower)
-    return GridGeometry(as_pair(length, "length"), resolution, center)
 
 
 def _as_floats(values: ArrayLike, name: str) -> npt.NDArray[Any]:

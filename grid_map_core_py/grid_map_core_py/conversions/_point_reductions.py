@@ -9,8 +9,7 @@ occur more than once.
 """
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +31,10 @@ class Reducer(Protocol):
 
     def result(self) -> Flat:
         """Return one value per cell. Nothing can be added afterwards."""
+
+
+MakeReducer: TypeAlias = Callable[[int, int], Reducer]
+"""Returns a reducer for numbers of cells and of points."""
 
 
 class Extreme:
@@ -154,7 +157,9 @@ class Median:
         self._seen += len(cells)
         keys[...] = cells
         keys <<= np.uint64(32)
-        keys |= _sortable(values.astype(np.float32))
+        bits = values.astype(np.float32).view(np.uint32)
+        # Integers that sort like the values.
+        keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)
         self._count.add(cells, values)
 
     def result(self) -> Flat:
@@ -201,36 +206,25 @@ _SHIFTS = np.array([16, 8, 0], np.uint32)  # bit positions of red, green and blu
 _SIGN = np.uint32(1 << 31)
 
 
-def _sortable(values: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
-    """Return integers that sort like the values."""
-    bits = values.view(np.uint32)
-    return np.where(bits & _SIGN, ~bits, bits | _SIGN)
-
-
 def _unsortable(keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.float32]:
     """Return the values in the lower half of keys."""
     bits = keys.astype(np.uint32)
     return np.where(bits & _SIGN, bits ^ _SIGN, ~bits).view(np.float32)
 
 
-REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
-    {
-        "max": lambda cells, _: Extreme(cells, np.fmax),
-        "min": lambda cells, _: Extreme(cells, np.fmin),
-        "mean": lambda cells, _: Mean(cells),
-        "median": Median,
-        "first": lambda cells, _: First(cells),
-        "last": lambda cells, _: Last(cells),
-        "count": lambda cells, _: Count(cells),
-        "variance": lambda cells, _: Variance(cells),
-    }
-)
-"""Constructors of reducers by name; they take the numbers of cells and of points."""
+REDUCERS: Mapping[str, MakeReducer] = {
+    "max": lambda cells, _: Extreme(cells, np.fmax),
+    "min": lambda cells, _: Extreme(cells, np.fmin),
+    "mean": lambda cells, _: Mean(cells),
+    "median": Median,
+    "first": lambda cells, _: First(cells),
+    "last": lambda cells, _: Last(cells),
+    "count": lambda cells, _: Count(cells),
+    "variance": lambda cells, _: Variance(cells),
+}
 
-COLOR_REDUCERS: Mapping[str, Callable[[int, int], Reducer]] = MappingProxyType(
-    {
-        "mean": lambda cells, _: MeanColor(cells),
-        **{name: REDUCERS[name] for name in ("first", "last", "count")},
-    }
-)
-"""Constructors of reducers of packed colors, whose bits mean nothing as numbers."""
+COLOR_REDUCERS: Mapping[str, MakeReducer] = {
+    "mean": lambda cells, _: MeanColor(cells),
+    **{name: REDUCERS[name] for name in ("first", "last", "count")},
+}
+"""Reducers of packed colors, whose bits mean nothing as numbers."""
