@@ -66,13 +66,14 @@ docs: build  ## Build the documentation site in build/docs/
 	@tools/workspace docs
 	@$(ENTER) libraries=$$(python3 -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
 	    PYTHONPATH=$(SOURCES):$$PYTHONPATH:$$libraries .venv-docs/bin/python -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
+	    PYTHONPATH=$$libraries .venv-docs/bin/python -m pytest -q -p no:cacheprovider test/built_site.py && \
 	    echo "The site is build/docs/index.html"
 
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only
 
 clean:  ## Remove build results
-	rm -rf build install log demo_output
+	rm -rf build install log demo_output docs/api/generated
 
 distclean: clean  ## Remove the Python environments as well
 	rm -rf .venv .venv-docs .venv-oldest .lock
