@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
-from grid_map_core_py.files import Format, _formats, formats, load, options_of, save
+from grid_map_core_py.files import Format, _formats, find_format, formats, load, options_of, save
 from grid_map_core_py.testing import assert_maps_equal
 
 
@@ -56,17 +56,16 @@ def test_named_format_overrides_the_ending():
     ],
 )
 def test_options_decide_between_formats_of_one_ending(name, options, expected):
-    assert _formats.format_to_write(Path(name), options).name == expected
+    assert find_format(Path(name), options, writes=True).name == expected
 
 
 def test_yaml_files_are_distinguished_by_content():
     save(sample(), "ours/map.yaml")
     Path("nav").mkdir()
     save(sample(), "nav/map.yaml", mode="scale", layer="slope")
-    for path in (Path("ours"), Path("ours/map.yaml")):
-        assert _formats.format_to_read(path).name == "images"
-    for path in (Path("nav"), Path("nav/map.yaml")):
-        assert _formats.format_to_read(path).name == "map_server"
+    for path, expected in (("ours", "images"), ("nav", "map_server")):
+        assert find_format(Path(path)).name == expected
+        assert find_format(Path(path, "map.yaml")).name == expected
 
 
 def test_all_formats_describe_themselves():

@@ -142,9 +142,10 @@ def test_name_without_file_representation_is_refused(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
-def test_a_folder_may_be_called_like_a_file(tmp_path):
-    save_images(GridMap((1, 1), 0.5, layers=["a"]), tmp_path / "map.yaml")
-    assert load_images(tmp_path / "map.yaml").layers == ("a",)
+def test_yaml_file_names_its_folder(tmp_path):
+    path = tmp_path / "images" / "map.yaml"
+    assert save_images(GridMap((1, 1), 0.5, layers=["a"]), path) == path
+    assert load_images(path).layers == load_images(path.parent).layers == ("a",)
 
 
 def test_maps_that_cannot_become_images_are_refused(tmp_path):

@@ -51,7 +51,7 @@ def _choose(
         elsewhere: names in formats of options that may be for the other side.
         writes: choose for the destination.
     """
-    from ..files import format_to_read, format_to_write, formats, options_of
+    from ..files import find_format, formats, options_of
 
     def known(one: "Format") -> tuple[str, ...]:
         return options_of(one.save, 2) if writes else options_of(one.load)
@@ -67,11 +67,10 @@ def _choose(
             raise UsageError(f"standard {side} takes npz, not {wanted}")
         found = formats()["npz"]
     else:
-        find = format_to_write if writes else format_to_read
         try:
-            found = find(Path(path), given, name=wanted)
+            found = find_format(Path(path), given, name=wanted, writes=writes)
         except GridMapError:
-            found = find(Path(path), name=wanted)
+            found = find_format(Path(path), name=wanted, writes=writes)
     for called, name in flags.items():
         if called not in (*known(found), *elsewhere):
             flag = _FLAGS.get(name, f"--{name.replace('_', '-')}")

@@ -4,30 +4,27 @@
 
 from ._atomic import new_file, new_folder
 from ._clouds import Fields, load_cloud, load_mesh, load_points
-from ._facts import map_facts
 from ._formats import (
     Format,
     MapRecord,
-    format_to_read,
-    format_to_write,
+    find_format,
     formats,
     load,
     options_of,
     save,
 )
 from ._geotiff import load_geotiff, save_geotiff
-from ._height_image import load_height_image, save_height_image
+from ._image_files import load_height_image, save_height_image
 from ._image_folder import load_images, save_images
 from ._map_server import load_map_server, save_map_server
-from ._npz import load_npz, save_npz, storage_errors
+from ._npz import load_npz, map_facts, save_npz, storage_errors
 from ._yaml_files import load_yaml
 
 __all__ = [
     "Fields",
     "Format",
     "MapRecord",
-    "format_to_read",
-    "format_to_write",
+    "find_format",
     "formats",
     "load",
     "load_cloud",

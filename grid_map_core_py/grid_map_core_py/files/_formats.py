@@ -4,7 +4,7 @@
 
 import inspect
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache
@@ -17,7 +17,7 @@ from ..errors import GridMapError, MissingPackageError
 from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
-from ._height_image import load_height_image, save_height_image
+from ._image_files import load_height_image, save_height_image
 from ._image_folder import YAML_NAME, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
@@ -70,19 +70,6 @@ class Format:
     open_maps: Callable[..., AbstractContextManager[Sequence[MapRecord]]] | None = None
     save_maps: Callable[..., int] | None = None
 
-    def can_read(self, path: Path) -> bool:
-        """Return whether this format can probably read a file or folder."""
-        return self._fits(path, self.load, self.reads)
-
-    def can_write(self, path: Path) -> bool:
-        """Return whether a file name selects this format for writing."""
-        return self._fits(path, self.save, self.writes)
-
-    def _fits(self, path: Path, function: object, test: Callable[[Path], bool] | None) -> bool:
-        if function is None:
-            return False
-        return path.suffix.lower() in self.endings if test is None else test(path)
-
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
     """Return the option names of a format's function, without its `given` first parameters."""
@@ -112,7 +99,7 @@ def load(
         MissingPackageError: a package that the format needs is not installed.
         GridMapError: the file cannot be read, its format or an option is not known.
     """
-    found = format_to_read(Path(path), options, name=format)
+    found = find_format(Path(path), options, name=format)
     return found.load(path, **options)  # type: ignore[misc]
 
 
@@ -139,7 +126,7 @@ def save(
         MissingPackageError: a package that the format needs is not installed.
         GridMapError: the file cannot be written, its format or an option is not known.
     """
-    found = format_to_write(Path(path), options, name=format)
+    found = find_format(Path(path), options, name=format, writes=True)
     found.save(grid_map, path, **options)  # type: ignore[misc]
 
 
@@ -151,7 +138,7 @@ def formats() -> dict[str, Format]:
     name and a `Format`. A format that cannot be loaded is left out, with a
     warning.
     """
-    known = dict(BUILT_IN)
+    known = {one.name: one for one in _BUILT_IN}
     for entry in entry_points(group=GROUP):
         try:
             known.setdefault(entry.name, entry.load())
@@ -163,36 +150,28 @@ def formats() -> dict[str, Format]:
     return known
 
 
-def format_to_read(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
-    """Return the format in which to read a file or folder.
+def find_format(
+    path: Path, options: Iterable[str] = (), *, name: str | None = None, writes: bool = False
+) -> Format:
+    """Return the first format that fits a path and has all options.
 
     Args:
         path: the file or folder.
         options: names of options that the format must have.
         name: name of the format; None selects it by the path.
+        writes: True to write to the path, False to read it.
 
     Raises:
         GridMapError: no format fits, or it lacks an option.
     """
-    return _chosen(path, options, name, writes=False)
 
+    def fits(one: Format) -> bool:
+        test = one.writes if writes else one.reads
+        return path.suffix.lower() in one.endings if test is None else test(path)
 
-def format_to_write(path: Path, options: Iterable[str] = (), *, name: str | None = None) -> Format:
-    """Return the format to write; arguments and errors: see `format_to_read`."""
-    return _chosen(path, options, name, writes=True)
-
-
-def _chosen(path: Path, options: Iterable[str], name: str | None, *, writes: bool) -> Format:
-    """Return the first format that fits and has all options."""
-    usable = {
-        one.name: one
-        for one in formats().values()
-        if (one.save if writes else one.load) is not None
-    }
+    usable = {n: one for n, one in formats().items() if (one.save if writes else one.load)}
     if name is None:
-        fitting = [
-            one for one in usable.values() if (one.can_write if writes else one.can_read)(path)
-        ]
+        fitting = [one for one in usable.values() if fits(one)]
     elif name in usable:
         fitting = [usable[name]]
     else:
@@ -231,93 +210,67 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
 def _is_ours(path: Path) -> bool:
     """Return whether a path holds images that `save_images` wrote, not a map of nav2."""
     file = path / YAML_NAME if path.is_dir() else path
-    if file.suffix.lower() not in (".yaml", ".yml"):
-        return False
-    if not file.exists():
-        return file == path and file.name == YAML_NAME
     try:
-        return part_of_maps(load_yaml(file)) is not None
+        return file.suffix.lower() in _YAML and part_of_maps(load_yaml(file)) is not None
     except GridMapError:
-        return True
+        return False
 
 
-def _save_images(
-    grid_map: GridMap,
-    path: str | PathLike[str],
-    *,
-    layers: Iterable[str] | None = None,
-    bits: int = 16,
-    ranges: Mapping[str, tuple[float, float]] | None = None,
-) -> None:
-    """Write a folder of images; `path` is the folder or the YAML file in it."""
-    file = Path(path)
-    folder = file.parent if file.name == YAML_NAME else file
-    save_images(grid_map, folder, layers, bits=bits, ranges=ranges)
+_IMAGES, _YAML = (".png", ".tif", ".tiff"), (".yaml", ".yml")
 
-
-def _is_of_map_server(path: Path) -> bool:
-    is_yaml = path.suffix.lower() in (".yaml", ".yml")
-    return (path / YAML_NAME).is_file() if path.is_dir() else is_yaml
-
-
-_IMAGES = (".png", ".tif", ".tiff")
-
-BUILT_IN = {
-    one.name: one
-    for one in (
-        Format(
-            name="npz",
-            description="NumPy arrays, nothing is lost",
-            endings=(".npz",),
-            load=load_npz,
-            save=save_npz,
-            describe=describe_npz,
-        ),
-        Format(
-            name="images",
-            description="folder of PNG images and map.yaml",
-            reads=_is_ours,
-            writes=lambda path: path.name == YAML_NAME,
-            load=load_images,
-            save=_save_images,
-        ),
-        Format(
-            name="map_server",
-            description="YAML file and image of nav2's map_server",
-            endings=(".yaml", ".yml"),
-            reads=_is_of_map_server,
-            load=load_map_server,
-            save=save_map_server,
-        ),
-        Format(
-            name="geotiff",
-            description="GeoTIFF, one band per layer",
-            endings=(".tif", ".tiff"),
-            load=load_geotiff,
-            save=save_geotiff,
-            describe=describe_geotiff,
-        ),
-        Format(
-            name="height_image",
-            description="height map: gray PNG, TIFF, PGM or BMP image",
-            endings=(*_IMAGES, ".pgm", ".bmp"),
-            writes=lambda path: path.suffix.lower() in _IMAGES,
-            load=load_height_image,
-            save=save_height_image,
-        ),
-        Format(
-            name="pcd",
-            description="point cloud of PCL",
-            endings=(".pcd",),
-            load=load_cloud,
-            describe=describe_cloud,
-        ),
-        Format(
-            name="mesh",
-            description="triangle mesh or its vertices",
-            endings=(".ply", ".obj", ".stl"),
-            load=load_cloud,
-            describe=describe_cloud,
-        ),
-    )
-}
+_BUILT_IN = (
+    Format(
+        name="npz",
+        description="NumPy arrays, nothing is lost",
+        endings=(".npz",),
+        load=load_npz,
+        save=save_npz,
+        describe=describe_npz,
+    ),
+    Format(
+        name="images",
+        description="folder of PNG images and map.yaml",
+        reads=_is_ours,
+        writes=lambda path: path.name == YAML_NAME,
+        load=load_images,
+        save=save_images,
+    ),
+    Format(
+        name="map_server",
+        description="YAML file and image of nav2's map_server",
+        endings=_YAML,
+        reads=lambda path: (path / YAML_NAME).is_file() or path.suffix.lower() in _YAML,
+        load=load_map_server,
+        save=save_map_server,
+    ),
+    Format(
+        name="geotiff",
+        description="GeoTIFF, one band per layer",
+        endings=(".tif", ".tiff"),
+        load=load_geotiff,
+        save=save_geotiff,
+        describe=describe_geotiff,
+    ),
+    Format(
+        name="height_image",
+        description="height map: gray PNG, TIFF, PGM or BMP image",
+        endings=(*_IMAGES, ".pgm", ".bmp"),
+        writes=lambda path: path.suffix.lower() in _IMAGES,
+        load=load_height_image,
+        save=save_height_image,
+    ),
+    Format(
+        name="pcd",
+        description="point cloud of PCL",
+        endings=(".pcd",),
+        load=load_cloud,
+        describe=describe_cloud,
+    ),
+    Format(
+        name="mesh",
+        description="triangle mesh or its vertices",
+        endings=(".ply", ".obj", ".stl"),
+        load=load_cloud,
+        describe=describe_cloud,
+    ),
+)

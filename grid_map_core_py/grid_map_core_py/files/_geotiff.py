@@ -23,9 +23,8 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
-from ._facts import map_facts
 from ._image_files import from_north_up, to_north_up
-from ._npz import storage_errors
+from ._npz import map_facts, storage_errors
 
 _TAG = "GRID_MAP"
 

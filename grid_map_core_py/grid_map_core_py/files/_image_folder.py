@@ -60,7 +60,7 @@ def save_images(
 
     Args:
         grid_map: the map; it may have moved, which the images do not show.
-        folder: path of the new folder; its parent must exist.
+        folder: path of the new folder, or of `map.yaml` in it; its parent must exist.
         layers: names of the layers; None means all. The first one is what `map_server` shows.
         bits: 16 or 8, per pixel.
         ranges: `lower` and `upper` by layer, the values of black and white, beyond which values are
@@ -97,6 +97,7 @@ def save_images(
         entries.append({"name": name, "image": file, **mode})
         images.append(to_north_up(image))
     target = Path(folder)
+    target = target.parent if target.name == YAML_NAME else target
     with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
         for entry, image in zip(entries, images, strict=True):
             (temporary / entry["image"]).write_bytes(encode_image(image, ".png"))
@@ -116,9 +117,7 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
         GridMapError: a file is missing, damaged or of another format.
     """
     given = Path(path)
-    with storage_errors(given, "read"):
-        is_file = given.suffix == ".yaml" and not given.is_dir()
-        file = given if is_file else given / YAML_NAME
+    file = given if given.suffix == ".yaml" and not given.is_dir() else given / YAML_NAME
     document = load_yaml(file)
     with storage_errors(file, "read"):
         found = part_of_maps(document)
@@ -134,11 +133,12 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
             geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
         entries = {entry["name"]: entry for entry in found["layers"]}
-        wanted = select_layers([*entries], layers)
-    for name in wanted:
-        entry = entries[name]
-        with storage_errors(file, "read"):
-            image = file.parent / Path(entry["image"]).name
+        wanted = [(name, entries[name]) for name in select_layers(entries, layers)]
+        images = [file.parent / Path(entry["image"]).name for _, entry in wanted]
+        for name in found["basic_layers"]:
+            if name not in entries:
+                raise ValueError(f"basic layer {name!r} is not among the layers")
+    for (name, entry), image in zip(wanted, images, strict=True):
         with storage_errors(image, "read"):
             pixels, mode = from_north_up(read_image(image, grid_map.size[::-1])), entry["mode"]
             if mode == "color":
@@ -147,11 +147,7 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
                 add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
             else:
                 raise ValueError(f"mode: expected 'values' or 'color', got {mode!r}")
-    with storage_errors(file, "read"):
-        for name in found["basic_layers"]:
-            if name not in entries:
-                raise ValueError(f"basic layer {name!r} is not among the layers")
-        grid_map.basic_layers = [name for name in found["basic_layers"] if name in grid_map]
+    grid_map.basic_layers = [name for name in found["basic_layers"] if name in grid_map]
     return grid_map
 
 

@@ -31,8 +31,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
-from ._height_image import chosen_layer
-from ._image_files import from_north_up, read_image, to_north_up, write_image
+from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
 from ._npz import storage_errors
 from ._yaml_files import load_yaml
 
@@ -73,7 +72,7 @@ def load_map_server(
     document = load_yaml(file)
     with storage_errors(file, "read"):
         settings = _settings(document)
-        image = file.parent / settings["image"]
+    image = file.parent / settings["image"]
     with storage_errors(image, "read"):
         occupancy = _occupancy(read_image(image), settings)
     with storage_errors(file, "read"):

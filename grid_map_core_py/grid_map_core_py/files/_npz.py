@@ -24,7 +24,6 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
-from ._facts import map_facts
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -109,6 +108,30 @@ def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
     """Return the facts about the map of a file without reading a layer."""
     with _opened(path) as (_, metadata, grid_map):
         return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
+
+
+def map_facts(
+    grid_map: GridMap,
+    layers: Iterable[str] | None = None,
+    basic_layers: Iterable[str] | None = None,
+) -> dict[str, Any]:
+    """Return frame, time, size, place and names of layers of a map, as JSON has them.
+
+    Args:
+        grid_map: the map, perhaps without its layers.
+        layers, basic_layers: names to list in place of the names of the map.
+    """
+    return {
+        "frame_id": grid_map.frame_id,
+        "timestamp": grid_map.timestamp,
+        "size": [*grid_map.size],
+        "resolution": grid_map.resolution,
+        "length": grid_map.length.tolist(),
+        "position": grid_map.position.tolist(),
+        "start_index": [*grid_map.start_index],
+        "layers": [*(grid_map.layers if layers is None else layers)],
+        "basic_layers": [*(grid_map.basic_layers if basic_layers is None else basic_layers)],
+    }
 
 
 @contextmanager
