@@ -13,9 +13,10 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from grid_map_filters_py.errors import ExpressionError, FilterError
 from grid_map_filters_py.expression import Expression
-from grid_map_filters_py.expression._functions import FUNCTIONS, Fold, elementwise, of_finites
-from grid_map_filters_py.expression._missing import skips_missing
+from grid_map_filters_py.expression._functions import FUNCTIONS, elementwise, of_finites
+from grid_map_filters_py.expression._matrices import Fold
 from grid_map_filters_py.expression._parser import parse
+from grid_map_filters_py.expression._windows import skips_missing
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Mathematical expressions over layers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,12 +13,10 @@ from numpy.typing import NDArray
 from grid_map_core_py import GridMap
 
 from ..errors import ExpressionError
-from ._checks import check
-from ._faults import Fault, faults_as_errors
 from ._functions import CONSTANTS
-from ._interpreter import Interpreter
+from ._interpreter import Interpreter, check
 from ._matrices import Matrices
-from ._nodes import Call, Name, Node, descendants
+from ._nodes import Fault, Node
 from ._parser import parse
 from ._windows import EdgeHandling, evaluate_over_windows
 
@@ -51,12 +50,14 @@ class Expression:
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
             raise ExpressionError(f"an expression must be a text, not {self.text!r}")
-        with faults_as_errors(self.text):
+        with _faults_as_errors(self.text):
             root, repeated = parse(self.text)
             check(root)
-        nodes = list(descendants(root))
-        names = {node.name: node.position for node in nodes if isinstance(node, Name)}
-        functions = {node.function: node.position for node in nodes if isinstance(node, Call)}
+        nodes = list(root.descendants())
+        names, functions = (
+            {node.parts[0]: node.position for node in nodes if node.kind == kind}
+            for kind in ("name", "call")
+        )
         object.__setattr__(self, "names", frozenset(names.keys() - CONSTANTS.keys()))
         object.__setattr__(self, "_root", root)
         object.__setattr__(self, "_repeated", repeated)
@@ -87,12 +88,12 @@ class Expression:
             return self._of_moved_map(layers)
         available = ", ".join(sorted(layers)) or "none"
         used = self._places.keys() & layers.keys()
-        with faults_as_errors(self.text):
+        with _faults_as_errors(self.text):
             values = {name: _bind(name, layers[name], self._places[name]) for name in used}
-            result = Interpreter(Matrices(), values, available, self._repeated)(self._root)
-        if isinstance(result, float) or result.flags.writeable:
-            return result
-        return result.copy(order="K")
+            interpreter = Interpreter(Matrices(), values, available, self._repeated)
+            result: NDArray[np.float32] | float = interpreter(self._root)
+        is_shared = isinstance(result, np.ndarray) and not result.flags.writeable
+        return np.copy(result, order="K") if is_shared else result
 
     def _of_moved_map(self, grid_map: GridMap) -> NDArray[np.float32] | float:
         result = self({name: grid_map.unwrapped(name) for name in grid_map})
@@ -134,7 +135,7 @@ class Expression:
         """
         if not np.issubdtype(np.asarray(layer).dtype, np.floating):
             layer = np.asarray(layer, np.float32)
-        with faults_as_errors(self.text):
+        with _faults_as_errors(self.text):
             result = evaluate_over_windows(
                 self._root, self._repeated, name, layer, window_size, edge_handling
             )
@@ -151,3 +152,18 @@ def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
         raise Fault(message, position=position)
     values.flags.writeable = False
     return values
+
+
+@contextmanager
+def _faults_as_errors(text: str) -> Iterator[None]:
+    """Turn faults into errors that show the expression with a caret under the place.
+
+    Infinities and NaN raise no warnings meanwhile.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except Fault as fault:
+        line = "".join(" " if character.isspace() else character for character in text)
+        caret = " " * (fault.position or 0) + "^"
+        raise ExpressionError(f"{fault}\n    {line}\n    {caret}") from None

@@ -2,86 +2,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The operators and functions of the expression language.
 
-Each is written once, with the primitives of an `Algebra`. So it computes the same with whole layers
-and with the windows of all cells.
+Each is written once, with the primitives of `Matrices`, so that it computes the same with whole
+layers and with the windows of all cells.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grid_map_core_py import arrays as statistics
 
-from ._faults import Fault
+from ._matrices import SCALAR, Fold, Matrices, Value, describe, known, shape_of, simplified
+from ._nodes import Fault
 
-Shape = tuple[int, int]
-Plain = float | NDArray[np.float32]
-"""A number, or a 2-D matrix of numbers."""
-
-V = TypeVar("V")
-
-SCALAR: Shape = (1, 1)
 LARGEST = 10**8
 """Maximum number of elements of a matrix that an expression makes."""
 CONSTANTS = {"pi": np.pi, "nan": np.nan, "inf": np.inf}
-
-
-@dataclass(frozen=True, eq=False)
-class Fold:
-    """A reduction: `map` every element, then `combine` them in any order.
-
-    `whole`, if given, reduces a whole array faster, and returns NaN if there is nothing to reduce.
-    """
-
-    map: Callable[[Any], Any]
-    combine: np.ufunc
-    whole: Callable[[NDArray[Any]], float] | None = None
-
-
-class Algebra(Protocol[V]):
-    """The primitive operations of an evaluator on its kind of values."""
-
-    def constant(self, value: Plain) -> V:
-        """Return a known number or matrix as a value."""
-
-    def known(self, value: V) -> Plain:
-        """Return `value` as a number or matrix; raise a Fault if it depends on a window."""
-
-    def shape(self, value: V) -> Shape:
-        """Return (rows, columns); a number is 1 x 1."""
-
-    def elementwise(self, function: Callable[..., Any], *values: V) -> V:
-        """Apply `function` to equal shapes; 1 x 1 matrices are repeated."""
-
-    def fold(self, value: V, axis: int | None, *folds: Fold) -> list[V]:
-        """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""
-
-    def product(self, left: V, right: V) -> V:
-        """Multiply matrices of fitting shapes."""
-
-    def transpose(self, value: V) -> V:
-        """Swap rows and columns."""
-
-    def take(self, value: V, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> V:
-        """Pick rows and columns that exist."""
-
-    def stack(self, blocks: Sequence[Sequence[V]]) -> V:
-        """Put blocks of fitting shapes together."""
-
-
-def common_shape(shapes: Iterable[Shape]) -> Shape:
-    """Return the shape of an elementwise result; 1 x 1 fits every shape."""
-    larger = list(dict.fromkeys(shape for shape in shapes if shape != SCALAR))
-    if len(larger) > 1:
-        raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
-    return larger[0] if larger else SCALAR
-
-
-def describe(shape: Shape) -> str:
-    return f"{shape[0]} x {shape[1]}"
 
 
 # --- elementwise ----------------------------------------------------------------------------------
@@ -111,16 +51,13 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 
 ARITHMETIC = {
     "+": np.add,
-    ".+": np.add,
     "-": np.subtract,
-    ".-": np.subtract,
     "*": np.multiply,
-    ".*": np.multiply,
     "/": np.divide,
-    "./": np.divide,
     "^": np.power,
-    ".^": np.power,
 }
+"""A point before an operator, as in `.*`, makes it elementwise."""
+
 COMPARISONS = {
     "<": np.less,
     "<=": np.less_equal,
@@ -132,9 +69,9 @@ COMPARISONS = {
 POWERS = ("^", ".^")
 
 
-def operate(algebra: Algebra[V], operator: str, left: V, right: V) -> V:
+def operate(algebra: Matrices, operator: str, left: Value, right: Value) -> Value:
     """Apply a binary operator."""
-    first, second = algebra.shape(left), algebra.shape(right)
+    first, second = shape_of(left), shape_of(right)
     if operator in ("*", "/") and SCALAR not in (first, second):
         if operator == "/":
             raise Fault("a matrix cannot be divided by a matrix; use './' for element by element")
@@ -146,7 +83,7 @@ def operate(algebra: Algebra[V], operator: str, left: V, right: V) -> V:
         return algebra.product(left, right)
     if operator in POWERS and isinstance(right, float) and right == 2.0:
         return algebra.elementwise(np.square, left)  # same bits, many times faster
-    return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator], left, right)
+    return algebra.elementwise((ARITHMETIC | COMPARISONS)[operator.lstrip(".")], left, right)
 
 
 # --- reductions -----------------------------------------------------------------------------------
@@ -170,8 +107,8 @@ FINITE_MAXIMUM = Fold(_finite_or(-np.inf), np.maximum, statistics.max_of_finites
 
 
 def _folding(fold: Fold) -> Callable[..., Any]:
-    def reduce(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
-        return algebra.fold(value, _axis(algebra, axis), fold)[0]
+    def reduce(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
+        return algebra.fold(value, _axis(axis), fold)[0]
 
     return reduce
 
@@ -179,60 +116,52 @@ def _folding(fold: Fold) -> Callable[..., Any]:
 def _extreme(fold: Fold, pairwise: np.ufunc, cwise: str) -> Callable[..., Any]:
     """Return the reduction for one argument or an axis, or the elementwise result for a matrix."""
 
-    def reduce(algebra: Algebra[V], value: V, second: V | None = None) -> V:
+    def reduce(algebra: Matrices, value: Value, second: Value | None = None) -> Value:
         if isinstance(second, float) and second not in (0.0, 1.0):
             raise Fault(f"{_WRONG_AXIS}; to compare with a number use {cwise}(m, s)", argument=1)
         if second is None or isinstance(second, float):  # a 1 x 1 layer is a matrix
-            return algebra.fold(value, _axis(algebra, second), fold)[0]
+            return algebra.fold(value, _axis(second), fold)[0]
         return algebra.elementwise(pairwise, value, second)
 
     return reduce
 
 
-def _mean(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
-    rows, columns = algebra.shape(value)
-    along = _axis(algebra, axis)
+def _mean(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
+    shape, along = shape_of(value), _axis(axis)
     total = algebra.fold(value, along, SUM)[0]
-    count = float({None: rows * columns, 0: rows, 1: columns}[along])
-    return algebra.elementwise(np.divide, total, algebra.constant(count))
+    count = math.prod(shape) if along is None else shape[along]
+    return algebra.elementwise(np.divide, total, float(count))
 
 
-def _mean_of_finites(algebra: Algebra[V], value: V) -> V:
+def _mean_of_finites(algebra: Matrices, value: Value) -> Value:
     count, total = algebra.fold(value, None, FINITE_COUNT, FINITE_SUM)
     return algebra.elementwise(np.divide, total, count)
 
 
-def _absmax(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
+def _absmax(algebra: Matrices, value: Value, axis: Value | None = None) -> Value:
     """Return the extreme of largest magnitude with its sign, as EigenLab does."""
-    high, low = algebra.fold(value, _axis(algebra, axis), MAXIMUM, MINIMUM)
+    high, low = algebra.fold(value, _axis(axis), MAXIMUM, MINIMUM)
     return algebra.elementwise(
         lambda one, other: np.where(np.abs(one) >= np.abs(other), one, other), high, low
     )
 
 
-def _norm(algebra: Algebra[V], value: V) -> V:
+def _norm(algebra: Matrices, value: Value) -> Value:
     return algebra.elementwise(np.sqrt, algebra.fold(value, None, SQUARES)[0])
 
 
-def _trace(algebra: Algebra[V], value: V) -> V:
+def _trace(algebra: Matrices, value: Value) -> Value:
     diagonal = [
         algebra.take(value, np.array([place]), np.array([place]))
-        for place in range(min(algebra.shape(value)))
+        for place in range(min(shape_of(value)))
     ]
     return algebra.fold(algebra.stack([diagonal]), None, SUM)[0]
 
 
-def _known(algebra: Algebra[V], value: V, argument: int) -> Plain:
-    try:
-        return algebra.known(value)
-    except Fault as fault:
-        raise Fault(fault.message, argument=argument) from None
-
-
-def _axis(algebra: Algebra[V], axis: V | None) -> int | None:
+def _axis(axis: Value | None) -> int | None:
     if axis is None:
         return None
-    value = _known(algebra, axis, 1)
+    value = known(axis, argument=1)
     if np.size(value) != 1 or float(np.max(value)) not in (0.0, 1.0):
         raise Fault(_WRONG_AXIS, argument=1)
     return int(np.max(value))
@@ -241,28 +170,25 @@ def _axis(algebra: Algebra[V], axis: V | None) -> int | None:
 # --- shapes and creation --------------------------------------------------------------------------
 
 
-def _size(algebra: Algebra[V], value: V, axis: V | None = None) -> V:
-    shape = algebra.shape(value)
-    along = _axis(algebra, axis)
-    if along is not None:
-        return algebra.constant(float(shape[along]))
-    return algebra.constant(np.array([shape], dtype=np.float32))
+def _size(_: Matrices, value: Value, axis: Value | None = None) -> Value:
+    shape, along = shape_of(value), _axis(axis)
+    return np.array([shape], np.float32) if along is None else float(shape[along])
 
 
 def _maker(make: Callable[[int, int], NDArray[np.float32]]) -> Callable[..., Any]:
-    def made(algebra: Algebra[V], rows: V, columns: V | None = None) -> V:
-        height = _length(_known(algebra, rows, 0), 0)
-        width = height if columns is None else _length(_known(algebra, columns, 1), 1)
+    def made(_: Matrices, rows: Value, columns: Value | None = None) -> Value:
+        height = _length(rows, 0)
+        width = height if columns is None else _length(columns, 1)
         if height * width > LARGEST:
             raise Fault(f"a matrix of {describe((height, width))} is too large")
-        matrix = make(height, width)
-        return algebra.constant(float(matrix.item()) if matrix.size == 1 else matrix)
+        return simplified(make(height, width))
 
     return made
 
 
-def _length(value: Plain, argument: int) -> int:
-    number = float(np.max(value)) if np.size(value) == 1 else np.nan
+def _length(value: Value, argument: int) -> int:
+    matrix = known(value, argument=argument)
+    number = float(np.max(matrix)) if np.size(matrix) == 1 else np.nan
     if not (number >= 1.0 and number.is_integer()):
         raise Fault("the number of rows and columns must be whole and positive", argument=argument)
     return int(number)
@@ -275,8 +201,8 @@ def _length(value: Plain, argument: int) -> int:
 class Function:
     """A function of the language.
 
-    Its properties say how it treats NaN, for `_missing`: windows that are cropped at the border are
-    computed faster where these can be padded with NaN instead.
+    Its properties say how it treats NaN, for `skips_missing`: windows that are cropped at the
+    border are computed faster where these can be padded with NaN instead.
 
     Attributes:
         apply: takes the algebra and `least` to `most` arguments.
@@ -299,15 +225,15 @@ class Function:
 def elementwise(function: Callable[..., Any], arity: int = 1, *, keeps_nan: bool) -> Function:
     """Return the function that applies `function` to each element."""
 
-    def apply(algebra: Algebra[V], *values: V) -> V:
+    def apply(algebra: Matrices, *values: Value) -> Value:
         return algebra.elementwise(function, *values)
 
     return Function(apply, arity, arity, elementwise=True, keeps_nan=keeps_nan)
 
 
 def _cwise(function: np.ufunc) -> Function:
-    def apply(algebra: Algebra[V], matrix: V, other: V) -> V:
-        if algebra.shape(matrix) == SCALAR != algebra.shape(other):
+    def apply(algebra: Matrices, matrix: Value, other: Value) -> Value:
+        if shape_of(matrix) == SCALAR != shape_of(other):
             raise Fault("the matrix comes first and the number second", argument=0)
         return algebra.elementwise(function, matrix, other)
 
@@ -317,7 +243,7 @@ def _cwise(function: np.ufunc) -> Function:
 def of_finites(fold: Fold) -> Function:
     """Return the reduction of the finite elements by `fold`; NaN if there are none."""
 
-    def reduce(algebra: Algebra[V], value: V) -> V:
+    def reduce(algebra: Matrices, value: Value) -> Value:
         count, result = algebra.fold(value, None, FINITE_COUNT, fold)
         return algebra.elementwise(
             lambda n, r: np.where(np.equal(n, 0.0), np.nan, r), count, result

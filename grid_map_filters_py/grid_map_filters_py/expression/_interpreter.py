@@ -1,25 +1,26 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Evaluation of a syntax tree, for any kind of values (`Algebra`)."""
+"""Evaluation of a syntax tree, and the checks that need no layers."""
 
 import difflib
 import math
 from collections.abc import Collection, Mapping
-from typing import Generic
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._faults import Fault
-from ._functions import CONSTANTS, FUNCTIONS, LARGEST, SCALAR, Algebra, Plain, V, describe, operate
-from ._nodes import All, Binary, Call, End, Index, Matrix, Name, Node, Number, Range, Unary
+from ._functions import CONSTANTS, FUNCTIONS, LARGEST, operate
+from ._matrices import SCALAR, Matrices, Value, describe, known, shape_of, simplified
+from ._nodes import Fault, Node
+
+_DEEPEST = 150
 
 
-class Interpreter(Generic[V]):
-    """Evaluates nodes for given values of the names.
+class Interpreter:
+    """Evaluates nodes for given values of the names; each kind of node has a method.
 
     Args:
-        algebra: the primitives for this kind of values.
+        algebra: the primitives for the kind of values.
         names: values of the names; they hide functions and constants of the same name.
         available: the existing names, for error messages.
         repeated: structures that occur more than once; their values are kept.
@@ -27,8 +28,8 @@ class Interpreter(Generic[V]):
 
     def __init__(
         self,
-        algebra: Algebra[V],
-        names: Mapping[str, V],
+        algebra: Matrices,
+        names: Mapping[str, Value],
         available: str,
         repeated: Collection[int] = (),
     ) -> None:
@@ -36,9 +37,9 @@ class Interpreter(Generic[V]):
         self._names = names
         self._available = available
         self._repeated = repeated
-        self._memory: dict[int, V] = {}
+        self._memory: dict[int, Value] = {}
 
-    def __call__(self, node: Node, end: int | None = None) -> V:
+    def __call__(self, node: Node, end: int | None = None) -> Value:
         """Evaluate `node`.
 
         Args:
@@ -51,112 +52,98 @@ class Interpreter(Generic[V]):
         if node.structure in self._memory:
             return self._memory[node.structure]
         try:
-            value = self._evaluate(node, end)
+            value = getattr(self, f"_{node.kind}")(end, *node.parts)
         except Fault as fault:
-            raise fault.located(node.position) from None
+            fault.position = node.position if fault.position is None else fault.position
+            raise
         if node.structure in self._repeated:
             self._memory[node.structure] = value
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
         return value
 
-    def _evaluate(self, node: Node, end: int | None) -> V:
-        match node:
-            case Unary(operator=operator, operand=operand):
-                value = self(operand, end)
-                minus = operator == "-"
-                return self._algebra.elementwise(np.negative, value) if minus else value
-            case Binary(operator=operator, left=left, right=right):
-                return operate(self._algebra, operator, self(left, end), self(right, end))
-            case Call():
-                return self._call(node, end)
-            case Index(base=Name(name=name), arguments=arguments):
-                return self._index(self._name(name, "layer or function"), arguments)
-            case Index(base=base, arguments=arguments):
-                return self._index(self(base, end), arguments)
-            case Range():
-                return self._range(node, end)
-            case Matrix(rows=rows):
-                return self._matrix(rows, end)
-        return self._leaf(node, end)
+    def _number(self, _end: int | None, number: float) -> Value:
+        return number
 
-    def _leaf(self, node: Node, end: int | None) -> V:
-        match node:
-            case Number(value=number):
-                return self._algebra.constant(number)
-            case Name(name=name):
-                return self._name(name)
-            case End() if end is not None:
-                return self._algebra.constant(float(end))
-        symbol = "'end'" if isinstance(node, End) else "':' alone"
-        raise Fault(f"{symbol} stands only in an index")
-
-    def _name(self, name: str, kind: str = "layer") -> V:
+    def _name(self, _end: int | None, name: str, kind: str = "layer") -> Value:
         if name in self._names:
             return self._names[name]
         if name in CONSTANTS:
-            return self._algebra.constant(CONSTANTS[name])
-        hint = "" if kind == "layer" else suggestion(name)
+            return CONSTANTS[name]
+        hint = "" if kind == "layer" else _suggestion(name)
         raise Fault(f"no {kind} {name!r}{hint}; available: {self._available}")
 
-    def _call(self, call: Call, end: int | None) -> V:
-        name, arguments = call.function, call.arguments
+    def _end(self, end: int | None) -> Value:
+        if end is None:
+            raise Fault("'end' stands only in an index")
+        return float(end)
+
+    def _all(self, _end: int | None) -> Value:
+        raise Fault("':' alone stands only in an index")
+
+    def _unary(self, end: int | None, operator: str, operand: Node) -> Value:
+        value = self(operand, end)
+        return self._algebra.elementwise(np.negative, value) if operator == "-" else value
+
+    def _binary(self, end: int | None, operator: str, left: Node, right: Node) -> Value:
+        return operate(self._algebra, operator, self(left, end), self(right, end))
+
+    def _call(self, end: int | None, name: str, arguments: tuple[Node, ...]) -> Value:
         if name in self._names:
             try:
-                return self._index(self._names[name], arguments)
+                return self._take(self._names[name], arguments)
             except Fault as fault:
-                message = f"{fault.message} (the layer {name!r} hides the function)"
+                message = f"{fault} (the layer {name!r} hides the function)"
                 raise Fault(message, position=fault.position) from None
-        check_count(name, arguments)
+        _check_count(name, arguments)
         values = [self(argument, end) for argument in arguments]
         try:
-            result: V = FUNCTIONS[name].apply(self._algebra, *values)
+            return FUNCTIONS[name].apply(self._algebra, *values)
         except Fault as fault:
-            blamed = fault.argument
-            raise fault if blamed is None else fault.located(arguments[blamed].position) from None
-        return result
+            if fault.argument is not None:
+                fault.position = arguments[fault.argument].position
+            raise
 
-    def _range(self, node: Range, end: int | None) -> V:
-        start, stop = self._number(node.first, end), self._number(node.last, end)
-        stride = 1.0 if node.step is None else self._number(node.step, end)
+    def _range(self, end: int | None, first: Node, step: Node | None, last: Node) -> Value:
+        start, stop = self._bound(first, end), self._bound(last, end)
+        stride = 1.0 if step is None else self._bound(step, end)
         if start == stop:
-            return self._algebra.constant(start)
+            return start
         count = (stop - start) / stride if stride else math.nan
         if not 0.0 <= count < LARGEST:
             raise Fault(f"the range {start:g}:{stride:g}:{stop:g} is empty or endless")
         # The tolerance lets 0:0.1:0.3 end at 0.3 in spite of round-off.
         places = np.arange(math.floor(count + 1e-9) + 1)
-        row = (start + stride * places).astype(np.float32).reshape(1, -1)
-        return self._algebra.constant(float(row.item()) if row.size == 1 else row)
+        return simplified((start + stride * places).astype(np.float32).reshape(1, -1))
 
-    def _number(self, node: Node, end: int | None) -> float:
+    def _bound(self, node: Node, end: int | None) -> float:
         value = self(node, end)
-        if self._algebra.shape(value) != SCALAR:
-            shape = describe(self._algebra.shape(value))
-            raise Fault(f"a range needs numbers, this is {shape}", position=node.position)
-        return float(np.max(self._known(value, node)))
+        with node.blamed():
+            if shape_of(value) != SCALAR:
+                raise Fault(f"a range needs numbers, this is {describe(shape_of(value))}")
+            return float(np.max(known(value)))
 
-    def _matrix(self, rows: tuple[tuple[Node, ...], ...], end: int | None) -> V:
+    def _matrix(self, end: int | None, *rows: tuple[Node, ...]) -> Value:
         blocks = [[self(node, end) for node in row] for row in rows]
-        shapes = [[self._algebra.shape(block) for block in row] for row in blocks]
-        for nodes, row in zip(rows, shapes, strict=True):
-            for node, shape in zip(nodes, row, strict=True):
-                if shape[0] != row[0][0]:
-                    raise Fault(
-                        f"this part has {shape[0]} rows, the first part of its row {row[0][0]}",
-                        position=node.position,
-                    )
-        widths = [sum(shape[1] for shape in row) for row in shapes]
-        for nodes, width in zip(rows, widths, strict=True):
+        shapes = [[shape_of(block) for block in row] for row in blocks]
+        widths = [sum(width for _, width in row) for row in shapes]
+        for nodes, row, width in zip(rows, shapes, widths, strict=True):
+            for node, (height, _) in zip(nodes, row, strict=True):
+                if height != row[0][0]:
+                    text = f"this part has {height} rows, the first part of its row {row[0][0]}"
+                    raise Fault(text, position=node.position)
             if width != widths[0]:
-                raise Fault(
-                    f"this row has {width} columns, the first row {widths[0]}",
-                    position=nodes[0].position,
-                )
+                text = f"this row has {width} columns, the first row {widths[0]}"
+                raise Fault(text, position=nodes[0].position)
         return self._algebra.stack(blocks)
 
-    def _index(self, base: V, arguments: tuple[Node, ...]) -> V:
-        shape = self._algebra.shape(base)
+    def _index(self, end: int | None, base: Node, places: tuple[Node, ...]) -> Value:
+        if base.kind == "name":
+            return self._take(self._name(end, base.parts[0], "layer or function"), places)
+        return self._take(self(base, end), places)
+
+    def _take(self, base: Value, arguments: tuple[Node, ...]) -> Value:
+        shape = shape_of(base)
         if len(arguments) == 2:
             rows, columns = map(self._places, arguments, shape)
         elif len(arguments) != 1:
@@ -171,21 +158,13 @@ class Interpreter(Generic[V]):
         return self._algebra.take(base, rows, columns)
 
     def _places(self, argument: Node, length: int) -> NDArray[np.intp]:
-        if isinstance(argument, All):
+        if argument.kind == "all":
             return np.arange(length)
-        try:
-            return as_places(self._known(self(argument, length - 1), argument), length)
-        except Fault as fault:
-            raise fault.located(argument.position) from None
-
-    def _known(self, value: V, node: Node) -> Plain:
-        try:
-            return self._algebra.known(value)
-        except Fault as fault:
-            raise fault.located(node.position) from None
+        with argument.blamed():
+            return _as_places(known(self(argument, length - 1)), length)
 
 
-def as_places(value: Plain, length: int | None = None) -> NDArray[np.intp]:
+def _as_places(value: Value, length: int | None = None) -> NDArray[np.intp]:
     """Return an index value as places; `length` of the dimension where it is known."""
     numbers = np.atleast_2d(np.asarray(value, np.float64))
     if 1 not in numbers.shape:
@@ -199,19 +178,87 @@ def as_places(value: Plain, length: int | None = None) -> NDArray[np.intp]:
     return numbers.ravel().astype(np.intp)
 
 
-def check_count(name: str, arguments: tuple[Node, ...]) -> None:
+def _check_count(name: str, arguments: tuple[Node, ...]) -> None:
     """Raise a Fault unless the function takes this number of arguments."""
     function, count = FUNCTIONS[name], len(arguments)
     if function.least <= count <= function.most:
         return
-    wanted = str(function.least)
-    if function.most != function.least:
-        wanted += f" or {function.most}"
+    wanted = " or ".join(map(str, dict.fromkeys((function.least, function.most))))
     plural = "" if wanted == "1" else "s"
     raise Fault(f"{name} takes {wanted} argument{plural}, not {count}")
 
 
-def suggestion(name: str) -> str:
+def _suggestion(name: str) -> str:
     """Suggest a function that is spelled like `name`, in brackets."""
     close = difflib.get_close_matches(name, FUNCTIONS, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+# --- checks without layers ------------------------------------------------------------------------
+
+# Parts without names are evaluated once, so that `[1, 2] + [1, 2, 3]` or `zeros(1.5)` fails when
+# the expression is built. A layer hides the function of the same name: `mean(2, 3)` may be a cell
+# of the layer `mean`. So calls whose arguments could be an index are checked only with the layers.
+
+_EVALUATE = Interpreter(Matrices(), {}, "")
+
+
+def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
+    """Raise a Fault for an error that does not depend on the layers.
+
+    Args:
+        node: root of the tree, or of a subtree at this depth.
+        indexing: the node is inside of a possible index.
+    """
+    if depth > _DEEPEST:
+        raise Fault("the expression is nested too deeply", position=node.position)
+    if node.kind in ("end", "all") and not indexing:
+        raise Fault("'end' and a lone ':' stand only in an index", position=node.position)
+    for child in node.children():
+        check(child, indexing=indexing or node.kind in ("index", "call"), depth=depth + 1)
+    with node.blamed():
+        if _is_constant(node):
+            _EVALUATE(node)
+        elif node.kind == "call" and not _may_be_index(node):
+            _check_call(*node.parts)
+        elif node.kind == "index":
+            _check_index(*node.parts)
+
+
+def _check_call(name: str, arguments: tuple[Node, ...]) -> None:
+    _check_count(name, arguments)
+    function, axis = FUNCTIONS[name], arguments[-1]
+    if function.axis and len(arguments) == 2 and _is_constant(axis):
+        value = _EVALUATE(axis)
+        if isinstance(value, float):
+            with axis.blamed():
+                function.apply(Matrices(), 0.0, value)
+
+
+def _check_index(base: Node, places: tuple[Node, ...]) -> None:
+    if len(places) > 2:
+        name = base.parts[0] if base.kind == "name" else ""
+        unknown = f"no function {name!r}{_suggestion(name)}, and " if name else ""
+        raise Fault(f"{unknown}an index has one or two places, m(row, column) or v(place)")
+    for place in filter(_is_constant, places):
+        with place.blamed():
+            _as_places(_EVALUATE(place))
+
+
+def _is_constant(node: Node) -> bool:
+    """Return True if the value is the same for all layers."""
+    if node.kind in ("name", "end", "all") or (node.kind == "call" and _may_be_index(node)):
+        return False
+    return all(map(_is_constant, node.children()))
+
+
+def _may_be_index(call: Node) -> bool:
+    """Return True if the arguments could be places in a layer that hides the function."""
+    _, arguments = call.parts
+    return len(arguments) <= 2 and all(map(_may_be_place, arguments))
+
+
+def _may_be_place(node: Node) -> bool:
+    if node.kind == "number":
+        return float(node.parts[0]).is_integer()
+    return node.kind == "range" or any(part.kind in ("end", "all") for part in node.descendants())

@@ -7,13 +7,100 @@ float32. Arrays of the user and cached values are read-only. A writeable array i
 temporary of the evaluation; the next operation may write its result into it.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._functions import SCALAR, Fold, Plain, Shape, common_shape
+from ._nodes import Fault
+
+Shape = tuple[int, int]
+Value: TypeAlias = Any
+"""A number, a 2-D float32 matrix, or a matrix that depends on a window (see `WindowMatrix`)."""
+
+SCALAR: Shape = (1, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """A reduction: `map` every element, then `combine` them in any order.
+
+    `whole`, if given, reduces a whole array faster, and returns NaN if there is nothing to reduce.
+    """
+
+    map: Callable[[Any], Any]
+    combine: np.ufunc
+    whole: Callable[[NDArray[Any]], float] | None = None
+
+
+def known(value: Value, *, argument: int | None = None) -> Value:
+    """Return a number or matrix; raise a Fault, about an `argument`, if it depends on a window."""
+    if not isinstance(value, float | np.ndarray):
+        raise Fault("this must not depend on the data of the window", argument=argument)
+    return value
+
+
+def shape_of(value: Value) -> Shape:
+    """Return (rows, columns); a number is 1 x 1."""
+    return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
+
+
+def common_shape(values: Iterable[Value]) -> Shape:
+    """Return the shape of an elementwise result; 1 x 1 fits every shape."""
+    larger = list(dict.fromkeys(shape for shape in map(shape_of, values) if shape != SCALAR))
+    if len(larger) > 1:
+        raise Fault(f"the shapes {' and '.join(map(describe, larger))} do not match")
+    return larger[0] if larger else SCALAR
+
+
+def describe(shape: Shape) -> str:
+    return f"{shape[0]} x {shape[1]}"
+
+
+class Matrices:
+    """The primitive operations of the language, on numbers and matrices."""
+
+    def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
+        """Apply `function` to equal shapes; 1 x 1 matrices are repeated.
+
+        Matrices are computed in float32, numbers in double precision.
+        """
+        common_shape(values)
+        return apply(function, values, np.float32)
+
+    def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
+        """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""
+        return [_reduce(as_matrix(value), axis, fold) for fold in folds]
+
+    def product(self, left: Value, right: Value) -> Value:
+        """Multiply matrices of fitting shapes."""
+        # Transposed, so that the result is in Fortran order.
+        return (as_matrix(right).T @ as_matrix(left).T).T
+
+    def transpose(self, value: Value) -> Value:
+        """Swap rows and columns."""
+        return value if isinstance(value, float) else value.T
+
+    def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
+        """Pick rows and columns that exist; a single cell is a number."""
+        return simplified(as_matrix(value)[_as_slice(rows)][:, _as_slice(columns)])
+
+    def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
+        """Put blocks of fitting shapes together."""
+        rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
+        return simplified(np.asfortranarray(np.concatenate(rows, axis=0)))
+
+
+def simplified(matrix: NDArray[np.float32]) -> Value:
+    """Return a 1 x 1 matrix as a number, and any other unchanged."""
+    return float(matrix.item()) if matrix.size == 1 else matrix
+
+
+def as_matrix(value: Value) -> NDArray[np.float32]:
+    """Return a number as a 1 x 1 matrix, and a matrix unchanged."""
+    return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
 
 
 def apply(
@@ -44,51 +131,7 @@ def _temporary(values: Sequence[Any], dtype: type[np.floating[Any]]) -> NDArray[
     return None
 
 
-class Matrices:
-    """The algebra of numbers and matrices; a matrix of one cell that is picked is a number."""
-
-    def constant(self, value: Plain) -> Plain:
-        return value
-
-    def known(self, value: Plain) -> Plain:
-        return value
-
-    def shape(self, value: Plain) -> Shape:
-        return SCALAR if isinstance(value, float) else (value.shape[0], value.shape[1])
-
-    def elementwise(self, function: Callable[..., Any], *values: Plain) -> Plain:
-        # In float32, but in double precision between numbers.
-        common_shape(map(self.shape, values))
-        result: Plain = apply(function, values, np.float32)
-        return result
-
-    def fold(self, value: Plain, axis: int | None, *folds: Fold) -> list[Plain]:
-        return [_reduce(as_matrix(value), axis, fold) for fold in folds]
-
-    def product(self, left: Plain, right: Plain) -> Plain:
-        # Transposed, so that the result is in Fortran order.
-        result: NDArray[np.float32] = (as_matrix(right).T @ as_matrix(left).T).T
-        return result
-
-    def transpose(self, value: Plain) -> Plain:
-        return value if isinstance(value, float) else value.T
-
-    def take(self, value: Plain, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Plain:
-        picked = as_matrix(value)[_as_slice(rows)][:, _as_slice(columns)]
-        return float(picked.item()) if picked.size == 1 else picked
-
-    def stack(self, blocks: Sequence[Sequence[Plain]]) -> Plain:
-        rows = [np.concatenate([as_matrix(block) for block in row], axis=1) for row in blocks]
-        stacked = np.asfortranarray(np.concatenate(rows, axis=0))
-        return float(stacked.item()) if stacked.size == 1 else stacked
-
-
-def as_matrix(value: Plain) -> NDArray[np.float32]:
-    """Return a number as a 1 x 1 matrix, and a matrix unchanged."""
-    return np.full(SCALAR, value, np.float32) if isinstance(value, float) else value
-
-
-def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Plain:
+def _reduce(matrix: NDArray[np.float32], axis: int | None, fold: Fold) -> Value:
     if axis is None and fold.whole is not None:
         return float(fold.whole(matrix))
     values = fold.map(matrix)

@@ -1,114 +1,85 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The syntax tree of an expression."""
+"""The syntax tree of an expression, and errors at places of the text."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Any part of an expression.
+    """A part of an expression.
+
+    | kind     | parts                                                                             |
+    |----------|-----------------------------------------------------------------------------------|
+    | `number` | the value                                                                         |
+    | `name`   | the name of a layer or constant                                                   |
+    | `end`    | none; `end` is the last index of the dimension that is being indexed              |
+    | `all`    | none; a lone `:` stands for every index of the dimension                          |
+    | `unary`  | operator, operand                                                                 |
+    | `binary` | operator, left, right; comparisons included                                       |
+    | `range`  | first, step or None, last                                                         |
+    | `matrix` | rows, which are tuples of blocks                                                  |
+    | `index`  | the indexed node, the tuple of one or two places                                  |
+    | `call`   | the name of a known function, the tuple of arguments; an index if a layer has the |
+    |          | same name                                                                         |
 
     Args:
-        position: the column that its errors point at.
+        kind: see above.
+        parts: see above.
+        position: column that errors point at.
         structure: number of the part; equal parts have equal numbers, so that an evaluator computes
             them once.
     """
 
+    kind: str
+    parts: tuple[Any, ...]
     position: int
     structure: int
 
+    @contextmanager
+    def blamed(self) -> Iterator[None]:
+        """Give faults the position of this node, unless they have one."""
+        try:
+            yield
+        except Fault as fault:
+            if fault.position is None:
+                fault.position = self.position
+            raise
 
-@dataclass(frozen=True, eq=False)
-class Number(Node):
-    """A literal."""
+    def children(self) -> Iterator["Node"]:
+        """Return the nodes directly below this one, from left to right."""
+        return _nodes_in(self.parts)
 
-    value: float
-
-
-@dataclass(frozen=True, eq=False)
-class Name(Node):
-    """A layer or a named constant."""
-
-    name: str
-
-
-@dataclass(frozen=True, eq=False)
-class End(Node):
-    """`end`: the last index of the dimension that is being indexed."""
-
-
-@dataclass(frozen=True, eq=False)
-class All(Node):
-    """A lone `:`: every index of the dimension."""
+    def descendants(self) -> Iterator["Node"]:
+        """Return this node and everything below it."""
+        yield self
+        for child in self.children():
+            yield from child.descendants()
 
 
-@dataclass(frozen=True, eq=False)
-class Unary(Node):
-    """`+operand` or `-operand`."""
-
-    operator: str
-    operand: Node
-
-
-@dataclass(frozen=True, eq=False)
-class Binary(Node):
-    """`left operator right`, comparisons included."""
-
-    operator: str
-    left: Node
-    right: Node
-
-
-@dataclass(frozen=True, eq=False)
-class Range(Node):
-    """`first:last` or `first:step:last`, both ends included."""
-
-    first: Node
-    step: Node | None
-    last: Node
-
-
-@dataclass(frozen=True, eq=False)
-class Matrix(Node):
-    """`[a, b; c, d]`: blocks put side by side and rows on top of each other."""
-
-    rows: tuple[tuple[Node, ...], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Index(Node):
-    """`base(row, column)`, or `base(place)` on a vector."""
-
-    base: Node
-    arguments: tuple[Node, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Call(Node):
-    """`function(arguments)` of a known function, unless a layer has that name: then an index."""
-
-    function: str
-    arguments: tuple[Node, ...]
-
-
-def children(node: Node) -> Iterator[Node]:
-    """Return the direct parts of `node` from left to right."""
-    for field in fields(node):
-        yield from _nodes_in(getattr(node, field.name))
-
-
-def descendants(node: Node) -> Iterator[Node]:
-    """Return `node` and everything below it."""
-    yield node
-    for child in children(node):
-        yield from descendants(child)
-
-
-def _nodes_in(value: object) -> Iterator[Node]:
-    if isinstance(value, Node):
-        yield value
-    elif isinstance(value, tuple):
-        for part in value:
+def _nodes_in(parts: tuple[Any, ...]) -> Iterator[Node]:
+    for part in parts:
+        if isinstance(part, Node):
+            yield part
+        elif isinstance(part, tuple):
             yield from _nodes_in(part)
+
+
+class Fault(Exception):
+    """An error in an expression; the node that is evaluated adds the position.
+
+    Args:
+        message: one line for the user.
+        position: column in the text; None while unknown.
+        argument: index of the function's argument that caused the fault, if one did.
+    """
+
+    def __init__(
+        self, message: str, *, position: int | None = None, argument: int | None = None
+    ) -> None:
+        super().__init__(message)
+        self.position = position
+        self.argument = argument

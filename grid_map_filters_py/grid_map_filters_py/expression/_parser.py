@@ -2,19 +2,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parser of expressions: converts text to a syntax tree."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from functools import cache
 from importlib.resources import files
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from lark import Lark, Token, Transformer_NonRecursive, v_args
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
-from ._faults import Fault
 from ._functions import FUNCTIONS
-from ._nodes import All, Binary, Call, End, Index, Matrix, Name, Node, Number, Range, Unary
-
-_N = TypeVar("_N", bound=Node)
+from ._nodes import Fault, Node
 
 _HINTS = {
     "=": "assignment is not part of the language: an expression is only the value (equality is ==)",
@@ -37,7 +34,6 @@ _EXPECTED = {
     "COMMA": "','",
     "SEMICOLON": "';'",
 }
-
 
 _VALUE = ", expected a value"
 
@@ -98,51 +94,44 @@ def _wanted(accepted: set[str]) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer_NonRecursive):
-    """Turns lark's tree into nodes and numbers their structures.
-
-    `end` gets a new number every time, because its value depends on the index it stands in.
-    """
+    """Turns lark's tree into nodes and numbers their structures."""
 
     def __init__(self) -> None:
         super().__init__()
         self.repeated: set[int] = set()
-        self._structures: dict[tuple[Hashable, ...], int] = {}
+        self._structures: dict[Hashable, int] = {}
 
-    def _make(self, kind: Callable[..., _N], position: int, *parts: Any) -> _N:
-        key = (kind, *map(_key, parts))
+    def _node(self, kind: str, place: Token | Node, *parts: Any) -> Node:
         new = len(self._structures)
+        # The value of `end` depends on the index it stands in, so that no two are equal.
+        key = (kind, new) if kind == "end" else (kind, *map(_key, parts))
         structure = self._structures.setdefault(key, new)
-        if structure != new and kind not in (Number, Name):
+        if structure != new and kind not in ("number", "name"):
             self.repeated.add(structure)
-        return kind(position, structure, *parts)
-
-    def _unique(self, kind: Callable[[int, int], _N], token: Token) -> _N:
-        new = len(self._structures)
-        return kind(_start(token), self._structures.setdefault((kind, new), new))
+        position = place.position if isinstance(place, Node) else place.start_pos or 0
+        return Node(kind, parts, position, structure)
 
     def number(self, token: Token) -> Node:
-        return self._make(Number, _start(token), float(token))
+        return self._node("number", token, float(token))
 
     def name(self, token: Token) -> Node:
-        if token == "end":
-            return self._unique(End, token)
-        return self._make(Name, _start(token), str(token))
+        return self._node("end", token) if token == "end" else self._node("name", token, str(token))
 
     def quoted(self, token: Token) -> Node:
-        return self._make(Name, _start(token), str(token)[1:-1])
+        return self._node("name", token, str(token)[1:-1])
 
     def all(self, token: Token) -> Node:
-        return self._make(All, _start(token))
+        return self._node("all", token)
 
     def unary(self, operator: Token, operand: Node) -> Node:
-        return self._make(Unary, _start(operator), str(operator), operand)
+        return self._node("unary", operator, str(operator), operand)
 
     def binary(self, left: Node, operator: Token, right: Node) -> Node:
-        return self._make(Binary, _start(operator), str(operator), left, right)
+        return self._node("binary", operator, str(operator), left, right)
 
     def range(self, first: Node, *others: Node) -> Node:
-        step, last = others if len(others) == 2 else (None, others[0])
-        return self._make(Range, first.position, first, step, last)
+        step, last = others if len(others) == 2 else (None, *others)
+        return self._node("range", first, first, step, last)
 
     def row(self, *blocks: Node) -> tuple[Node, ...]:
         return blocks
@@ -150,13 +139,12 @@ class _Builder(Transformer_NonRecursive):
     arguments = row
 
     def matrix(self, bracket: Token, *rows: tuple[Node, ...]) -> Node:
-        return self._make(Matrix, _start(bracket), rows)
+        return self._node("matrix", bracket, *rows)
 
     def apply(self, base: Node, bracket: Token, arguments: tuple[Node, ...]) -> Node:
-        if isinstance(base, Name) and base.name in FUNCTIONS:
-            return self._make(Call, base.position, base.name, arguments)
-        position = base.position if isinstance(base, Name) else _start(bracket)
-        return self._make(Index, position, base, arguments)
+        if base.kind == "name" and base.parts[0] in FUNCTIONS:
+            return self._node("call", base, base.parts[0], arguments)
+        return self._node("index", base if base.kind == "name" else bracket, base, arguments)
 
 
 def _key(part: Any) -> Hashable:
@@ -164,7 +152,3 @@ def _key(part: Any) -> Hashable:
     if isinstance(part, tuple):
         return tuple(map(_key, part))
     return part.structure if isinstance(part, Node) else part
-
-
-def _start(token: Token) -> int:
-    return token.start_pos or 0

@@ -9,21 +9,17 @@ Fields have double precision, because the windows of high terrain differ by litt
 rounded to float32 as in C++.
 """
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._faults import Fault
-from ._functions import FINITE_COUNT, FINITE_SUM, SCALAR, Fold, Plain, Shape, common_shape
-from ._matrices import Matrices, apply
+from ._functions import FINITE_COUNT, FINITE_SUM
+from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape, shape_of
 
 Field = NDArray[np.float64]
 Element = float | Field
-
-_PLAIN = Matrices()
 
 
 class WindowMatrix:
@@ -43,10 +39,7 @@ class WindowMatrix:
     def reduce(self, folds: Sequence[Fold]) -> list[Element]:
         rows, columns = self.shape
         elements = (self.at(row, column) for column in range(columns) for row in range(rows))
-        return accumulate(elements, folds, rows * columns)
-
-
-Value = Plain | WindowMatrix
+        return _accumulate(elements, folds, rows * columns)
 
 
 class SlidingWindow(WindowMatrix):
@@ -166,119 +159,47 @@ class SquaredDeviations(WindowMatrix):
         return count, mean, squares
 
 
-class PaddedWindow(WindowMatrix):
-    """A matrix with a part of different elements, and the same element everywhere else.
+def mean_padded_windows(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
+    """Return the windows of some cells, with their mean in the elements outside of the map.
 
     Args:
-        window: the part.
-        padding: the value of all other elements.
-        corner: (row, column) of the part in the whole.
-        shape: (rows, columns) of the whole.
+        layer: (rows, columns) of the map.
+        cells: mask of the cells.
+        size: rows and columns of a window; an odd number.
+
+    Returns:
+        A matrix whose fields are (N,), in the order of `cells.ravel("F")`.
     """
-
-    def __init__(self, window: WindowMatrix, padding: Element, corner: Shape, shape: Shape) -> None:
-        def inside_or_padding(row: int, column: int) -> Element:
-            row, column = row - corner[0], column - corner[1]
-            inside = 0 <= row < window.shape[0] and 0 <= column < window.shape[1]
-            return window.at(row, column) if inside else padding
-
-        super().__init__(shape, inside_or_padding)
-        _protect(padding)
-        self.window = window
-        self.padding = padding
-        self.corner = corner
-
-    @classmethod
-    def with_mean(cls, window: SlidingWindow, corner: Shape, shape: Shape) -> "PaddedWindow":
-        """Pad with the mean of the finite values of the part."""
-        count, total = window.reduce([FINITE_COUNT, FINITE_SUM])
-        return cls(window, np.divide(total, count), corner, shape)
-
-    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
-        """Fold the part, and the padding element as often as it occurs."""
-        count = math.prod(self.shape) - math.prod(self.window.shape)
-        return [
-            fold.combine(inside, _REPEATED[fold.combine](fold.map(self.padding), count))
-            for fold, inside in zip(folds, self.window.reduce(folds), strict=True)
-        ]
+    margin = size // 2
+    padded = np.pad(layer, margin, constant_values=np.nan).astype(np.float64).ravel("F")
+    outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
+    # The place of the first element of every window, and the step to the next column.
+    first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(layer) + 2 * margin
+    known = WindowMatrix((size, size), lambda i, j: padded[first + (i + j * step)])
+    count, total = known.reduce([FINITE_COUNT, FINITE_SUM])
+    mean = np.divide(total, count)
+    return WindowMatrix(
+        (size, size), lambda i, j: np.where(outside[first + (i + j * step)], mean, known.at(i, j))
+    )
 
 
-# Result of folding a value with itself `count` times.
-_REPEATED: dict[np.ufunc, Callable[[Any, int], Any]] = {
-    np.add: lambda values, count: values * float(count),
-    np.multiply: lambda values, count: np.power(values, float(count)),
-    np.minimum: lambda values, _: values,
-    np.maximum: lambda values, _: values,
-}
-
-
-class WindowMatrices:
-    """The algebra of matrices per cell; values that are equal in all cells stay plain values."""
-
-    def constant(self, value: Plain) -> Value:
-        return value
-
-    def known(self, value: Value) -> Plain:
-        if isinstance(value, WindowMatrix):
-            raise Fault("this must not depend on the data of the window")
-        return value
-
-    def shape(self, value: Value) -> Shape:
-        return value.shape if isinstance(value, WindowMatrix) else _PLAIN.shape(value)
+class WindowMatrices(Matrices):
+    """The operations on matrices per cell; values that are equal in all cells stay plain values."""
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
-        plain = [value for value in values if not isinstance(value, WindowMatrix)]
-        if len(plain) == len(values):
-            return _PLAIN.elementwise(function, *plain)
-        shape = common_shape(map(self.shape, values))
-        return self._shortcut(function, values) or _matrix(
+        if not any(isinstance(value, WindowMatrix) for value in values):
+            return super().elementwise(function, *values)
+        shape = common_shape(values)
+        return _shortcut(function, values) or _matrix(
             shape,
             lambda row, column: apply(
                 function, [_element(value, row, column) for value in values], np.float64
             ),
         )
 
-    def _shortcut(
-        self, function: Callable[..., Any], values: Sequence[Value]
-    ) -> WindowMatrix | None:
-        """Return the result as a window type with faster folds; None if no such type fits."""
-        if all(isinstance(value, SlidingWindow | float) for value in values):
-            shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
-            sources = [
-                value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)
-                for value in values
-            ]
-            return SlidingWindow(apply(function, sources, np.float64), shape)
-        kinds = {type(value) for value in values if self.shape(value) != SCALAR}
-        if kinds == {PaddedWindow}:
-            return self._pad(function, values)
-        if function is np.subtract and len(values) == 2:
-            window, number = values
-            if isinstance(window, SlidingWindow) and isinstance(number, WindowMatrix):
-                return DeviatingWindow(window, number) if number.shape == SCALAR else None
-        if function is np.square and isinstance(values[0], DeviatingWindow):
-            return SquaredDeviations(values[0])
-        if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
-            (kernel,) = (value for value in values if isinstance(value, np.ndarray))
-            (window,) = (value for value in values if isinstance(value, SlidingWindow))
-            return WeightedWindow(kernel, window)
-        return None
-
-    def _pad(self, function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix:
-        padded = [value for value in values if isinstance(value, PaddedWindow)]
-        parts = [value.window if isinstance(value, PaddedWindow) else value for value in values]
-        window = self.elementwise(function, *parts)
-        assert isinstance(window, WindowMatrix)
-        paddings = [
-            value.padding if isinstance(value, PaddedWindow) else _element(value, 0, 0)
-            for value in values
-        ]
-        padding = apply(function, paddings, np.float64)
-        return PaddedWindow(window, padding, padded[0].corner, padded[0].shape)
-
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
         if not isinstance(value, WindowMatrix):
-            return list(_PLAIN.fold(value, axis, *folds))
+            return super().fold(value, axis, *folds)
         new = [fold for fold in folds if (axis, fold) not in value.folds]
         for fold, result in zip(new, _reduce(value, axis, new), strict=True):
             value.folds[axis, fold] = result
@@ -286,8 +207,8 @@ class WindowMatrices:
 
     def product(self, left: Value, right: Value) -> Value:
         if not isinstance(left, WindowMatrix) and not isinstance(right, WindowMatrix):
-            return _PLAIN.product(left, right)
-        (rows, inner), columns = self.shape(left), self.shape(right)[1]
+            return super().product(left, right)
+        (rows, inner), columns = shape_of(left), shape_of(right)[1]
 
         def at(row: int, column: int) -> Element:
             total: Element = 0.0
@@ -300,28 +221,50 @@ class WindowMatrices:
 
     def transpose(self, value: Value) -> Value:
         if not isinstance(value, WindowMatrix):
-            return _PLAIN.transpose(value)
+            return super().transpose(value)
         rows, columns = value.shape
         return _matrix((columns, rows), lambda row, column: value.at(column, row))
 
     def take(self, value: Value, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Value:
         if not isinstance(value, WindowMatrix):
-            return _PLAIN.take(value, rows, columns)
+            return super().take(value, rows, columns)
         return _matrix((rows.size, columns.size), lambda i, j: value.at(rows[i], columns[j]))
 
     def stack(self, blocks: Sequence[Sequence[Value]]) -> Value:
-        plain = [[block for block in row if not isinstance(block, WindowMatrix)] for row in blocks]
-        if all(len(known) == len(row) for known, row in zip(plain, blocks, strict=True)):
-            return _PLAIN.stack(plain)
+        if not any(isinstance(block, WindowMatrix) for row in blocks for block in row):
+            return super().stack(blocks)
         places = [
-            [(block, i, j) for block in row for j in range(self.shape(block)[1])]
+            [(block, i, j) for block in row for j in range(shape_of(block)[1])]
             for row in blocks
-            for i in range(self.shape(row[0])[0])
+            for i in range(shape_of(row[0])[0])
         ]
         return _matrix((len(places), len(places[0])), lambda i, j: _element(*places[i][j]))
 
 
-def accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
+def _shortcut(function: Callable[..., Any], values: Sequence[Value]) -> WindowMatrix | None:
+    """Return an elementwise result as a window type with faster folds; None if no type fits."""
+    if all(isinstance(value, SlidingWindow | float) for value in values):
+        shape = next(value.shape for value in values if isinstance(value, SlidingWindow))
+        sources = [
+            value.source if isinstance(value, SlidingWindow) else _element(value, 0, 0)
+            for value in values
+        ]
+        return SlidingWindow(apply(function, sources, np.float64), shape)
+    if function is np.subtract and len(values) == 2:
+        window, number = values
+        if isinstance(window, SlidingWindow) and isinstance(number, WindowMatrix):
+            return DeviatingWindow(window, number) if number.shape == SCALAR else None
+    if function is np.square and isinstance(values[0], DeviatingWindow):
+        return SquaredDeviations(values[0])
+    kinds = {type(value) for value in values if shape_of(value) != SCALAR}
+    if function is np.multiply and kinds == {SlidingWindow, np.ndarray}:
+        (kernel,) = (value for value in values if isinstance(value, np.ndarray))
+        (window,) = (value for value in values if isinstance(value, SlidingWindow))
+        return WeightedWindow(kernel, window)
+    return None
+
+
+def _accumulate(elements: Iterable[Element], folds: Sequence[Fold], count: int) -> list[Element]:
     """Fold at most `count` elements; each is computed once."""
     totals: list[Any] = []
     for element in elements:
@@ -343,7 +286,7 @@ def _reduce(value: WindowMatrix, axis: int | None, folds: Sequence[Fold]) -> lis
         lines = [[(i, j) for i in range(rows)] for j in range(columns)]
     else:
         lines = [[(i, j) for j in range(columns)] for i in range(rows)]
-    totals = [accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
+    totals = [_accumulate((value.at(*place) for place in line), folds, len(line)) for line in lines]
     return [_line([total[k] for total in totals], axis) for k in range(len(folds))]
 
 

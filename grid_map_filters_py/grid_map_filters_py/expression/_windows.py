@@ -3,21 +3,19 @@
 """Evaluation of an expression on the sliding window around every cell."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise, product
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FilterError
-from ._faults import Fault
-from ._functions import SCALAR, describe
+from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._interpreter import Interpreter
-from ._missing import skips_missing
-from ._nodes import Node
-from ._window_matrices import PaddedWindow, SlidingWindow, Value, WindowMatrices, WindowMatrix
+from ._matrices import SCALAR, describe, shape_of
+from ._nodes import Fault, Node
+from ._window_matrices import SlidingWindow, WindowMatrices, WindowMatrix, mean_padded_windows
 
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
@@ -26,8 +24,6 @@ _BLOCK = 32768
 
 # Cells by which a window may exceed the layer; this limits memory.
 _LARGEST_MARGIN = 1000
-
-_ALGEBRA = WindowMatrices()
 
 
 def evaluate_over_windows(
@@ -43,14 +39,19 @@ def evaluate_over_windows(
     if edge_handling == "crop":
         # A window of this size covers the map from any of its cells.
         window_size = min(window_size, 2 * max(layer.shape) - 1)
+    size, margin = window_size, window_size // 2
     if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
-        margin = window_size // 2
         padded = np.pad(layer, margin, constant_values=np.nan)
-        result = evaluate_over_windows(root, repeated, name, padded, window_size, "inside")
+        result = evaluate_over_windows(root, repeated, name, padded, size, "inside")
         inner = tuple(slice(margin, margin + length) for length in layer.shape)
         return np.asfortranarray(result[inner])
-    size, margin = window_size, window_size // 2
     number = partial(_number, root, repeated, name)
+    if edge_handling == "mean":
+        result = evaluate_over_windows(root, repeated, name, layer, size, "inside")
+        border = np.ones(layer.shape, np.bool_)
+        border[tuple(slice(margin, max(margin, length - margin)) for length in layer.shape)] = False
+        result.T[border.T] = number(mean_padded_windows(layer, border, size))
+        return result
     if edge_handling == "inside":
         # Without cells, so that a wrong expression fails even if no window fits.
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
@@ -59,62 +60,55 @@ def evaluate_over_windows(
     for rows, span in product(row_spans, column_spans):
         # Rectangles of cells that fit the cache and whose windows have one shape.
         for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
-            under = layer[rows.source(margin), columns.source(margin)]
-            shape = rows.last - rows.first, columns.last - columns.first
-            window = SlidingWindow(np.array(under, np.float64, order="F"), shape)
-            cells = slice(rows.start, rows.stop), slice(columns.start, columns.stop)
-            if edge_handling == "mean" and shape != (size, size):
-                corner = rows.first, columns.first
-                result[cells] = number(PaddedWindow.with_mean(window, corner, (size, size)))
-            else:
-                result[cells] = number(window)
+            values = np.array(layer[rows.source, columns.source], np.float64, order="F")
+            window = SlidingWindow(values, (rows.window, columns.window))
+            result[rows.start : rows.stop, columns.start : columns.stop] = number(window)
     return result
 
 
-@dataclass(frozen=True)
-class _Span:
+class _Span(NamedTuple):
     """Neighboring cells along one axis whose windows have the same part on the map.
 
-    The cells are the half-open interval [start, stop), the part of the window is [first, last).
+    The cells are the half-open interval [start, stop). The part of their windows has `window`
+    cells; that of the first one begins at the cell `first`.
     """
 
     start: int
     stop: int
     first: int
-    last: int
+    window: int
 
-    def source(self, margin: int) -> slice:
-        """Return the cells that lie under the windows."""
-        return slice(self.start + self.first - margin, self.stop + self.last - margin - 1)
+    @property
+    def source(self) -> slice:
+        """The cells that lie under the windows."""
+        return slice(self.first, self.first + self.stop - self.start + self.window - 1)
 
     def split(self, step: int) -> Iterator["_Span"]:
         """Yield parts of at most `step` cells."""
         for start in range(self.start, self.stop, step):
-            yield _Span(start, min(start + step, self.stop), self.first, self.last)
+            first = self.first + start - self.start
+            yield _Span(start, min(start + step, self.stop), first, self.window)
 
 
 def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
     margin = size // 2
     near = range(min(margin, length) + 1)
-    cuts = sorted({*near, *(length - cell for cell in near)})
-    spans = [
-        _Span(start, stop, max(0, margin - start), min(size, length - stop + 1 + margin))
-        for start, stop in pairwise(cuts)
-    ]
-    return [span for span in spans if edge_handling != "inside" or span.last - span.first == size]
+    spans = []
+    for start, stop in pairwise(sorted({*near, *(length - cell for cell in near)})):
+        # The window of the first cell, without what the border cuts off any of the windows.
+        first, last = max(0, start - margin), start + min(size - margin, length - stop + 1)
+        spans.append(_Span(start, stop, first, last - first))
+    return [span for span in spans if edge_handling == "crop" or span.window == size]
 
 
 def _number(root: Node, repeated: Collection[int], name: str, window: WindowMatrix) -> Any:
     """Return the value of windows: an array over their cells, or one number for all."""
-    names: dict[str, Value] = {name: window}
     available = f"{name} (a window expression knows only its input layer)"
-    value = Interpreter(_ALGEBRA, names, available, repeated)(root)
-    shape = _ALGEBRA.shape(value)
-    if shape != SCALAR:
-        raise Fault(
-            f"a window expression must give a single number, this one gives {describe(shape)}",
-            position=root.position,
-        )
+    value = Interpreter(WindowMatrices(), {name: window}, available, repeated)(root)
+    if shape_of(value) != SCALAR:
+        shape = describe(shape_of(value))
+        text = f"a window expression must give a single number, this one gives {shape}"
+        raise Fault(text, position=root.position)
     return value.at(0, 0) if isinstance(value, WindowMatrix) else value
 
 
@@ -130,3 +124,56 @@ def _check_arguments(layer: NDArray[Any], window_size: int, edge_handling: str) 
         raise FilterError(
             f"a window of {window_size} cells is too large for a layer of {np.shape(layer)} cells"
         )
+
+
+# --- padding in place of cropping -----------------------------------------------------------------
+
+
+def skips_missing(root: Node, name: str) -> bool:
+    """Return True if cropping the windows of the layer `name` equals padding them with NaN.
+
+    With padding, all cells have windows of one size, and the border needs no special treatment. It
+    is possible if every use of the window ends in a reduction that skips NaN, and all earlier
+    functions keep NaN. The result is False if this simple analysis cannot decide.
+    """
+    # If a layer has the name of a function, its parentheses mean indexing, not a call.
+    return name not in FUNCTIONS and _is_number(root, name)
+
+
+def _is_number(node: Node, name: str) -> bool:
+    """Return True if a subtree gives the same single number for both kinds of windows."""
+    match node.kind, node.parts:
+        case "number", _:
+            return True
+        case "name", (other,):
+            return other != name and other in CONSTANTS
+        case "call", (function, (argument,)) if FUNCTIONS[function].skips_nan:
+            return _keeps_missing(argument, name)
+        case "call", (function, _):
+            elementwise = FUNCTIONS[function].elementwise
+        case _:
+            elementwise = node.kind in ("unary", "binary")
+    return elementwise and all(_is_number(child, name) for child in node.children())
+
+
+def _keeps_missing(node: Node, name: str) -> bool:
+    """Return True if a subtree is a number, or keeps every NaN of the window in place."""
+    if _is_number(node, name):
+        return True
+    match node.kind, node.parts:
+        case "name", (other,):
+            return bool(other == name)
+        case "binary", (operator, left, right) if operator in POWERS:
+            # NaN to the power 0, and 1 to the power NaN, are 1.
+            positive = right.kind == "number" and right.parts[0] > 0.0
+            return positive and _keeps_missing(left, name)
+        case "binary", (operator, left, right):
+            is_product = operator in ("*", "/")
+            if is_product and not (_is_number(left, name) or _is_number(right, name)):
+                return False
+            keeps = operator not in COMPARISONS
+        case "call", (function, _):
+            keeps = FUNCTIONS[function].keeps_nan
+        case _:
+            keeps = node.kind == "unary"
+    return keeps and all(_keeps_missing(child, name) for child in node.children())
