@@ -38,13 +38,6 @@ def test_positions_fall_into_the_cells_that_cpp_finds(name, case):
 
 
 @by_map
-def test_bounded_positions_equal_cpp(name, case):
-    queries = case["pos_to_index"]
-    bounded = golden_map(name).geometry.bound_position_to_range(queries["position"])
-    np.testing.assert_array_equal(bounded, queries["bounded"])
-
-
-@by_map
 def test_closest_positions_equal_cpp_but_are_always_inside(name, case):
     grid_map = golden_map(name)
     queries = case["pos_to_index"]

@@ -60,7 +60,7 @@ def add_outliers(grid_map: GridMap, count: int, random: np.random.Generator) -> 
 def cells_to_filter(grid_map: GridMap) -> Cells:
     """Return the cells of a rectangle of 1.2 m x 0.8 m below its upper left corner (1, 0.4)."""
     # The corner is outside of the map and is moved to its border.
-    corner = grid_map.geometry.bound_position_to_range((1.0, 0.4))
+    corner = grid_map.get_closest_position_in_map((1.0, 0.4))
     rows, columns = int(1.2 / grid_map.resolution), int(0.8 / grid_map.resolution)
     return submap_cells(grid_map, grid_map.get_index(corner), (rows, columns))
 

@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Work on arrays in pieces: the temporaries of a piece stay small and in the cache."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._checks import Integers, Positions
+from ._checks import Integers
 
-_PIECE = 2**15  # number of elements in a piece of a large array
+PIECE = 2**15  # number of elements in a piece of a large array
 _SMALL_PIECE = 2**10  # smallest number of elements in a piece
 CHUNK = 2**13  # number of points in a chunk
 
@@ -48,7 +48,7 @@ def piece_of(count: int) -> int:
 
     In a small array a piece is a small part of it, so that its temporaries do not outweigh it.
     """
-    return max(_SMALL_PIECE, min(_PIECE, count // 16))
+    return max(_SMALL_PIECE, min(PIECE, count // 16))
 
 
 def slices(count: int, step: int) -> Iterator[slice]:
@@ -60,13 +60,6 @@ def slices(count: int, step: int) -> Iterator[slice]:
 def chunks(points: npt.NDArray[Any]) -> Iterator[slice]:
     """Yield slices of up to `CHUNK` points that cover the first axis."""
     return slices(len(points), CHUNK)
-
-
-def interleaved(pair: Sequence[float] | Positions, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a, b, a, b, ... for a `pair` a, b, as long as a chunk of (N, 2) `points`."""
-    values = np.empty(2 * min(len(points), CHUNK), points.dtype)
-    values[0::2], values[1::2] = pair
-    return values
 
 
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:

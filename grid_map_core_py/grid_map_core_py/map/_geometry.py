@@ -27,7 +27,7 @@ from ..arrays._checks import (
     as_size,
     as_text,
 )
-from ..arrays._pieces import CHUNK, chunks, interleaved, slices
+from ..arrays._pieces import PIECE, slices
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 
@@ -120,9 +120,10 @@ class GridGeometry:
         positions = as_positions(positions)
         points = positions.reshape(-1, 2)
         inside = np.empty(len(points), dtype=np.bool_)
-        half, center = interleaved(self._half, points), interleaved(self.position, points)
-        for part in chunks(points):
-            inside[part] = self._contains(points[part].reshape(-1), half, center)
+        with np.errstate(over="ignore"):
+            for part in slices(len(points), PIECE):
+                borders = (*self._within(points[part, 0], 0), *self._within(points[part, 1], 1))
+                np.logical_and.reduce(borders, out=inside[part])
         return inside.reshape(positions.shape[:-1])
 
     def cells_at(self, positions: ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
@@ -141,26 +142,25 @@ class GridGeometry:
         points = positions.reshape(-1, 2)
         cells = np.empty((2, len(points)), dtype=np.int64)
         inside = np.ones(len(points), dtype=np.bool_)
-        half, center = interleaved(self._half, points), interleaved(self.position, points)
-        nearly_size = interleaved(self.size, points) - self._rounding
-        steps = np.empty(half.size)
         # Overflow makes a coordinate infinite, which is outside as well.
         with np.errstate(over="ignore"):
-            for part in chunks(points):
-                pairs = points[part].reshape(-1)
-                # Rounded as in the C++ library; `_within` takes the differences in another order.
-                steps = np.subtract(pairs, half[: pairs.size], out=steps[: pairs.size])
-                steps -= center[: pairs.size]
-                steps /= -self.resolution
-                # Checking all cells at once is faster than searching for the few outside.
-                if steps.min() <= self._rounding or not (steps < nearly_size[: steps.size]).all():
-                    inside[part] = self._contains(pairs, half, center)
-                    self._bound(steps)
-                for axis, start in enumerate(start_index):
+            for part in slices(len(points), PIECE):
+                for axis, size in enumerate(self.size):
+                    # Rounded as in the C++ library; `_within` subtracts in another order.
+                    steps = points[part, axis] - self._half[axis]
+                    steps -= self.position[axis]
+                    steps /= -self.resolution
+                    # Checking all cells at once is faster than searching for the few outside.
+                    if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
+                        inside[part] &= np.logical_and(*self._within(points[part, axis], axis))
+                        # NaN becomes 0. A position within rounding of the far border can lie
+                        # beyond it.
+                        np.fmax(steps, 0.0, out=steps)
+                        np.minimum(steps, size - 1, out=steps)
                     found = cells[axis, part]
-                    found[...] = steps[axis::2]
-                    if start:
-                        ring_buffer.place(found, 0, start, self.size[axis])
+                    found[...] = steps
+                    if start_index[axis]:
+                        ring_buffer.place(found, 0, start_index[axis], size)
         rows, columns = cells.reshape(2, *positions.shape[:-1])
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
@@ -185,14 +185,18 @@ class GridGeometry:
                 steps = (numbers - start_index[axis]) % self.size[axis]
                 positions[..., axis] = self._first[axis] - self.resolution * steps
             return positions
-        axes = [np.roll(*pair) for pair in zip(self.axes_in_map_order(), start_index, strict=True)]
-        for part in slices(len(positions), CHUNK):
-            for axis, coordinates in enumerate(axes):
-                found = np.ascontiguousarray(cells[axis][part])
-                # Checking each chunk in the cache is faster than checking all cells at once.
-                if found.view(np.uint64).max() >= coordinates.size:
+        x, y = map(np.roll, self.axes_in_map_order(), start_index)
+        table, begins = np.concatenate((x, y)), (0, x.size)
+        entries = np.empty((min(len(positions), PIECE), 2), np.int64)
+        for part in slices(len(positions), PIECE):
+            chosen = entries[: part.stop - part.start]
+            for axis, begin in enumerate(begins):
+                found = cells[axis][part]
+                # Checking each piece in the cache is faster than checking all cells at once.
+                if found.view(np.uint64).max() >= self.size[axis]:
                     self.check_cells(cells)
-                positions[part, axis] = coordinates.take(found, mode="clip")
+                np.add(found, begin, out=chosen[:, axis])
+            table.take(chosen, out=positions[part], mode="clip")
         return positions
 
     def axes_in_map_order(self) -> tuple[Positions, Positions]:
@@ -265,25 +269,13 @@ class GridGeometry:
         # rounding error of a sum of position and length. The step inwards has that size too: a
         # smaller step would not change such a sum.
         lower, upper = self.position - self._half, self.corner
-        step = np.spacing(np.abs(self.position) + self.length)
-        while not (inside := self._within(lower, self._half, self.position)[1]).all():
+        step, both = np.spacing(np.abs(self.position) + self.length), slice(None)
+        while not (inside := self._within(lower, both)[1]).all():
             lower = np.where(inside, lower, lower + step)
-        while not (inside := self._within(upper, self._half, self.position)[0]).all():
+        while not (inside := self._within(upper, both)[0]).all():
             upper = np.where(inside, upper, upper - step)
         clamped = np.clip(positions, lower, upper)
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
-
-    def bound_position_to_range(self, positions: ArrayLike) -> Positions:
-        """Return positions clamped to the border and then nudged inside.
-
-        The nudge is 10 machine epsilons times the larger of 1 and the magnitude of the coordinate.
-        """
-        positions = as_positions(positions)
-        epsilon = 10 * np.finfo(np.float64).eps * np.maximum(1.0, np.abs(positions))
-        shifted = positions - self.position + 0.5 * self.length
-        low, high = shifted <= 0, shifted >= self.length
-        bounded = np.where(low, epsilon, np.where(high, self.length - epsilon, shifted))
-        return bounded + self.position - 0.5 * self.length
 
     def index_shift(self, position: ArrayLike) -> Size:
         """Return the shift in rows and columns that brings the map nearest to `position`.
@@ -342,33 +334,19 @@ class GridGeometry:
         stop = max(math.ceil(max(far, -1.0)), first + 1)
         return slice(min(max(first, 0), size), min(max(stop, 0), size))
 
-    # A position on a cell border must fall to the same side as in the C++ library. `half` and
-    # `center` are x, y, or interleaved like an array x, y, x, y, ... and at least as long.
+    def _within(self, values: Positions, axis: int | slice) -> tuple[Mask, Mask]:
+        """Return which coordinates are within the +x, +y border, and within the -x, -y border.
 
-    def _within(self, pairs: Positions, half: Positions, center: Positions) -> tuple[Mask, Mask]:
-        """Return which coordinates are within the +x, +y border, and within the -x, -y border."""
-        half = half[: pairs.size]
-        offsets = half - (pairs - center[: pairs.size])
+        Rounded as in the C++ library, so that a position on a cell border falls to the same side.
+        """
+        half = self._half[axis]
+        offsets = half - (values - self.position[axis])
         return offsets >= 0.0, offsets < 2.0 * half
-
-    def _contains(self, pairs: Positions, half: Positions, center: Positions) -> Mask:
-        """Return which positions of x, y, x, y, ... are inside."""
-        with np.errstate(over="ignore"):
-            keeps = np.logical_and(*self._within(pairs, half, center))
-        return keeps[0::2] & keeps[1::2]
 
     @cached_property
     def _rounding(self) -> float:
         """Bound of the difference between the two roundings [cells]."""
         return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
-
-    def _bound(self, steps: Positions) -> None:
-        """Clamp fractional rows and columns to the border cells."""
-        for axis in (0, 1):
-            along = steps[axis::2]
-            # NaN becomes 0. A position within rounding of the far border can lie beyond it.
-            np.fmax(along, 0.0, out=along)
-            np.minimum(along, self.size[axis] - 1, out=along)
 
     @cached_property
     def _first(self) -> Positions:
