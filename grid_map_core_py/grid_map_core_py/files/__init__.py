@@ -17,7 +17,8 @@ from ._geotiff import load_geotiff, save_geotiff
 from ._image_files import load_height_image, save_height_image
 from ._image_folder import load_images, save_images
 from ._map_server import load_map_server, save_map_server
-from ._npz import load_npz, map_facts, save_npz, storage_errors
+from ._npz import load_npz, save_npz
+from ._shared import map_facts, storage_errors
 from ._yaml_files import load_yaml
 
 __all__ = [

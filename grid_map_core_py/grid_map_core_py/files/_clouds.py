@@ -6,7 +6,6 @@ PCD files are read by the package `pypcd4`, PLY, OBJ and STL files by `trimesh`.
 unless such a file is to be read.
 """
 
-import importlib
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -18,9 +17,10 @@ import numpy.typing as npt
 from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
-from ..errors import GridMapError, MissingPackageError
+from ..errors import GridMapError
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
+from ._shared import package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """(N,) values of the points by the name of the field."""
@@ -186,59 +186,41 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
 
 def _read_pcd(file: Path) -> Fields:
     """Return the fields of a PCD file by their names."""
-    pypcd4 = _reader("pypcd4", file)
-    try:
+    pypcd4 = package_for(file, "pypcd4")
+    with storage_errors(file, "read"):
         cloud = pypcd4.PointCloud.from_path(file)
         # For a file with a single point the reader returns a 1-D array.
         rows = np.atleast_1d(cloud.pc_data)
         if len(rows) != cloud.points:
             raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
-    # A file may be damaged in any way, and the reader fails in as many.
-    except Exception as error:
-        raise GridMapError(f"{file}: cannot be read: {_first_line(error)}") from error
     # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
     return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
 
 
 def _read_mesh(file: Path) -> list[Any]:
     """Return the meshes and point clouds of a file as trimesh has them."""
-    if file.suffix.lower() not in _MESHES:
+    ending = file.suffix.lower()
+    if ending not in _MESHES:
         known = ", ".join(_MESHES)
         raise GridMapError(f"{file}: expected a file that ends in {known}, or .pcd for points")
-    trimesh = _reader("trimesh", file)
-    try:
-        # Unprocessed: no vertex is merged or dropped.
-        options = {"process": False, "skip_materials": True}
-        geometries = list(trimesh.load_scene(file, **options).geometry.values())
+    trimesh = package_for(file, "trimesh")
+    # Unprocessed: no vertex is merged or dropped.
+    options = {"process": False, "skip_materials": True}
+    with storage_errors(file, "read"), file.open("rb") as stream:
+        try:
+            geometries = list(trimesh.load_scene(stream, ending, **options).geometry.values())
+        except ImportError as error:
+            # Trimesh would let another package guess what encoding this is.
+            raise ValueError("neither valid nor text in UTF-8") from error
+        except ValueError as error:
+            hint = " (the faces of a binary PLY file must all have the same number of vertices)"
+            is_uneven = "PLY is unexpected length" in str(error)
+            raise ValueError(f"{error}{hint * is_uneven}") from error
         for geometry in geometries:
             _check_complete(geometry)
-    except ImportError as error:
-        # Trimesh would let another package guess what encoding this is.
-        raise GridMapError(f"{file}: cannot be read: neither valid nor text in UTF-8") from error
-    except Exception as error:
-        hint = " (the faces of a binary PLY file must all have the same number of vertices)"
-        is_uneven = "PLY is unexpected length" in str(error)
-        text = _first_line(error) + hint * is_uneven
-        raise GridMapError(f"{file}: cannot be read: {text}") from error
-    if not geometries:
-        raise GridMapError(f"{file}: cannot be read: nothing found in it")
+        if not geometries:
+            raise ValueError("nothing found in it")
     return geometries
-
-
-def _reader(package: str, file: Path) -> Any:
-    """Return the package that reads a file, which exists."""
-    if not file.is_file():
-        raise GridMapError(f"{file}: no such file")
-    try:
-        return importlib.import_module(package)
-    except ImportError as error:
-        remedy = f"pip install {package}"
-        raise MissingPackageError(package, f"{file}: reading it", remedy) from error
-
-
-def _first_line(error: Exception) -> str:
-    """Return the first line of an error; details may follow in many lines."""
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _ply_elements(geometry: Any) -> Mapping[str, Any]:

@@ -10,7 +10,6 @@ import json
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import GridMapError, MissingPackageError
+from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._image_files import from_north_up, to_north_up
-from ._npz import map_facts, storage_errors
+from ._shared import map_facts, package_for, storage_errors
 
 _TAG = "GRID_MAP"
 
@@ -49,7 +48,7 @@ def save_geotiff(
         GridMapError: the map has no layers, the file cannot be written, the reference system is
             unknown, or rasterio is not installed.
     """
-    rasterio = _rasterio(path)
+    rasterio = package_for(path, "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
     rows, columns = grid_map.size
@@ -120,7 +119,7 @@ def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
 @contextmanager
 def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, list[str], list[str], GridMap]]:
     """Open a raster; yield it, the names of layers and basic layers, and the map without layers."""
-    rasterio = _rasterio(path)
+    rasterio = package_for(path, "rasterio")
     with storage_errors(Path(path), "read"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
@@ -152,13 +151,6 @@ def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
             "'gdalwarp -t_srs EPSG:...' projects it",
             stacklevel=6,
         )
-
-
-def _rasterio(path: str | PathLike[str]) -> Any:
-    try:
-        return import_module("rasterio")
-    except ImportError as error:
-        raise MissingPackageError("rasterio", f"{path}: GeoTIFF", "pip install rasterio") from error
 
 
 def _geometry(raster: Any) -> GridGeometry:

@@ -25,7 +25,7 @@ from ..errors import GridMapError, LayerNotFoundError
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
-from ._npz import storage_errors
+from ._shared import storage_errors
 
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 

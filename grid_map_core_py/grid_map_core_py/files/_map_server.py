@@ -32,7 +32,7 @@ from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._npz import storage_errors
+from ._shared import storage_errors
 from ._yaml_files import load_yaml
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]

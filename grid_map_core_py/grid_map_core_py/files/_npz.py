@@ -19,11 +19,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays._checks import Layer
-from ..errors import GridMapError, LayerNotFoundError
+from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_file
+from ._shared import map_facts, storage_errors
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -110,30 +111,6 @@ def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
         return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
 
 
-def map_facts(
-    grid_map: GridMap,
-    layers: Iterable[str] | None = None,
-    basic_layers: Iterable[str] | None = None,
-) -> dict[str, Any]:
-    """Return frame, time, size, place and names of layers of a map, as JSON has them.
-
-    Args:
-        grid_map: the map, perhaps without its layers.
-        layers, basic_layers: names to list in place of the names of the map.
-    """
-    return {
-        "frame_id": grid_map.frame_id,
-        "timestamp": grid_map.timestamp,
-        "size": [*grid_map.size],
-        "resolution": grid_map.resolution,
-        "length": grid_map.length.tolist(),
-        "position": grid_map.position.tolist(),
-        "start_index": [*grid_map.start_index],
-        "layers": [*(grid_map.layers if layers is None else layers)],
-        "basic_layers": [*(grid_map.basic_layers if basic_layers is None else basic_layers)],
-    }
-
-
 @contextmanager
 def _opened(
     path: str | PathLike[str],
@@ -153,22 +130,6 @@ def _opened(
             metadata,
             GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
         )
-
-
-@contextmanager
-def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Turn every error of reading or writing a file into one GridMapError that names it."""
-    try:
-        yield
-    except LayerNotFoundError:
-        raise
-    except OSError as error:
-        raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
-    # Depending on the damage, zipfile, zlib and NumPy raise any kind of exception.
-    except Exception as error:
-        missing = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        text = " ".join(missing.split()) or type(error).__name__
-        raise GridMapError(f"{file}: cannot be {doing}: {text}") from error
 
 
 def _check_name(name: str) -> None:
