@@ -23,10 +23,9 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import storage_errors
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import MessageError, ReceivedMap
+from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
 from grid_map_ros_py.nodes import (
-    LogThrottle,
     MapSubscription,
     map_qos,
     read_parameter,
@@ -61,7 +60,6 @@ class DemoReportNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_demo_report")
-        self._throttle = LogThrottle()
         about = "folder of the pictures"
         folder = read_parameter(self, "output_directory", str, "demo_output", description=about)
         self._directory = user_path(folder)
@@ -88,13 +86,7 @@ class DemoReportNode(Node):
         self._count(topic)
 
     def _on_filtered(self, received: ReceivedMap) -> None:
-        try:
-            self._filtered = received.decode()
-        except MessageError as error:
-            text = f"ignored a map: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().warning(text)
-            return
+        self._filtered = received.decode()
         now = self.get_clock().now().nanoseconds
         self._latencies.append(1e-6 * (now - self._filtered.timestamp))
         self._count(OUTPUT)

@@ -22,7 +22,7 @@ from grid_map_core_py.files import new_file, storage_errors
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import LogThrottle, MapSubscription, check_topic, read_parameter, run
+from grid_map_ros_py.nodes import MapSubscription, read_parameter, read_topic, run
 
 from .share import user_path
 
@@ -89,10 +89,7 @@ class GridMapToImageDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_to_image_demo")
-        self._throttle = LogThrottle()
-        about = "topic of the map"
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
-        check_topic(self, "grid_map_topic", topic)
+        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the map")
         about = "image file in an existing folder; its ending sets the format"
         file = read_parameter(self, "file", str, "~/.ros/grid_map.png", description=about)
         self._file = user_path(file)
@@ -134,10 +131,8 @@ class GridMapToImageDemoNode(Node):
     def _receive(self, received: ReceivedMap) -> None:
         try:
             self._save(received.decode([self._picture.layer]))
-        except MessageError as error:
-            text = f"did not save a map: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().warning(text)
+        except MessageError:
+            raise
         except GridMapError as error:
             raise NodeFailedError(str(error)) from error
 

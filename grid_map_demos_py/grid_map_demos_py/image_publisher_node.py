@@ -20,10 +20,10 @@ from grid_map_core_py.errors import ConfigError
 from grid_map_ros_py.messages import ENCODINGS, set_array
 from grid_map_ros_py.nodes import (
     LogThrottle,
-    check_topic,
     map_qos,
     read_parameter,
     read_positive,
+    read_topic,
     run,
 )
 
@@ -82,15 +82,15 @@ class ImagePublisherNode(Node):
 
     def __init__(self) -> None:
         super().__init__("image_publisher")
-        self._throttle = LogThrottle()
+        self._log = LogThrottle(self.get_logger())
         about = "image file; empty for the terrain in this package"
         path = read_parameter(self, "image_path", str, "", description=about)
-        topic = read_parameter(self, "topic", str, "image", description="topic of the image")
+        topic = read_topic(self, "topic", "image", description="topic of the image")
         about = "coordinate frame of the image"
         self._frame_id = read_parameter(self, "frame_id", str, "map", description=about)
         rate = read_positive(self, "publish_rate", 0.5, description="images per second [Hz]")
         self._path = user_path(path) if path else share("data", "terrain.png")
-        self._publisher = self.create_publisher(Image, check_topic(self, "topic", topic), map_qos())
+        self._publisher = self.create_publisher(Image, topic, map_qos())
         self._publish(read_image(self._path))
         self.create_timer(1.0 / rate, self._publish_again)
         self.get_logger().info(f"publishes {self._path} on {self._publisher.topic_name}")
@@ -100,8 +100,7 @@ class ImagePublisherNode(Node):
             self._publish(read_image(self._path))
         except ConfigError as error:
             # Another program may be writing the file.
-            if self._throttle.allow(str(error)):
-                self.get_logger().warning(str(error))
+            self._log.warning(str(error))
 
     def _publish(self, pixels: core.Image) -> None:
         message = to_message(pixels)

@@ -13,7 +13,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
@@ -25,11 +24,10 @@ from grid_map_ros_py import (
 from grid_map_ros_py.messages import from_stamp
 from grid_map_ros_py.nodes import (
     LatchedSubscription,
-    LogThrottle,
-    check_topic,
     map_qos,
     read_parameter,
     read_positive,
+    read_topic,
     run,
 )
 
@@ -39,10 +37,8 @@ class ImageToGridmapDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("image_to_gridmap_demo")
-        self._throttle = LogThrottle()
         self._map: GridMap | None = None
-        about = "topic of the images"
-        topic = read_parameter(self, "image_topic", str, "/image", description=about)
+        topic = read_topic(self, "image_topic", "/image", description="topic of the images")
         about = "side of a pixel on the ground [m]"
         self._resolution = read_positive(self, "resolution", 0.03, description=about)
         about = "height of black pixels [m]"
@@ -56,7 +52,6 @@ class ImageToGridmapDemoNode(Node):
         about = "coordinate frame of the map; empty for the frame of the image"
         self._frame_id = read_parameter(self, "map_frame_id", str, "map", description=about)
         self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        check_topic(self, "image_topic", topic)
         # Cameras usually publish with best effort.
         self._subscription = LatchedSubscription(
             self, Image, topic, self._receive, hears_best_effort=True
@@ -64,14 +59,6 @@ class ImageToGridmapDemoNode(Node):
         self.get_logger().info(f"makes maps from the images on {topic}")
 
     def _receive(self, message: Image) -> None:
-        try:
-            self._publisher.publish(to_serialized_message(self._to_map(message)))
-        except GridMapError as error:
-            text = f"cannot use the image: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().warning(text)
-
-    def _to_map(self, message: Image) -> GridMap:
         if self._map is None:
             self._map = from_image(message, "elevation", self._resolution, *self._heights)
             self._map.basic_layers = ["elevation"]
@@ -81,7 +68,7 @@ class ImageToGridmapDemoNode(Node):
             add_layer_from_image(self._map, message, "elevation", *self._heights)
         add_color_layer_from_image(self._map, message, "color")
         self._map.timestamp = from_stamp(message.header.stamp)
-        return self._map
+        self._publisher.publish(to_serialized_message(self._map))
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageErr
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
-from grid_map_ros_py.nodes import check_topic, map_qos, read_parameter, run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_topic, run
 
 from .share import user_path
 
@@ -39,9 +39,7 @@ class OctomapToGridmapDemoNode(Node):
     def __init__(self) -> None:
         super().__init__("octomap_to_gridmap_demo")
         about = "service that returns an octomap"
-        service = read_parameter(
-            self, "octomap_service_topic", str, "/octomap_binary", description=about
-        )
+        service = read_topic(self, "octomap_service_topic", "/octomap_binary", description=about)
         about = "file of OctoMap (.bt, .ot), read in place of a request"
         path = read_parameter(self, "octomap_path", str, "", description=about)
         self._bounds = [self._read_bounds(axis) for axis in "xyz"]
@@ -49,7 +47,7 @@ class OctomapToGridmapDemoNode(Node):
         if path:
             self._show(user_path(path))
         else:
-            self._start_asking(check_topic(self, "octomap_service_topic", service))
+            self._start_asking(service)
 
     def _read_bounds(self, axis: str) -> tuple[float, float]:
         about = f"voxels with less {axis} are left out [m]; nan for no bound"

@@ -20,11 +20,11 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.messages import set_array, to_header
 from grid_map_ros_py.nodes import (
-    LogThrottle,
     MapSubscription,
     check_topic,
     map_qos,
     read_parameter,
+    read_topic,
     run,
 )
 
@@ -85,34 +85,24 @@ class SdfDemoNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_sdf_demo")
-        self._throttle = LogThrottle()
         about = "layer of the heights"
         self._layer = read_parameter(self, "elevation_layer", str, "elevation", description=about)
         about = "prefix of the topics full_sdf, free_space and occupied_space"
         default = "/grid_map_sdf_demo/signed_distance_field"
         clouds = read_parameter(self, "pointcloud_topic", str, default, description=about)
-        about = "topic of the maps"
-        maps = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
+        maps = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
         self._full, self._free, self._occupied = (
             self.create_publisher(
                 PointCloud2, check_topic(self, "pointcloud_topic", f"{clouds}/{name}"), map_qos()
             )
             for name in ("full_sdf", "free_space", "occupied_space")
         )
-        self._subscription = MapSubscription(
-            self, check_topic(self, "grid_map_topic", maps), self._receive
-        )
+        self._subscription = MapSubscription(self, maps, self._receive)
         self.get_logger().info(f"makes distance fields from {self._layer!r} of the maps on {maps}")
 
     def _receive(self, received: ReceivedMap) -> None:
-        try:
-            grid_map = received.decode([self._layer])
-            points = distance_field(grid_map, self._layer).to_points()
-        except GridMapError as error:
-            text = f"dropped a map: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().error(text)
-            return
+        grid_map = received.decode([self._layer])
+        points = distance_field(grid_map, self._layer).to_points()
         is_free = points[:, 3] > 0.0
         self._full.publish(to_point_cloud(points, grid_map))
         self._free.publish(to_point_cloud(points[is_free], grid_map))

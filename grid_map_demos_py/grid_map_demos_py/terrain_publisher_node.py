@@ -6,7 +6,7 @@ from rclpy.node import Node
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import check_topic, map_qos, read_parameter, read_positive, run
+from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, read_topic, run
 
 from .share import share, user_path
 from .terrain import load_terrain
@@ -17,7 +17,7 @@ class TerrainPublisherNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_terrain")
-        topic = read_parameter(self, "topic", str, "/grid_map", description="topic of the map")
+        topic = read_topic(self, "topic", "/grid_map", description="topic of the map")
         about = "elevation model, an .npz file; empty for the one in this package"
         file = read_parameter(self, "file", str, "", description=about)
         path = user_path(file) if file else share("data", "jacksboro_fault_dem.npz")
@@ -26,9 +26,7 @@ class TerrainPublisherNode(Node):
         frame_id = read_parameter(self, "frame_id", str, "map", description=about)
         self._map = load_terrain(path, resolution, frame_id=frame_id)
         rate = read_positive(self, "publish_rate", 1.0, description="maps per second [Hz]")
-        self._publisher = self.create_publisher(
-            GridMapMessage, check_topic(self, "topic", topic), map_qos()
-        )
+        self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         self.create_timer(1.0 / rate, self._publish)
         self._publish()
 

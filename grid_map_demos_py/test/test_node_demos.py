@@ -182,7 +182,9 @@ def test_report_counts_only_valid_maps_and_chain_diagnostics():
     assert "Traceback" not in process.text
     assert "'/diagnostics': 1," in process.text
     assert "'/filtered_map': 0," in process.text
-    assert "ignored a map: info.resolution: expected a positive" in process.text
+    assert (
+        "dropped a message of /filtered_map: info.resolution: expected a positive" in process.text
+    )
 
 
 def test_report_lists_cells_layers_times_latency_and_messages():

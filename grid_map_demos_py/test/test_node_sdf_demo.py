@@ -88,10 +88,8 @@ def test_topics_and_layer_are_parameters():
         other.listen("/field/full_sdf", PointCloud2)
         with running_node(f"grid_map_demos_py.{MODULE}", *parameters(*given)) as demo:
             other.publish("/map", to_message(level_ground(elevation=0.25)))
-            other.wait_until(
-                lambda: "dropped a map: no layer 'height'; available: elevation" in demo.text,
-                "the complaint",
-            )
+            complaint = "dropped a message of /map: no layer 'height'; available: elevation"
+            other.wait_until(lambda: complaint in demo.text, "the complaint")
             other.publish("/map", to_message(level_ground(elevation=0.25, height=1.0)))
             cloud = points(other.expect("/field/full_sdf"))
     np.testing.assert_allclose(cloud[:, 3], cloud[:, 2] - 1.0, atol=1e-6)

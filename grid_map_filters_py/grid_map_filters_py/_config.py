@@ -14,6 +14,9 @@ from typing import Any
 
 import yaml
 
+from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.plugins import nested
+
 from .errors import FilterConfigError
 
 
@@ -79,7 +82,7 @@ def read_chain(path: str | Path, name: str) -> object:
         raise FilterConfigError(f"{path}: expected a YAML mapping, got {_found(content)}")
     try:
         nodes = {node: params for node, params in _ros_parameters(content) if name in params}
-    except FilterConfigError as error:
+    except ConfigError as error:
         raise FilterConfigError(f"{path}: {error}") from None
     if len(nodes) > 1:
         raise FilterConfigError(f"{path}: more than one node has {name!r}: {', '.join(nodes)}")
@@ -119,36 +122,6 @@ def _ros_parameters(content: Mapping[str, Any], path: str = "") -> Iterator[tupl
             yield path or "/", nested(value)
         elif isinstance(value, Mapping):
             yield from _ros_parameters(value, f"{path}/{key}".replace("//", "/"))
-
-
-def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
-    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
-
-    ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
-
-    Raises:
-        FilterConfigError: a parameter has both a value and parameters below it.
-    """
-
-    def conflict(key: str, value: object) -> FilterConfigError:
-        return FilterConfigError(f"{name}: {key!r} has a value, {value!r}, and parameters below it")
-
-    result: dict[str, Any] = {}
-    for name, value in parameters.items():
-        *parents, last = str(name).split(".")
-        place = result
-        for parent in [*parents, last] if isinstance(value, Mapping) else parents:
-            inner = place.get(parent)
-            if not isinstance(inner, dict | None):
-                raise conflict(parent, inner)
-            place[parent] = place = inner or {}
-        if isinstance(value, Mapping):
-            place.update(nested(value))
-        elif not isinstance(place.get(last), dict):
-            place[last] = value
-        elif value is not None:
-            raise conflict(last, value)
-    return result
 
 
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:

@@ -480,8 +480,14 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
         ("\udcff\udcfe", "not valid YAML"),
         ("3", "expected a YAML mapping, got 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
-        ("a: {ros__parameters: {filters: 1, filters.filter1.name: a}}", "'filters' has a value, 1"),
-        ("a: {ros__parameters: {filters.filter1.name: a, filters: 1}}", "'filters' has a value, 1"),
+        (
+            "a: {ros__parameters: {filters: 1, filters.filter1.name: a}}",
+            "'filters': expected no value, as there are parameters below it, got 1",
+        ),
+        (
+            "a: {ros__parameters: {filters.filter1.name: a, filters: 1}}",
+            "'filters': expected no value, as there are parameters below it, got 1",
+        ),
         ("a: {ros__parameters: {x: 1}}", "found no filter chain 'filters'"),
         ("a: [1]\nb: [2]", "found no filter chain 'filters'"),
         (

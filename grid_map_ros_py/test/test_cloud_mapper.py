@@ -18,7 +18,7 @@ from grid_map_core_py import ConfigError, GridGeometry
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py._mapping.cloud_mapper import CloudMapper
-from grid_map_ros_py._mapping.poses import NoPoses, Placement, Poses
+from grid_map_ros_py._mapping.poses import Placement, Poses
 from grid_map_ros_py.messages import to_stamp
 
 
@@ -118,7 +118,7 @@ def test_queue_size_limits_waiting_clouds(reports: list[str], clock: Hand) -> No
 
 
 def test_waiting_cloud_does_not_delay_other_frames(reports: list[str]) -> None:
-    class OnlyLidar(NoPoses):
+    class OnlyLidar(Poses):
         def place(self, frame_id: str, stamp: int) -> Placement | None:
             return super().place("odom", stamp) if frame_id == "lidar" else None
 
@@ -136,7 +136,7 @@ def test_outdated_cloud_does_not_delay_the_next(reports: list[str]) -> None:
 
 
 def test_serialized_clouds_are_taken_as_well(reports: list[str]) -> None:
-    made = mapper(NoPoses("odom"), reports, follow=False)
+    made = mapper(Poses("odom"), reports, follow=False)
     data = serialize_message(cloud(1, (0.5, 0.5, 7.0), frame="odom"))
     assert made.add(data)
     assert height(made, 0.5, 0.5) == 7.0
@@ -157,7 +157,7 @@ def test_serialized_clouds_are_taken_as_well(reports: list[str]) -> None:
 def test_bad_cloud_is_reported_and_changes_nothing(
     path: str, value: Any, reason: str, reports: list[str]
 ) -> None:
-    made = mapper(NoPoses("odom"), reports, follow=False)
+    made = mapper(Poses("odom"), reports, follow=False)
     made.add(cloud(1, frame="odom"))
     before = made.rolling_map.grid_map.copy()
     bad = cloud(2, frame="odom")
@@ -194,8 +194,8 @@ def test_points_out_of_range_of_the_sensor_are_left_out(reports: list[str]) -> N
 def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
     points = [{"x": 0.5, "y": 0.5, "z": 1.0, "rgb": 0x112233}]
     message = packed_cloud(points, [*xyz_fields(), ("rgb", 12, UINT32, 1)], frame_id="odom")
-    plain = mapper(NoPoses("odom"), reports, follow=False)
-    colored = mapper(NoPoses("odom"), reports, follow=False, fields=["rgb"])
+    plain = mapper(Poses("odom"), reports, follow=False)
+    colored = mapper(Poses("odom"), reports, follow=False, fields=["rgb"])
     plain.add(message)
     colored.add(message)
     assert plain.rolling_map.grid_map.layers == ("elevation",)
@@ -205,7 +205,7 @@ def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
 
 
 def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:
-    made = mapper(NoPoses("odom"), reports, follow=False)
+    made = mapper(Poses("odom"), reports, follow=False)
     made.add(cloud(1, (0, 0, 0), (1, 1, 1), frame="odom"))
     made.add(cloud(1, frame="lidar"))
     line = str(made.statistics)
@@ -219,4 +219,4 @@ def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:
 )
 def test_wrong_settings_are_refused(wrong: dict[str, Any], reports: list[str]) -> None:
     with pytest.raises(ConfigError, match="expected"):
-        mapper(NoPoses("odom"), reports, **wrong)
+        mapper(Poses("odom"), reports, **wrong)

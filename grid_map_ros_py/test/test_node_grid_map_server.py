@@ -59,7 +59,7 @@ def map_of(timestamp: int) -> GridMap:
 
 
 def test_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_path: Path) -> None:
-    with running_node(MODULE, *arguments(directory=tmp_path)):
+    with running_node(MODULE, *arguments(directory=tmp_path, storage="sqlite3")):
         client.call("set_grid_map", map=to_message(map_of(1)))
         client.peer.listen("/grid_map", GridMapMessage)
         published = from_message(client.peer.expect("/grid_map"), unwrap=False)
@@ -73,6 +73,7 @@ def test_map_is_set_published_asked_for_saved_and_loaded(client: Client, tmp_pat
         assert client.call("get_grid_map_info").info == to_message(map_of(1)).info
 
         assert client.call("save_map", file_path="bag").success
+        assert (tmp_path / "bag" / "bag_0.db3").is_file()
         assert_maps_equal(load_from_bag(tmp_path / "bag", "/grid_map"), map_of(1))
         client.call("set_grid_map", map=to_message(map_of(2)))
         client.peer.expect("/grid_map", 2)
@@ -97,7 +98,9 @@ def test_refused_request_is_logged_and_changes_nothing(client: Client, tmp_path:
         malformed.info.resolution = -1.0
         client.call("set_grid_map", map=malformed)
         client.peer.publish("/incoming", malformed)
-        client.peer.wait_until(lambda: "dropped a map" in node.text, "the bad map to be dropped")
+        client.peer.wait_until(
+            lambda: "dropped a message" in node.text, "the bad map to be dropped"
+        )
         for request in ({"frame_id": "base"}, {"layers": ["slope"]}, {"length_x": -1.0}):
             assert client.call("get_grid_map", **request).map.info.resolution == 0.0
         for path in ("../secret", str(tmp_path / "secret"), "missing"):

@@ -147,11 +147,11 @@ def test_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: 
         ("    filters: 3\n", "parameter 'filters': expected parameters below it, got 3 (int)"),
         (
             "    filters: {a: 1, a.b: 2}\n",
-            "parameter 'filters.a.b': expected no value for 'a' itself, got 1 (int)",
+            "'filters.a': expected no value, as there are parameters below it, got 1 (int)",
         ),
         (
             "    filters: {a.b: 1, a: 2}\n",
-            "parameter 'filters.a': expected no parameters below it, got {'b': 1} (dict)",
+            "'filters.a': expected no value, as there are parameters below it, got 2 (int)",
         ),
     ],
 )

@@ -22,9 +22,9 @@ from grid_map_core_py import GridMapError
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_ros_py import MessageError
 from grid_map_ros_py._mapping.poses import (
-    NoPoses,
     Placement,
     PoseHistory,
+    Poses,
     between,
     from_xyz_rpy,
     to_matrix,
@@ -202,11 +202,11 @@ def test_invalid_pose_changes_nothing(kind: type) -> None:
 
 
 def test_without_poses_clouds_must_be_in_the_map_frame() -> None:
-    placement = NoPoses("map").place("map", 5)
+    placement = Poses("map").place("map", 5)
     assert placement is not None
     assert placement.center is None
     with pytest.raises(MessageError, match=r"header\.frame_id: expected 'map', .*got 'lidar'"):
-        NoPoses("map").place("lidar", 5)
+        Poses("map").place("lidar", 5)
 
 
 # --- tf -------------------------------------------------------------------------------------------

@@ -1,55 +1,55 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-from dataclasses import dataclass
-
 import pytest
 
 from grid_map_ros_py.nodes import LogThrottle
 
 
-@dataclass
-class FakeClock:
-    time: float = 1e6
+class Log:
+    """Stand-in for the logger of a node, and a clock."""
 
-    def __call__(self) -> float:
-        return self.time
+    def __init__(self) -> None:
+        self.time = 1e6
+        self.lines: list[str] = []
+
+    def error(self, text: str) -> None:
+        self.lines.append(text)
+
+    def warning(self, text: str) -> None:
+        self.lines.append(f"warning: {text}")
 
 
 @pytest.fixture
-def clock() -> FakeClock:
-    return FakeClock()
+def log() -> Log:
+    return Log()
 
 
 @pytest.fixture
-def throttle(clock: FakeClock) -> LogThrottle:
-    return LogThrottle(period=5.0, limit=3, clock=clock)
+def throttle(log: Log) -> LogThrottle:
+    return LogThrottle(log, period=5.0, limit=3, clock=lambda: log.time)
 
 
-def test_text_is_logged_again_after_the_period(throttle: LogThrottle, clock: FakeClock) -> None:
-    logged_at = []
-    for second in range(12):
-        clock.time = 100.0 + second
-        if throttle.allow("bad map"):
-            logged_at.append(second)
-    assert logged_at == [0, 5, 10]
+def test_text_is_logged_again_after_the_period(throttle: LogThrottle, log: Log) -> None:
+    counts = []
+    for _ in range(12):
+        throttle.error("bad map")
+        counts.append(len(log.lines))
+        log.time += 1.0
+    assert counts == [1] * 5 + [2] * 5 + [3] * 2
 
 
-def test_texts_that_alternate_are_logged_once_each(throttle: LogThrottle) -> None:
-    texts = ["bad map", "worse map"] * 5
-    assert [text for text in texts if throttle.allow(text)] == ["bad map", "worse map"]
+def test_texts_that_alternate_are_logged_once_each(throttle: LogThrottle, log: Log) -> None:
+    for _ in range(5):
+        throttle.error("bad map")
+        throttle.warning("worse map")
+    assert log.lines == ["bad map", "warning: worse map"]
 
 
-def test_texts_that_differ_every_time_do_not_flood_the_log(
-    throttle: LogThrottle, clock: FakeClock
-) -> None:
-    assert [k for k in range(100) if throttle.allow(f"found {k}")] == [0, 1, 2]
-    clock.time += 5.0
-    assert [k for k in range(100) if throttle.allow(f"found {k}")] == [0, 1, 2]
-
-
-def test_throttled_text_does_not_count_as_logged(throttle: LogThrottle, clock: FakeClock) -> None:
-    for k in range(3):
-        throttle.allow(f"found {k}")
-    assert not throttle.allow("bad map")
-    clock.time += 5.0
-    assert throttle.allow("bad map")
+def test_texts_that_differ_every_time_do_not_flood_the_log(throttle: LogThrottle, log: Log) -> None:
+    for k in range(100):
+        throttle.error(f"found {k}")
+    assert log.lines == ["found 0", "found 1", "found 2"]
+    log.time += 5.0
+    # A text that was not logged does not count as logged.
+    throttle.error("found 99")
+    assert log.lines[3:] == ["found 99"]

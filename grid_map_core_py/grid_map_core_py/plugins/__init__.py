@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parts for plug-ins: registries of classes, and dataclasses built from YAML parameters."""
 
-from ._parameters import build, cast, check, describe, mismatch
+from ._parameters import build, cast, check, describe, mismatch, nested
 from ._registry import Registry
 
 __all__ = [
@@ -12,4 +12,5 @@ __all__ = [
     "check",
     "describe",
     "mismatch",
+    "nested",
 ]

@@ -40,6 +40,32 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
 
 
+def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
+    """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
+
+    ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
+
+    Raises:
+        ConfigError: a parameter has both a value and parameters below it.
+    """
+    result: dict[str, Any] = {}
+    expected = "no value, as there are parameters below it"
+    for name, value in parameters.items():
+        *parents, last = path = str(name).split(".")
+        place = result
+        for depth, parent in enumerate(path if isinstance(value, Mapping) else parents, start=1):
+            inner = place.get(parent)
+            check(isinstance(inner, dict | None), ".".join(path[:depth]), expected, inner)
+            place[parent] = place = inner or {}
+        if isinstance(value, Mapping):
+            place.update(nested(value))
+        elif not isinstance(place.get(last), dict):
+            place[last] = value
+        else:
+            check(value is None, name, expected, value)
+    return result
+
+
 def cast(name: str, value: object, hint: Any) -> Any:
     """Return the value of a parameter as the type that a field, or anything else, declares.
 

@@ -17,27 +17,26 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.plugins import nested
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
     LogThrottle,
     MapSubscription,
-    check_topic,
     map_qos,
     read_parameter,
     read_parameter_tree,
     read_positive,
+    read_topic,
     run,
+    steady_timer,
 )
 
 from .._chain import FilterChain
-from .._config import nested
 from .._step_times import StepTimes
 
 
@@ -80,8 +79,10 @@ class FilterChainNode(Node):
     def __init__(self) -> None:
         # A filter added at run time has parameters that are not declared.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
-        topic = self._read_topic("input_topic", "/grid_map", "topic of the incoming maps")
-        output = self._read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
+        about = "topic of the incoming maps"
+        topic = read_topic(self, "input_topic", "/grid_map", description=about)
+        about = "topic of the filtered maps"
+        output = read_topic(self, "output_topic", "/filtered_map", description=about)
         name, about = "filter_chain_parameter_name", "name of the parameter with the chain"
         self._chain_name = read_parameter(self, name, str, "filters", description=about)
         about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
@@ -89,26 +90,20 @@ class FilterChainNode(Node):
         self._chain = FilterChain.from_config(tree)
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()
-        self._throttle = LogThrottle()
+        self._log = LogThrottle(self.get_logger())
         self._publisher = self.create_publisher(GridMapMessage, output, map_qos())
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
         about = "time between two reports on `/diagnostics` [s]"
         period = read_positive(self, "diagnostics_period", 1.0, description=about)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        # A steady clock, so that reports continue while a simulation is paused.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(period, self._publish_diagnostics, clock=steady)
+        steady_timer(self, period, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._prepare_chain)
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"{self._chain} on {topic}")
 
     # --- parameters -------------------------------------------------------------------------------
-
-    def _read_topic(self, name: str, default: str, about: str) -> str:
-        topic = read_parameter(self, name, str, default, description=about)
-        return check_topic(self, name, topic)
 
     def _is_of_chain(self, name: str) -> bool:
         return name.startswith(f"{self._chain_name}.")
@@ -162,15 +157,13 @@ class FilterChainNode(Node):
         except GridMapError as error:
             statistics.maps_dropped += 1
             statistics.last_was_dropped, statistics.last_error = True, str(error)
-            text = f"dropped a map: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().error(text)
+            raise
         else:
             statistics.maps_out += 1
             statistics.last_was_dropped = False
-        for text in warnings:
-            if self._throttle.allow(text):
-                self.get_logger().warning(text)
+        finally:
+            for text in warnings:
+                self._log.warning(text)
 
     # --- diagnostics ------------------------------------------------------------------------------
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_loader`: publishes the last map of a bag, latched."""
 
-import sys
-
 from rclpy.duration import Duration
 from rclpy.node import Node
 
@@ -12,7 +10,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..bags._bag import load_from_bag
 from ..messages._grid_map import to_serialized_message
-from ..nodes._parameters import check_topic, read_parameter
+from ..nodes._parameters import read_parameter, read_topic
 from ..nodes._qos import map_qos
 from ..nodes._spin import run
 
@@ -29,9 +27,7 @@ class GridMapLoaderNode(Node):
         path = read_parameter(self, "file_path", str, description=about)
         about = "topic in the bag; empty means the only topic with maps"
         bag_topic = read_parameter(self, "bag_topic", str, "/grid_map", description=about)
-        about = "topic of the map"
-        topic = read_parameter(self, "publish_topic", str, "/grid_map", description=about)
-        check_topic(self, "publish_topic", topic)
+        topic = read_topic(self, "publish_topic", "/grid_map", description="topic of the map")
         about = "time for which late subscribers get the map [s]; 0 means while the node runs"
         duration = read_parameter(self, "duration", float, 0.0, description=about)
         # NaN is not between the bounds either.
@@ -51,4 +47,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

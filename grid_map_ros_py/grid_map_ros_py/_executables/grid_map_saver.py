@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_saver`: saves the map of a topic to a bag."""
 
-import sys
-
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
@@ -12,10 +10,9 @@ from grid_map_core_py.errors import GridMapError
 from ..bags._bag import BagWriter
 from ..errors import MessageError, NodeFailedError
 from ..messages._grid_map import ReceivedMap
-from ..nodes._parameters import check_topic, read_parameter
+from ..nodes._parameters import read_parameter, read_topic
 from ..nodes._spin import run
 from ..nodes._subscription import MapSubscription
-from ..nodes._throttle import LogThrottle
 
 
 class GridMapSaverNode(Node):
@@ -23,12 +20,9 @@ class GridMapSaverNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
-        self._throttle = LogThrottle()
         about = "folder of the bag; an existing bag is replaced"
         self._path = read_parameter(self, "file_path", str, description=about)
-        about = "topic of the maps"
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
-        check_topic(self, "grid_map_topic", topic)
+        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
         about = "topic in the bag; empty means `grid_map_topic`"
         bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
         self._topic = bag_topic or self.resolve_topic_name(topic)
@@ -47,19 +41,17 @@ class GridMapSaverNode(Node):
         return BagWriter(self._path, storage=self._storage, compression=self._compression)
 
     def _on_map(self, received: ReceivedMap) -> None:
+        grid_map = received.decode(unwrap=False)
         try:
-            grid_map = received.decode(unwrap=False)
             with self._bag() as bag:
                 bag.write(self._topic, grid_map)
-            self.get_logger().info(f"saved {grid_map}")
-            if not self._continuous:
-                try_shutdown()
         except GridMapError as error:
-            if not (self._continuous or isinstance(error, MessageError)):
-                raise NodeFailedError(str(error)) from error
-            text = f"did not save a map: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().error(text)
+            if self._continuous or isinstance(error, MessageError):
+                raise
+            raise NodeFailedError(str(error)) from error
+        self.get_logger().info(f"saved {grid_map}")
+        if not self._continuous:
+            try_shutdown()
 
 
 def main() -> int:
@@ -68,4 +60,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -3,14 +3,12 @@
 """Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
 
 import math
-import sys
+from collections.abc import Collection
 from typing import TypeVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
@@ -22,11 +20,11 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .._mapping.cloud_mapper import CloudMapper
-from .._mapping.poses import NoPoses, PoseHistory, Poses, from_xyz_rpy
+from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
 from ..messages._grid_map import to_serialized_message
 from ..nodes._parameters import read_parameter
 from ..nodes._qos import map_qos
-from ..nodes._spin import run
+from ..nodes._spin import run, steady_timer
 from ..nodes._tf_poses import TfPoses, has_tf
 from ..nodes._throttle import LogThrottle
 
@@ -93,23 +91,22 @@ class PointCloudToGridMapNode(Node):
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
-        self._throttle = LogThrottle()
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._report = LogThrottle(self.get_logger()).error
         self._has_news = False
         topic = _read(self, "input_topic", str, "/points")
         output_topic = _read(self, "output_topic", str, "/grid_map")
-        self._source = self._read_pose_source()
+        self._source = _read_choice(self, "pose_source", "auto", POSE_SOURCES)
+        if self._source == "auto":
+            self._source = "tf" if has_tf() else "odometry"
         self._mapper = self._read_mapper()
         self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
         self._publish_rate = _read_not_negative(self, "publish_rate", 0.0)
         if self._publish_rate > 0:
-            self.create_timer(1 / self._publish_rate, self._publish, clock=self._steady)
+            steady_timer(self, 1 / self._publish_rate, self._publish)
         if period := _read_not_negative(self, "statistics_period", 0.0):
-            self.create_timer(period, self._log_statistics, clock=self._steady)
-        self.create_timer(WAIT_PERIOD, self._work, clock=self._steady)
-        name = "input_reliability"
-        reliability = _read(self, name, str, "best_effort")
-        check(reliability in RELIABILITIES, name, f"one of {', '.join(RELIABILITIES)}", reliability)
+            steady_timer(self, period, self._log_statistics)
+        steady_timer(self, WAIT_PERIOD, self._work)
+        reliability = _read_choice(self, "input_reliability", "best_effort", RELIABILITIES)
         qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
         self.create_subscription(PointCloud2, topic, self._on_cloud, qos, raw=True)
@@ -122,8 +119,23 @@ class PointCloudToGridMapNode(Node):
         follow = _read(self, "robot_centric", bool, True)
         has_poses = self._source != "none"
         check(has_poses or not follow, "robot_centric", "false without poses", follow)
+        geometry = GridGeometry(
+            np.array(_read_numbers(self, "length", [10.0, 10.0])),
+            _read(self, "resolution", float, 0.1),
+            np.array(_read_numbers(self, "position", [0.0, 0.0])),
+        )
+        rolling_map = RollingMap(
+            geometry,
+            map_frame,
+            layer=_read(self, "layer", str, "elevation"),
+            fusion=_read(self, "fusion", str, "max"),
+            reduction=_read(self, "reduction", str, "max"),
+            max_count=_read(self, "max_count", int, 0),
+            min_height=_read(self, "min_height", float, -math.inf),
+            max_height=_read(self, "max_height", float, math.inf),
+        )
         return CloudMapper(
-            self._read_map(map_frame),
+            rolling_map,
             self._read_poses(map_frame),
             self._report,
             fields=_read(self, "fields", list[str], []),
@@ -134,30 +146,6 @@ class PointCloudToGridMapNode(Node):
             queue_size=_read(self, "queue_size", int, 10),
         )
 
-    def _read_map(self, map_frame: str) -> RollingMap:
-        geometry = GridGeometry(
-            np.array(_read_numbers(self, "length", [10.0, 10.0])),
-            _read(self, "resolution", float, 0.1),
-            np.array(_read_numbers(self, "position", [0.0, 0.0])),
-        )
-        return RollingMap(
-            geometry,
-            map_frame,
-            layer=_read(self, "layer", str, "elevation"),
-            fusion=_read(self, "fusion", str, "max"),
-            reduction=_read(self, "reduction", str, "max"),
-            max_count=_read(self, "max_count", int, 0),
-            min_height=_read(self, "min_height", float, -math.inf),
-            max_height=_read(self, "max_height", float, math.inf),
-        )
-
-    def _read_pose_source(self) -> str:
-        source = _read(self, "pose_source", str, "auto")
-        check(source in POSE_SOURCES, "pose_source", f"one of {', '.join(POSE_SOURCES)}", source)
-        if source == "auto":
-            return "tf" if has_tf() else "odometry"
-        return source
-
     def _read_poses(self, map_frame: str) -> Poses:
         """Return the source of poses; the parameters of all sources are declared."""
         topic = _read(self, "pose_topic", str, "/odom")
@@ -165,7 +153,7 @@ class PointCloudToGridMapNode(Node):
         xyz = _read_numbers(self, "sensor_xyz", [0.0, 0.0, 0.0])
         rpy = _read_numbers(self, "sensor_rpy", [0.0, 0.0, 0.0])
         if self._source == "none":
-            return NoPoses(map_frame)
+            return Poses(map_frame)
         if self._source == "tf":
             return TfPoses(self, map_frame, robot_frame)
         history = PoseHistory(map_frame, from_xyz_rpy(xyz, rpy))
@@ -178,7 +166,7 @@ class PointCloudToGridMapNode(Node):
     # --- messages ---------------------------------------------------------------------------------
 
     def _on_cloud(self, data: bytes) -> None:
-        self._publish_if(self._mapper.add(data))
+        self._note(self._mapper.add(data))
 
     def _on_pose(self, history: PoseHistory, message: Odometry | PoseStamped) -> None:
         try:
@@ -189,9 +177,9 @@ class PointCloudToGridMapNode(Node):
             self._work()
 
     def _work(self) -> None:
-        self._publish_if(self._mapper.work())
+        self._note(self._mapper.work())
 
-    def _publish_if(self, has_changed: bool) -> None:
+    def _note(self, has_changed: bool) -> None:
         self._has_news |= has_changed
         if self._publish_rate == 0:
             self._publish()
@@ -201,16 +189,18 @@ class PointCloudToGridMapNode(Node):
             self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
             self._has_news = False
 
-    def _report(self, text: str) -> None:
-        if self._throttle.allow(text):
-            self.get_logger().error(text)
-
     def _log_statistics(self) -> None:
         self.get_logger().info(str(self._mapper.statistics))
 
 
 def _read(node: Node, name: str, kind: type[T], default: T) -> T:
     return read_parameter(node, name, kind, default, description=DESCRIPTIONS[name])
+
+
+def _read_choice(node: Node, name: str, default: str, known: Collection[str]) -> str:
+    value = _read(node, name, str, default)
+    check(value in known, name, f"one of {', '.join(known)}", value)
+    return value
 
 
 def _read_not_negative(node: Node, name: str, default: float) -> float:
@@ -233,4 +223,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(main())

@@ -25,14 +25,7 @@ from .poses import Placement, Poses, transformed
 
 @dataclass
 class Statistics:
-    """Counts of clouds.
-
-    Attributes:
-        fused: number of clouds in the map.
-        dropped: number of clouds that could not be used.
-        points: number of points of the fused clouds.
-        seconds: time spent on placing and fusing them [s].
-    """
+    """Numbers of fused and dropped clouds; points of the fused ones, and time spent on them [s]."""
 
     fused: int = 0
     dropped: int = 0
@@ -106,14 +99,17 @@ class CloudMapper:
     def add(self, message: Any) -> bool:
         """Add a `PointCloud2` or its bytes, and return whether the map has changed."""
         try:
-            cloud = self._read(message)
+            if isinstance(message, bytes):
+                message = view(message, messages_of("sensor_msgs").PointCloud2)
+            stamp = from_stamp(message.header.stamp)
+            points, columns = read_columns(message, self.fields)
         except GridMapError as error:
             self._drop(str(error))
             return False
         if len(self._waiting) == self.queue_size:
             self._waiting.popleft()
             self._drop(f"{self.queue_size} newer ones wait for {self.poses.waits_for}")
-        self._waiting.append(cloud)
+        self._waiting.append(Cloud(message.header.frame_id, stamp, points, columns, self.clock()))
         return self.work()
 
     def work(self) -> bool:
@@ -131,31 +127,25 @@ class CloudMapper:
         begin = time.perf_counter()
         try:
             placement = self.poses.place(cloud.frame_id, cloud.stamp)
-            if placement is None and self.clock() - cloud.received < self.timeout:
+            if placement is not None:
+                self._fuse(cloud, placement)
+                self.statistics.fused += 1
+                self.statistics.points += len(cloud.points)
+                self.statistics.seconds += time.perf_counter() - begin
+            elif self.clock() - cloud.received < self.timeout:
                 return False
-            if placement is None:
+            else:
                 self._drop(f"it waited {self.timeout} s for {self.poses.waits_for}")
-                return True
-            self._fuse(cloud, placement)
         except GridMapError as error:
             self._drop(str(error))
-            return True
-        self.statistics.fused += 1
-        self.statistics.points += len(cloud.points)
-        self.statistics.seconds += time.perf_counter() - begin
         return True
-
-    def _read(self, message: Any) -> Cloud:
-        if isinstance(message, bytes):
-            message = view(message, messages_of("sensor_msgs").PointCloud2)
-        stamp = from_stamp(message.header.stamp)
-        points, columns = read_columns(message, self.fields)
-        return Cloud(message.header.frame_id, stamp, points, columns, self.clock())
 
     def _fuse(self, cloud: Cloud, placement: Placement) -> None:
         points, columns = cloud.points, dict(cloud.columns)
         if self.min_range > 0 or self.max_range < math.inf:
-            kept = self._within_range(points)
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
+                kept = (squares >= self.min_range**2) & (squares <= self.max_range**2)
             points = points[kept]
             columns = {name: values[kept] for name, values in columns.items()}
         self.rolling_map.fuse(
@@ -164,13 +154,6 @@ class CloudMapper:
             position=placement.center if self.follow else None,
             timestamp=cloud.stamp,
         )
-
-    def _within_range(self, points: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
-        with np.errstate(over="ignore", invalid="ignore"):
-            squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
-            kept: npt.NDArray[np.bool_] = squares >= self.min_range**2
-            kept &= squares <= self.max_range**2
-        return kept
 
     def _drop(self, why: str) -> None:
         self.statistics.dropped += 1

@@ -5,7 +5,7 @@
 import math
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -37,25 +37,12 @@ class Placement:
     center: npt.NDArray[np.float64] | None
 
 
-class Poses(Protocol):
-    """Source of poses."""
+class Poses:
+    """Source of poses; this one is for clouds that are in the frame of the map already.
 
-    @property
-    def waits_for(self) -> str:
-        """Name of the missing pose or transform when `place` returns None."""
-
-    def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return the placement of a cloud of that frame and time [ns], or None if not known yet.
-
-        Time 0 stands for the latest pose.
-
-        Raises:
-            GridMapError: the placement will never be known.
-        """
-
-
-class NoPoses:
-    """Source for clouds that are in the frame of the map already."""
+    Attributes:
+        waits_for: name of the missing pose or transform after `place` has returned None.
+    """
 
     waits_for = ""
 
@@ -63,14 +50,20 @@ class NoPoses:
         self._map_frame = map_frame
 
     def place(self, frame_id: str, _stamp: int) -> Placement | None:
-        """Return the identity, for clouds in the frame of the map."""
+        """Return the placement of a cloud of that frame and time [ns], or None if not known yet.
+
+        Time 0 stands for the latest pose.
+
+        Raises:
+            GridMapError: the placement will never be known.
+        """
         if frame_id != self._map_frame:
             expected = f"{self._map_frame!r}, that of the map, as there are no poses"
             raise MessageError("header.frame_id", expected, frame_id)
         return Placement(np.eye(4), None)
 
 
-class PoseHistory:
+class PoseHistory(Poses):
     """Poses of a robot over time; poses in between are interpolated.
 
     Args:
@@ -80,18 +73,12 @@ class PoseHistory:
     """
 
     def __init__(self, map_frame: str, sensor: Matrix | None = None, limit: int = 1000) -> None:
-        self._map_frame = map_frame
+        super().__init__(map_frame)
+        self.waits_for = "poses"
         self._sensor = np.eye(4) if sensor is None else sensor
         self._limit = limit
         self._stamps: list[int] = []
         self._poses: list[Matrix] = []
-
-    @property
-    def waits_for(self) -> str:
-        """Description of the missing pose."""
-        if not self._stamps:
-            return "poses"
-        return f"a later pose than that of {_seconds(self._stamps[-1])}"
 
     def add(self, message: Any) -> None:
         """Add a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
@@ -115,6 +102,7 @@ class PoseHistory:
         self._poses.append(matrix)
         if len(self._stamps) > self._limit:
             del self._stamps[0], self._poses[0]
+        self.waits_for = f"a later pose than that of {_seconds(stamp)}"
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
         """Return the placement of a cloud; None if it is newer than the last pose."""

@@ -32,9 +32,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._parameters import check_topic, read_parameter, read_parameter_tree, read_positive
+    from ._parameters import (
+        check_topic,
+        read_parameter,
+        read_parameter_tree,
+        read_positive,
+        read_topic,
+    )
     from ._qos import map_qos
-    from ._spin import run
+    from ._spin import run, steady_timer
     from ._start import quiet_start
     from ._subscription import LatchedSubscription, MapSubscription
     from ._tf_poses import TfPoses, has_tf
@@ -52,7 +58,9 @@ __all__ = [
     "read_parameter",
     "read_parameter_tree",
     "read_positive",
+    "read_topic",
     "run",
+    "steady_timer",
 ]
 
 

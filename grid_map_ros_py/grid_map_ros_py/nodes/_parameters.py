@@ -7,13 +7,12 @@ read-only unless said otherwise: nodes configure themselves once, when they star
 """
 
 import array
-from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from grid_map_core_py.plugins import cast, check, describe, mismatch
+from grid_map_core_py.plugins import cast, check, describe, mismatch, nested
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -41,7 +40,7 @@ def read_parameter(
     Raises:
         ConfigError: the parameter is required but not given, or has another type.
     """
-    given = _given(node, (name,))
+    given = _given(node)
     value = given.get(name)
     if value is None and not (name in given and get_origin(kind) is list):
         if default is None:
@@ -85,22 +84,32 @@ def read_parameter_tree(
     Raises:
         ConfigError: a name is given both a value and parameters below it.
     """
-    tree: dict[str, Any] = {}
-    known = dict.fromkeys((*_overrides(node), *node.get_parameters_by_prefix("")))
-    names = [name for name in known if not prefix or f"{name}.".startswith(f"{prefix}.")]
-    for name, value in _given(node, names).items():
+    given = _given(node)
+    below = {name: value for name, value in given.items() if f"{name}.".startswith(f"{prefix}.")}
+    for name, value in below.items():
         _declare(node, name, value, description, read_only=read_only)
-        _insert(tree, name.removeprefix(prefix).split(".")[1:], value, name)
-    return tree
+    tree: Any = nested(below)
+    for part in prefix.split("."):
+        tree = tree.get(part, {})
+    check(isinstance(tree, dict | None), prefix, "parameters below it", tree)
+    return tree or {}
+
+
+def read_topic(node: "Node", name: str, default: str, *, description: str = "") -> str:
+    """Return a parameter that is the name of a topic; if the default is empty, it may be, too.
+
+    Raises:
+        ConfigError: the node can neither publish nor subscribe to it.
+    """
+    topic = read_parameter(node, name, str, default, description=description)
+    return check_topic(node, name, topic) if topic or default else ""
 
 
 def check_topic(node: "Node", name: str, topic: str) -> str:
-    """Return `topic`, the value of a parameter, if the node can publish or subscribe to it.
-
-    For topics that a node uses only while an output has a subscriber.
+    """Return `topic`, made from the parameter `name`, if it is a valid name of a topic.
 
     Raises:
-        ConfigError: it cannot; the message names the parameter.
+        ConfigError: it is not.
     """
     try:
         node.resolve_topic_name(topic)
@@ -109,25 +118,15 @@ def check_topic(node: "Node", name: str, topic: str) -> str:
     return topic
 
 
-def _given(node: "Node", names: Iterable[str]) -> dict[str, Any]:
-    """Return the values of those parameters that the node has declared or was started with."""
-    overrides = _overrides(node)
-    given = {
-        name: node.get_parameter(name) if node.has_parameter(name) else overrides.get(name)
-        for name in names
-    }
+def _given(node: "Node") -> dict[str, Any]:
+    """Return the values of all parameters that the node was started with or has declared."""
+    # Declaring all overrides automatically is the public way to see names that are not known
+    # beforehand, but a node made so cannot start when its file holds an empty list.
+    given = {**node._parameter_overrides, **node.get_parameters_by_prefix("")}
     return {
         name: list(entry.value) if isinstance(entry.value, array.array) else entry.value
         for name, entry in given.items()
-        if entry is not None
     }
-
-
-def _overrides(node: "Node") -> Mapping[str, Any]:
-    # Declaring all overrides automatically is the public way to see names that are not known
-    # beforehand, but a node made so cannot start when its file holds an empty list.
-    overrides: Mapping[str, Any] = node._parameter_overrides
-    return overrides
 
 
 def _declare(
@@ -141,18 +140,3 @@ def _declare(
         )
         # The value is the override, converted: the file's own may be an int for a float.
         node.declare_parameter(name, value, descriptor, ignore_override=True)
-
-
-def _insert(tree: dict[str, Any], path: list[str], value: object, name: str) -> None:
-    if not path:
-        if value is not None:
-            raise mismatch(name, "parameters below it", value)
-        return
-    *parents, leaf = path
-    for parent in parents:
-        tree = tree.setdefault(parent, {})
-        if not isinstance(tree, dict):
-            raise mismatch(name, f"no value for {parent!r} itself", tree)
-    if leaf in tree:
-        raise mismatch(name, "no parameters below it", tree[leaf])
-    tree[leaf] = value

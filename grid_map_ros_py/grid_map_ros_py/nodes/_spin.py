@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a node as an executable: from its arguments to its exit code."""
+"""Run a node as an executable, from its arguments to its exit code; timers of nodes."""
 
 import signal
 import sys
@@ -9,12 +9,15 @@ from pathlib import Path
 from types import FrameType
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py.errors import GridMapError
@@ -47,12 +50,21 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """
     signals = _Signals()
     try:
-        return _run(create_node, None if args is None else list(args), signals)
+        _spin(_start(create_node, None if args is None else list(args)), signals)
+    except NodeFailedError as error:
+        get_logger(Path(sys.argv[0]).stem or "grid_map").fatal(str(error))
+        return 1
     except KeyboardInterrupt:
-        return 0
+        pass
     finally:
         signals.ignore()
         try_shutdown()
+    return 0
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
+    """Call back every `period` [s], also while a simulation, and the node's clock, is paused."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class _Signals:
@@ -77,24 +89,20 @@ class _Signals:
         self.has_come = True
 
 
-def _run(create_node: Callable[[], Node], args: list[str] | None, signals: _Signals) -> int:
+def _start(create_node: Callable[[], Node], args: list[str] | None) -> Node:
+    """Return the node; whatever its user may have done wrong becomes a `NodeFailedError`."""
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except _ARGUMENT_ERRORS as error:
-        return _failed(error)
+        raise NodeFailedError(str(error)) from error
     try:
-        node = create_node()
+        return create_node()
     except GridMapError as error:
-        return _failed(error)
+        raise NodeFailedError(str(error)) from error
     except NameValidationException as error:
         # The last line is only a caret below the line before.
         message, _, _ = str(error).rpartition("\n")
-        return _failed(" ".join(message.split()))
-    try:
-        _spin(node, signals)
-    except NodeFailedError as error:
-        return _failed(error)
-    return 0
+        raise NodeFailedError(" ".join(message.split())) from error
 
 
 def _spin(node: Node, signals: _Signals) -> None:
@@ -110,8 +118,3 @@ def _spin(node: Node, signals: _Signals) -> None:
         node.destroy_node()
         # In the garbage collector its parts may already be gone, which would print a traceback.
         executor.shutdown()
-
-
-def _failed(error: Exception | str) -> int:
-    get_logger(Path(sys.argv[0]).stem or "grid_map").fatal(str(error))
-    return 1

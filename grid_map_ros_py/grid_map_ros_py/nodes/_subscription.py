@@ -9,10 +9,27 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
+from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
+from ..errors import NodeFailedError
 from ..messages._grid_map import ReceivedMap
 from ._qos import map_qos
+from ._throttle import LogThrottle
+
+WEAKER: dict[QoSPolicyKind, tuple[str, Any, str]] = {
+    QoSPolicyKind.DURABILITY: (
+        "durability",
+        DurabilityPolicy.VOLATILE,
+        "is volatile: from now on, earlier messages are not requested",
+    ),
+    QoSPolicyKind.RELIABILITY: (
+        "reliability",
+        ReliabilityPolicy.BEST_EFFORT,
+        "is best effort: from now on, lost messages are not requested again",
+    ),
+}
+"""Policies that a subscription can give up: the name, the weaker value, and a text for the log."""
 
 
 class LatchedSubscription:
@@ -21,6 +38,9 @@ class LatchedSubscription:
     A transient local subscription gets the message that was published before it, but does not
     connect to volatile publishers. The subscription is transient local first, and becomes volatile
     when it meets a volatile publisher.
+
+    If the callback raises a `GridMapError`, the message is dropped and the error is logged; a
+    `NodeFailedError` ends the node.
 
     Args:
         node: the node that subscribes.
@@ -50,12 +70,8 @@ class LatchedSubscription:
         self._callback = callback
         self._raw = raw
         self._qos = qos or map_qos()
-        self._can_give_up = set[QoSPolicyKind]()
-        if qos is None:
-            self._can_give_up.add(QoSPolicyKind.DURABILITY)
-        if qos is None and hears_best_effort:
-            self._can_give_up.add(QoSPolicyKind.RELIABILITY)
-        self._given_up = set[QoSPolicyKind]()
+        self._can_give_up = [*WEAKER][: 0 if qos else 1 + hears_best_effort]
+        self._log = LogThrottle(node.get_logger())
         self._subscription: Any = None
         self._subscribe()
 
@@ -69,44 +85,47 @@ class LatchedSubscription:
         self._subscription = self._node.create_subscription(
             self._message_type,
             self._topic,
-            self._callback,
+            self._receive,
             self._qos,
             event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
             raw=self._raw,
         )
 
+    def _receive(self, message: Any) -> None:
+        try:
+            self._callback(message)
+        except NodeFailedError:
+            raise
+        except GridMapError as error:
+            self._log.error(f"dropped a message of {self._topic}: {error}")
+
     def _on_incompatible(self, event: Any) -> None:
-        kind = QoSPolicyKind(event.last_policy_kind)
-        executor = self._node.executor
+        kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor
         if kind not in self._can_give_up:
             self._node.get_logger().warning(
                 f"no messages from a publisher of {self._topic}: incompatible quality of service "
                 f"({kind.name.lower()})"
             )
-        elif kind not in self._given_up and executor is not None:
-            self._given_up.add(kind)
-            # Deferred, because this is a callback of the subscription that will be destroyed.
-            executor.create_task(self._subscribe_without, kind)
-
-    def _subscribe_without(self, kind: QoSPolicyKind) -> None:
-        if self._subscription is None:
             return
-        if kind == QoSPolicyKind.DURABILITY:
-            self._qos.durability = DurabilityPolicy.VOLATILE
-            text = "is volatile: from now on, earlier messages are not requested"
-        else:
-            self._qos.reliability = ReliabilityPolicy.BEST_EFFORT
-            text = "is best effort: from now on, lost messages are not requested again"
-        self._node.get_logger().info(f"a publisher of {self._topic} {text}")
-        self.destroy()
-        self._subscribe()
+        policy, weaker, text = WEAKER[kind]
+        if executor is not None and getattr(self._qos, policy) != weaker:
+            setattr(self._qos, policy, weaker)
+            # Deferred, because this is a callback of the subscription that will be destroyed.
+            executor.create_task(self._subscribe_again, f"a publisher of {self._topic} {text}")
+
+    def _subscribe_again(self, why: str) -> None:
+        if self._subscription is not None:
+            self._node.get_logger().info(why)
+            self.destroy()
+            self._subscribe()
 
 
 class MapSubscription(LatchedSubscription):
     """Calls back with the last map of a topic and all later maps, as received.
 
     It receives from latched, reliable and volatile publishers. Nothing is decoded in advance: the
-    callback decodes the layers that it needs. Keep a reference to the subscription.
+    callback decodes the layers that it needs. A map that it cannot use is dropped and logged, as
+    with `LatchedSubscription`. Keep a reference to the subscription.
 
     Args:
         node: the node that subscribes.
@@ -128,11 +147,7 @@ class MapSubscription(LatchedSubscription):
         *,
         qos: QoSProfile | None = None,
     ) -> None:
-        super().__init__(
-            node,
-            GridMapMessage,
-            topic,
-            lambda data: callback(ReceivedMap(data)),
-            qos=qos,
-            raw=True,
-        )
+        def decode_later(data: bytes) -> None:
+            callback(ReceivedMap(data))
+
+        super().__init__(node, GridMapMessage, topic, decode_later, qos=qos, raw=True)

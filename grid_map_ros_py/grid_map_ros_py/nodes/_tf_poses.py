@@ -11,7 +11,7 @@ from rclpy.time import Time
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .._mapping.poses import Matrix, Placement, to_matrix
+from .._mapping.poses import Matrix, Placement, Poses, to_matrix
 
 PACKAGE = "tf2_ros"
 
@@ -21,7 +21,7 @@ def has_tf() -> bool:
     return importlib.util.find_spec(PACKAGE) is not None
 
 
-class TfPoses:
+class TfPoses(Poses):
     """Source of poses that looks them up in the tree of transforms.
 
     Args:
@@ -37,8 +37,8 @@ class TfPoses:
         if not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or take another pose_source"
             raise MissingPackageError(PACKAGE, "pose_source 'tf'", remedy)
+        super().__init__(map_frame)
         self._tf: Any = importlib.import_module(PACKAGE)
-        self._map_frame = map_frame
         self._robot_frame = robot_frame
         self._buffer = self._tf.Buffer()
         self._listener = self._tf.TransformListener(self._buffer, node)

@@ -5,8 +5,6 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 
@@ -22,7 +20,9 @@ from grid_map_ros_py.nodes import (
     read_parameter,
     read_parameter_tree,
     read_positive,
+    read_topic,
     run,
+    steady_timer,
 )
 
 from .._registry import create
@@ -39,15 +39,13 @@ class GridMapVisualizationNode(Node):
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
         about = "topic of the maps"
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
-        self._topic = check_topic(self, "grid_map_topic", topic)
+        self._topic = read_topic(self, "grid_map_topic", "/grid_map", description=about)
         about = (
             "also get the last map that was published before the node subscribed; maps of a "
             "volatile publisher arrive only if false"
         )
         latched = read_parameter(self, "transient_local", bool, False, description=about)
         self._qos = map_qos(transient_local=latched)
-        self._throttle = LogThrottle()
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
         about = "rate at which the node counts subscribers [Hz], for middleware without events"
@@ -56,10 +54,8 @@ class GridMapVisualizationNode(Node):
             Output(self, name, visualization, self._follow_subscribers)
             for name, visualization in _read_visualizations(self).items()
         ]
-        # Events tell when subscribers come and go; the timer is for lost events. The node's own
-        # clock stands still while a simulation is paused.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1 / rate, self._follow_subscribers, clock=steady)
+        # Events tell when subscribers come and go; the timer is for lost events.
+        steady_timer(self, 1 / rate, self._follow_subscribers)
         names = ", ".join(output.name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {self._topic} as {names}, while there are subscribers")
 
@@ -73,13 +69,7 @@ class GridMapVisualizationNode(Node):
         self._publish_due()
 
     def _receive(self, received: ReceivedMap) -> None:
-        try:
-            self._map = received.decode(unwrap=False)
-        except GridMapError as error:
-            text = f"cannot use the map on {self._topic!r}: {error}"
-            if self._throttle.allow(text):
-                self.get_logger().error(text)
-            return
+        self._map = received.decode(unwrap=False)
         for output in self._outputs:
             output.is_due = True
         self._publish_due()
@@ -112,8 +102,7 @@ class Output:
         self._subscribers = 0
         self._visualization = visualization
         self._on_match = on_match
-        self._throttle = LogThrottle()
-        self._logger = node.get_logger()
+        self._log = LogThrottle(node.get_logger())
         events = PublisherEventCallbacks(matched=self._match)
         self._publisher = node.create_publisher(
             visualization.message_type, name, map_qos(), event_callbacks=events
@@ -134,9 +123,7 @@ class Output:
             message = self._visualization(grid_map)
         except Exception as error:  # Plugins may raise anything, and the other outputs go on.
             cause = str(error) if isinstance(error, GridMapError) else repr(error)
-            text = f"visualization {self.name!r}: {cause}"
-            if self._throttle.allow(text):
-                self._logger.warning(text)
+            self._log.warning(f"visualization {self.name!r}: {cause}")
         else:
             self._publisher.publish(message)
 

@@ -2,18 +2,17 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `web_viewer`: serves a page that shows a map in the browser."""
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from grid_map_core_py.plugins import check
 from grid_map_ros_py.nodes import (
     LogThrottle,
     MapSubscription,
-    check_topic,
     read_parameter,
     read_positive,
+    read_topic,
     run,
+    steady_timer,
 )
 
 from .._viewer.page import Page, is_loopback
@@ -28,9 +27,7 @@ class WebViewerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        about = "topic of the maps"
-        topic = read_parameter(self, "grid_map_topic", str, "/grid_map", description=about)
-        check_topic(self, "grid_map_topic", topic)
+        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
         max_cells = read_parameter(self, "max_cells", int, 150_000, description=about)
         check_max_cells(max_cells)
@@ -38,10 +35,9 @@ class WebViewerNode(Node):
         period = 1 / read_positive(self, "update_rate", 20.0, description=about)
         self._page = _serve_page(self)
         self._viewer = Viewer(self._page, max_cells)
-        self._throttle = LogThrottle()
+        self._log = LogThrottle(self.get_logger())
         self._maps = MapSubscription(self, topic, self._viewer.receive)
-        # A steady clock, so that the page is updated while a simulation is paused.
-        self.create_timer(period, self._update, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, period, self._update)
         self.get_logger().info(f"shows {topic} at {self._page.url}")
 
     def destroy_node(self) -> None:
@@ -51,8 +47,8 @@ class WebViewerNode(Node):
 
     def _update(self) -> None:
         problem = self._viewer.update()
-        if problem and self._throttle.allow(problem):
-            self.get_logger().error(problem)
+        if problem:
+            self._log.error(problem)
 
 
 def _serve_page(node: Node) -> Page:
