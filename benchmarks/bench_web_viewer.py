@@ -5,9 +5,7 @@
 import numpy as np
 from terrain import terrain
 
-from grid_map_visualization_py._viewer.picking import hit
-from grid_map_visualization_py._viewer.scene import make_scene
-from grid_map_visualization_py._viewer.settings import Settings
+from grid_map_visualization_py._viewer.scene import Settings, hit, make_scene
 
 
 def test_scene(measure, cells):

@@ -79,7 +79,15 @@ class Row:
 def rows_of_class(cls: type) -> list[Row]:
     """Return a row per parameter of a filter or visualization."""
     hints, meanings, rows = typing.get_type_hints(cls), attributes(cls), []
-    for field in filter(lambda field: field.init, dataclasses.fields(cls)):
+    # Optional parameters of a base class come last.
+    inherited = {
+        field.name
+        for base in filter(dataclasses.is_dataclass, cls.__mro__[1:])
+        for field in dataclasses.fields(base)
+        if field.default is not dataclasses.MISSING
+    }
+    fields = [field for field in dataclasses.fields(cls) if field.init]
+    for field in sorted(fields, key=lambda field: field.name in inherited):
         name, has_default = field.name, field.default not in (dataclasses.MISSING, None)
         default = written(name, field.default) if has_default else ""
         rows.append(Row(name, kind(hints[name]), default, meanings.get(name, "")))

@@ -12,10 +12,8 @@ Pictures need no ROS: `pictures` draws maps with Matplotlib, `colors` turns valu
 
 from typing import TYPE_CHECKING, Any
 
-from ._visualization import Visualization
-
 if TYPE_CHECKING:
-    from ._registry import VISUALIZATIONS, create
+    from ._registry import VISUALIZATIONS, Visualization, create
 
 __version__ = "0.2.0"
 
@@ -24,7 +22,7 @@ __all__ = ["VISUALIZATIONS", "Visualization", "create"]
 
 def __getattr__(name: str) -> Any:
     # Loaded on first use, because the built-in visualizations import message packages.
-    if name in ("VISUALIZATIONS", "create"):
+    if name in __all__:
         from . import _registry
 
         return getattr(_registry, name)

@@ -3,6 +3,8 @@
 """RViz markers that consist of lines."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,33 +17,40 @@ from grid_map_ros_py.messages import serialize, to_header
 from .colors import check_color
 
 
-def check_line(color: int, line_width: float) -> None:
-    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB and `line_width` positive."""
-    check_color(color)
-    is_width = math.isfinite(line_width) and line_width > 0
-    check(is_width, "line_width", "a positive width [m]", line_width)
+@dataclass(frozen=True, kw_only=True)
+class LineMarker:
+    """Base of the visualizations that draw lines of one color.
 
-
-def line_marker(
-    grid_map: GridMap,
-    points: npt.NDArray[np.float64],
-    *,
-    kind: int,
-    namespace: str,
-    color: int,
-    line_width: float,
-) -> bytes:
-    """Return a serialized `visualization_msgs/Marker` that draws lines in the frame of the map.
-
-    Args:
-        points: (N, 3) x, y, z [m]. `kind` says which of them are connected.
-        kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
-        namespace: the marker's `ns`.
-        color: 0xRRGGBB of every point, opaque.
+    Attributes:
+        color: 0xRRGGBB.
         line_width: width of the lines [m].
+
+    Raises:
+        ConfigError: the color is out of range, or the width not positive.
     """
-    marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
-    marker.scale.x = line_width
-    rgba = np.append(color_value_to_vector(color), np.float32(1))
-    colors = np.tile(rgba, (len(points), 1))
-    return serialize(marker, {"points": points, "colors": colors})
+
+    message_type: ClassVar[type] = Marker
+
+    color: int = 0xFFFFFF
+    line_width: float = 0.003
+
+    def __post_init__(self) -> None:
+        check_color(self.color)
+        is_width = math.isfinite(self.line_width) and self.line_width > 0
+        check(is_width, "line_width", "a positive width [m]", self.line_width)
+
+    def marker(
+        self, grid_map: GridMap, points: npt.NDArray[np.float64], kind: int, namespace: str
+    ) -> bytes:
+        """Return a serialized `visualization_msgs/Marker` in the frame of the map.
+
+        Args:
+            grid_map: the map.
+            points: (N, 3) x, y, z [m]. `kind` says which of them are connected.
+            kind: `Marker.LINE_LIST` or `Marker.LINE_STRIP`.
+            namespace: the marker's `ns`.
+        """
+        marker = Marker(header=to_header(grid_map), ns=namespace, type=kind, action=Marker.ADD)
+        marker.scale.x = self.line_width
+        rgba = np.append(color_value_to_vector(self.color), np.float32(1))
+        return serialize(marker, {"points": points, "colors": np.tile(rgba, (len(points), 1))})

@@ -7,32 +7,37 @@ The name of an entry point is the type, its object a class that follows `Visuali
 """
 
 from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
 
+from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import Registry, build
 
-from ._visualization import Visualization
-from .builtin._contours import ContoursVisualization
-from .builtin._flat_point_cloud import FlatPointCloudVisualization
-from .builtin._grid_cells import GridCellsVisualization
-from .builtin._image import ImageVisualization
-from .builtin._map_region import MapRegionVisualization
-from .builtin._occupancy_grid import OccupancyGridVisualization
-from .builtin._point_cloud import PointCloudVisualization
-from .builtin._surface import SurfaceVisualization
-from .builtin._vectors import VectorsVisualization
+from . import builtin
+
+
+class Visualization(Protocol):
+    """A frozen dataclass whose fields are its YAML parameters, called with a map.
+
+    Attributes:
+        message_type: class of the messages that it makes.
+    """
+
+    message_type: ClassVar[type]
+
+    def __call__(self, grid_map: GridMap) -> Any:
+        """Return a message of `message_type`, or its CDR bytes: publishers accept both.
+
+        Raises:
+            LayerNotFoundError: the map lacks a layer.
+        """
+
 
 BUILT_IN: Mapping[str, type[Visualization]] = {
-    "contours": ContoursVisualization,
-    "flat_point_cloud": FlatPointCloudVisualization,
-    "grid_cells": GridCellsVisualization,
-    "image": ImageVisualization,
-    "map_region": MapRegionVisualization,
-    "occupancy_grid": OccupancyGridVisualization,
-    "point_cloud": PointCloudVisualization,
-    "surface": SurfaceVisualization,
-    "vectors": VectorsVisualization,
+    cls.__module__.rpartition("._")[2]: cls
+    for cls in (getattr(builtin, name) for name in builtin.__all__)
 }
+"""The visualizations of the room `builtin`, by the names of their modules."""
 
 VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"

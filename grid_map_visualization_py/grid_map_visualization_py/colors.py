@@ -1,9 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Color scales: from values of layers to colors, and which layer colors come from.
+"""Colors of cells, from the values of a layer.
 
-A color map is a named sequence of colors, such as viridis; a color scale is a color map with the
-values at its ends. The names are those of Matplotlib
+A color map is a named sequence of colors, such as viridis. The names are those of Matplotlib
 (https://matplotlib.org/stable/gallery/color/colormap_reference.html), so that a map has the same
 colors in RViz, in the browser and in a picture. Colors are red, green, blue in [0, 255].
 
@@ -12,7 +11,7 @@ Layers that hold colors, packed into one float32 per cell, are written and read 
 """
 
 import difflib
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, TypeAlias
 
@@ -28,7 +27,6 @@ __all__ = [
     "DEFAULT_COLOR_MAP",
     "MISSING",
     "REMEDY",
-    "ColorScale",
     "Coloring",
     "Colors",
     "check_color",
@@ -57,25 +55,37 @@ def color_map_names() -> list[str]:
     return sorted(name for name in _matplotlib().colormaps if not name.endswith("_r"))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColorScale:
-    """A color map and the values at its ends.
+def check_color(color: int) -> None:
+    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
+    check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
+
+
+@dataclass(frozen=True)
+class Coloring:
+    """Source of the colors of cells: a color map, packed colors or one color.
 
     Attributes:
+        mode: "intensity" maps the values of `layer` by the color map, "color" unpacks the colors in
+            `layer`, and "flat" gives `color` to all cells.
+        layer: name of the layer.
         color_map: name of the color map.
         lower, upper: values at its ends. Values beyond them get the colors of the ends. None stands
             for the smallest and the largest finite value.
         invert: swap the ends.
+        color: 0xRRGGBB, the color of the mode "flat".
 
     Raises:
         ConfigError: there is no such color map, or the bounds are not finite and in order.
         MissingPackageError: Matplotlib is not installed.
     """
 
+    mode: Literal["intensity", "color", "flat"] = "intensity"
+    layer: str = ""
     color_map: str = DEFAULT_COLOR_MAP
     lower: float | None = None
     upper: float | None = None
     invert: bool = False
+    color: int = 0xC0C0C0
 
     def __post_init__(self) -> None:
         _table(self.color_map)
@@ -102,54 +112,25 @@ class ColorScale:
         return lower, max(lower, upper)
 
     def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colors (..., 3) of values (...); NaN is gray.
+        """Return the colors (..., 3) of cells in which `layer` has the values (...); NaN is gray.
 
-        The range is divided into 256 equal steps, one per color.
+        The range of a color map is divided into 256 equal steps, one per color.
         """
-        lower, upper = self.bounds(values)
-        factor = _STEPS / (upper - lower) if upper > lower else 0.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            steps = (values - np.float32(lower)) * np.float32(factor)
-        # Unlike np.minimum and np.maximum, these two replace NaN by the bound.
-        steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
-        table = _table(self.color_map)
-        if self.invert:
-            table = table[::-1]
-        colors: Colors = np.take(table, steps.astype(np.uint8), axis=0)
-        colors[np.isnan(values)] = MISSING
-        return colors
-
-
-def check_color(color: int) -> None:
-    """Raise `ConfigError` unless `color` is of the form 0xRRGGBB."""
-    check(0 <= color <= 0xFFFFFF, "color", f"0 to {0xFFFFFF} (0xRRGGBB)", color)
-
-
-@dataclass(frozen=True)
-class Coloring:
-    """Source of the colors of cells: a color scale, packed colors or one color.
-
-    Attributes:
-        mode: "intensity" maps the values of `layer` by `scale`, "color" unpacks the colors in
-            `layer`, and "flat" gives `color` to all cells.
-        layer: name of the layer.
-        scale: color map and bounds of the mode "intensity".
-        color: 0xRRGGBB, the color of the mode "flat".
-    """
-
-    mode: Literal["intensity", "color", "flat"] = "intensity"
-    layer: str = ""
-    scale: ColorScale = field(default_factory=ColorScale)
-    color: int = 0xC0C0C0
-
-    def __call__(self, values: npt.NDArray[np.float32]) -> Colors:
-        """Return the colors (..., 3) of cells in which `layer` has the values (...)."""
-        if self.mode == "intensity":
-            return self.scale(values)
         if self.mode == "flat":
             one = np.stack(color_value_to_bytes(np.array(self.color)))
             return np.broadcast_to(one, (*values.shape, 3))
-        colors = np.stack(color_value_to_bytes(values), axis=-1)
+        colors: Colors
+        if self.mode == "color":
+            colors = np.stack(color_value_to_bytes(values), axis=-1)
+        else:
+            lower, upper = self.bounds(values)
+            factor = _STEPS / (upper - lower) if upper > lower else 0.0
+            with np.errstate(over="ignore", invalid="ignore"):
+                steps = (values - np.float32(lower)) * np.float32(factor)
+            # Unlike np.minimum and np.maximum, these two replace NaN by the bound.
+            steps = np.fmin(np.fmax(steps, 0), _STEPS - 1)
+            table = _table(self.color_map)[:: -1 if self.invert else 1]
+            colors = np.take(table, steps.astype(np.uint8), axis=0)
         colors[np.isnan(values)] = MISSING
         return colors
 

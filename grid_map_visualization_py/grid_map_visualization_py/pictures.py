@@ -24,7 +24,7 @@ from grid_map_core_py.files import new_file
 from grid_map_core_py.plugins import check
 
 from ._relief import draw_relief
-from .colors import DEFAULT_COLOR_MAP, REMEDY, Coloring, ColorScale
+from .colors import DEFAULT_COLOR_MAP, REMEDY, Coloring
 from .surface import Surface
 
 try:
@@ -45,8 +45,6 @@ MAX_CELLS_3D = 20_000
 
 _RELIEF_SIZE = (1200, 560)
 """Default width and height of pictures of terrain in relief [pixels]."""
-
-_SIZE, _DPI = (9.0, 7.0), 110
 
 
 def plot(
@@ -90,16 +88,15 @@ def plot(
         ConfigError: the color map is unknown, or another option is invalid.
     """
     _check_options(color_mode, exaggeration)
-    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
+    coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().gca() if ax is None else ax
     values = _upright(grid_map.unwrapped(layer))
-    bar = _mappable(scale, values)
+    bar = _mappable(coloring, values)
     if color_mode == "intensity" and not shade_by:
         # An image of values instead of colors lets Matplotlib show the value under the pointer.
         pixels: Any = np.ma.masked_invalid(values)
     else:
-        colors = Coloring(color_mode, layer, scale)(values)
-        pixels = np.concatenate([colors / 255, ~np.isnan(values)[..., None]], axis=-1)
+        pixels = np.concatenate([coloring(values) / 255, ~np.isnan(values)[..., None]], axis=-1)
     if shade_by:
         heights = _upright(grid_map.unwrapped(shade_by)) * np.float32(exaggeration)
         pixels[..., :3] = _lit(pixels[..., :3], _grid_normals(heights, grid_map.resolution))
@@ -139,20 +136,15 @@ def plot_3d(
         exaggeration: factor on the drawn heights. The axis shows true heights.
         max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
 
-    Returns:
-        The axes.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option is invalid.
+    Returns the axes, and raises the errors of `plot`.
     """
     _check_options(color_mode, exaggeration)
-    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
+    layer = color_layer or height_layer
+    coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
     check(axes.name == "3d", "ax", "axes of the projection '3d'", axes.name)
     surface = Surface(grid_map, height_layer, max_cells=max_cells)
-    layer = color_layer or height_layer
-    mesh = surface.mesh(Coloring(color_mode, layer, scale))
+    mesh = surface.mesh(coloring)
     x, y, z = (mesh.vertices + mesh.origin).T
     if len(mesh.faces):
         # With antialiasing the background shows between the triangles.
@@ -172,7 +164,7 @@ def plot_3d(
     # The z axis is short, with room for few ticks.
     axes.locator_params(axis="z", nbins=3)
     if color_bar and color_mode == "intensity":
-        bar = _mappable(scale, surface.values(layer))
+        bar = _mappable(coloring, surface.values(layer))
         axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.6, pad=0.1)
     return axes
 
@@ -213,31 +205,25 @@ def plot_relief(
         elevation: angle of the camera above the ground [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
 
-    Returns:
-        The axes.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option is invalid.
+    Returns the axes, and raises the errors of `plot`.
     """
     _check_options(color_mode, exaggeration)
     # Near pi / 2, the picture of a level camera is stretched beyond recognition.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
     check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)
-    scale = ColorScale(color_map=color_map, lower=lower, upper=upper, invert=invert)
-    axes = _pyplot().gca() if ax is None else ax
     layer = color_layer or height_layer
+    coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
+    axes = _pyplot().gca() if ax is None else ax
     # Along +x and +y, while rows and columns run along -x and -y.
     heights, values = (grid_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
     in_cells = heights * (exaggeration / grid_map.resolution)
-    colors = Coloring(color_mode, layer, scale)(values)
-    axes.imshow(draw_relief(in_cells, colors, size, azimuth, elevation))
+    axes.imshow(draw_relief(in_cells, coloring(values), size, azimuth, elevation))
     axes.set_axis_off()
     axes.set_title(title)
     if color_bar and color_mode == "intensity":
         place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
-        bar = _mappable(scale, values)
+        bar = _mappable(coloring, values)
         axes.figure.colorbar(bar, cax=place, orientation="horizontal", label=label or layer)
     return axes
 
@@ -248,7 +234,7 @@ def save_picture(
     path: str | PathLike[str],
     *,
     style: Literal["flat", "surface", "relief"] = "flat",
-    dpi: float = _DPI,
+    dpi: float = 110,
     **options: Any,
 ) -> None:
     """Write a picture of a map to a file, which appears complete or not at all.
@@ -269,7 +255,7 @@ def save_picture(
     """
     styles = "flat", "surface", "relief"
     check(style in styles, "style", f"one of {', '.join(styles)}", style)
-    figure = Figure(figsize=_SIZE, dpi=dpi, layout="constrained")
+    figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     if style == "flat":
         plot(grid_map, layer, figure.add_subplot(), **options)
     elif style == "surface":
@@ -293,14 +279,11 @@ def _check_options(color_mode: str, exaggeration: float) -> None:
     check(is_factor, "exaggeration", "a positive number", exaggeration)
 
 
-# --- colors and light ----------------------------------------------------------------------------
-
-
-def _mappable(scale: ColorScale, values: Layer) -> ScalarMappable:
-    """Return the color scale in the form that Matplotlib needs for a color bar."""
-    colors: Colormap = matplotlib.colormaps[scale.color_map]
+def _mappable(coloring: Coloring, values: Layer) -> ScalarMappable:
+    """Return the color map and its bounds in the form that Matplotlib needs for a color bar."""
+    colors: Colormap = matplotlib.colormaps[coloring.color_map]
     return ScalarMappable(
-        Normalize(*scale.bounds(values)), colors.reversed() if scale.invert else colors
+        Normalize(*coloring.bounds(values)), colors.reversed() if coloring.invert else colors
     )
 
 
@@ -328,9 +311,6 @@ def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:
     if heights.shape[axis] < 2:
         return np.where(np.isfinite(heights), 0.0, np.nan)
     return np.asarray(np.gradient(heights.astype(np.float64), axis=axis))
-
-
-# --- places ---------------------------------------------------------------------------------------
 
 
 def _upright(values: Layer) -> Layer:

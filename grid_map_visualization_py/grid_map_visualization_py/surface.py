@@ -26,17 +26,14 @@ from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors
 
-__all__ = ["SMALLEST_MAX_CELLS", "Mesh", "Surface", "check_max_cells"]
-
-SMALLEST_MAX_CELLS = 9
-"""Smallest limit: the first, one inner and the last row and column."""
+__all__ = ["Mesh", "Surface", "check_max_cells"]
 
 
 def check_max_cells(max_cells: int) -> None:
     """Raise `ConfigError` unless `max_cells` is 0 (no limit) or large enough to thin out maps."""
-    sensible = max_cells == 0 or max_cells >= SMALLEST_MAX_CELLS
-    expected = f"0 (never thin out) or at least {SMALLEST_MAX_CELLS}"
-    check(sensible, "max_cells", expected, max_cells)
+    # The smallest limit is the first, one inner and the last row and column.
+    is_limit = max_cells == 0 or max_cells >= 9
+    check(is_limit, "max_cells", "0 (never thin out) or at least 9", max_cells)
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Surface:
         grid_map: the map.
         height_layer: heights [m]; cells without a finite one are holes.
         flat: draw the surface at height zero, with the same holes.
-        max_cells: limit of the cells, at least `SMALLEST_MAX_CELLS`; 0 for no limit.
+        max_cells: limit of the cells, at least 9; 0 for no limit.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
@@ -161,17 +158,24 @@ class Surface:
         rows, columns = self.grid_map.size
         if self.max_cells == 0 or rows * columns <= self.max_cells:
             return 1
-        # Keeps every n-th line, and up to two border lines.
-        return next(n for n in count(2) if _lines(rows, n) * _lines(columns, n) <= self.max_cells)
+
+        def lines(cells: int, step: int) -> int:
+            # Every n-th line stays, and up to two border lines.
+            return min(cells, -(-cells // step) + 2)
+
+        return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= self.max_cells)
 
     @cached_property
     def _kept(self) -> list[npt.NDArray[np.int64]]:
         """Indices of the rows and columns that are shown, in map order."""
-        resolution = self.grid_map.resolution
-        return [
-            _every(self._step, axis, resolution)
-            for axis in self.grid_map.geometry.axes_in_map_order()
-        ]
+        kept = []
+        for axis in self.grid_map.geometry.axes_in_map_order():
+            # Centers usually lie at whole or half cells; the offset of a quarter avoids rounding.
+            first = int(np.floor(axis[0] / self.grid_map.resolution + 0.25))
+            stays = (first - np.arange(len(axis))) % self._step == 0
+            stays[[0, -1]] = True
+            kept.append(np.flatnonzero(stays))
+        return kept
 
 
 def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
@@ -190,16 +194,3 @@ def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     # Triangles along the other diagonal, where one corner of the usual one is missing.
     yield inside & first & both & column & ~row, (0, rows + 1, rows)
     yield inside & first & row & both & ~column, (0, 1, rows + 1)
-
-
-def _lines(cells: int, step: int) -> int:
-    return min(cells, -(-cells // step) + 2)
-
-
-def _every(step: int, axis: Positions, resolution: float) -> npt.NDArray[np.int64]:
-    """Return the cells of an axis that stay: every n-th in the map frame, the first, the last."""
-    # Centers usually lie at whole or half cells; the offset of a quarter avoids rounding.
-    first = int(np.floor(axis[0] / resolution + 0.25))
-    kept = (first - np.arange(len(axis))) % step == 0
-    kept[[0, -1]] = True
-    return np.flatnonzero(kept)

@@ -13,8 +13,8 @@ from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import color_vector_to_value
 from grid_map_core_py.errors import ConfigError, MissingPackageError
-from grid_map_visualization_py import colors as colormaps
-from grid_map_visualization_py.colors import MISSING, Coloring, ColorScale, color_map_names
+from grid_map_visualization_py import colors
+from grid_map_visualization_py.colors import MISSING, Coloring, color_map_names
 
 FLOATS = st.floats(width=32)
 
@@ -25,7 +25,7 @@ def values(*numbers: float) -> np.ndarray:
 
 @given(arrays.arrays(np.float32, st.integers(1, 20), elements=FLOATS))
 def test_values_get_colors_of_the_map_and_nan_gray(numbers):
-    colors = ColorScale(color_map="turbo")(numbers)
+    colors = Coloring(color_map="turbo")(numbers)
     assert (colors.shape, colors.dtype) == ((*numbers.shape, 3), np.uint8)
     assert (colors[np.isnan(numbers)] == MISSING).all()
     turbo = matplotlib.colormaps["turbo"](np.arange(256))
@@ -36,7 +36,7 @@ def test_values_get_colors_of_the_map_and_nan_gray(numbers):
 @given(st.lists(st.floats(-100, 100, width=32), min_size=2))
 def test_larger_values_are_further_up_the_color_map(numbers):
     order = sorted(numbers)
-    gray = ColorScale(color_map="gray")(values(*order))[:, 0].astype(int)
+    gray = Coloring(color_map="gray")(values(*order))[:, 0].astype(int)
     assert (np.diff(gray) >= 0).all()
     if order[0] < order[-1]:
         assert (gray[0], gray[-1]) == (0, 255)
@@ -44,13 +44,13 @@ def test_larger_values_are_further_up_the_color_map(numbers):
 
 def test_range_is_divided_into_equal_steps():
     ramp = np.arange(256, dtype=np.float32) + 0.5
-    gray = ColorScale(color_map="gray", lower=0, upper=256)(ramp)
+    gray = Coloring(color_map="gray", lower=0, upper=256)(ramp)
     assert (gray == np.arange(256)[:, None]).all()
-    assert (ColorScale(color_map="gray", lower=0, upper=256, invert=True)(ramp) == 255 - gray).all()
+    assert (Coloring(color_map="gray", lower=0, upper=256, invert=True)(ramp) == 255 - gray).all()
 
 
 def test_values_beyond_the_bounds_have_the_colors_of_the_ends():
-    gray = ColorScale(color_map="gray", lower=-1, upper=1)
+    gray = Coloring(color_map="gray", lower=-1, upper=1)
     assert gray(values(-np.inf, -5, -1, 1, 5, np.inf))[:, 0].tolist() == [0, 0, 0, 255, 255, 255]
 
 
@@ -69,18 +69,18 @@ def test_values_beyond_the_bounds_have_the_colors_of_the_ends():
     ],
 )
 def test_default_bounds_are_the_range_of_finite_values(given_bounds, numbers, expected):
-    assert ColorScale(**given_bounds).bounds(values(*numbers)) == expected
+    assert Coloring(**given_bounds).bounds(values(*numbers)) == expected
 
 
 def test_equal_values_are_at_the_lower_end():
-    assert (ColorScale(color_map="gray")(values(3, 3)) == 0).all()
+    assert (Coloring(color_map="gray")(values(3, 3)) == 0).all()
 
 
 def test_layers_of_any_shape_and_order_of_memory():
     layer = np.asfortranarray(np.random.default_rng(0).random((4, 3), np.float32))
-    scale = ColorScale()
+    scale = Coloring()
     assert (scale(layer) == scale(layer.T.copy()).transpose(1, 0, 2)).all()
-    fixed = ColorScale(lower=float(layer.min()), upper=float(layer.max()))
+    fixed = Coloring(lower=float(layer.min()), upper=float(layer.max()))
     assert (fixed(layer[2, 1]) == scale(layer)[2, 1]).all()
 
 
@@ -114,13 +114,13 @@ def test_names_equal_matplotlib_without_reversed_ones():
 )
 def test_mistake_is_one_error_that_names_the_parameter(parameters, words):
     with pytest.raises(ConfigError) as caught:
-        ColorScale(**parameters)
+        Coloring(**parameters)
     for word in words:
         assert word in str(caught.value)
 
 
 def test_error_without_matplotlib_names_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    colormaps._table.cache_clear()
+    colors._table.cache_clear()
     with pytest.raises(MissingPackageError, match=r"color map needs .*'matplotlib'.*install pyth"):
-        ColorScale()
+        Coloring()

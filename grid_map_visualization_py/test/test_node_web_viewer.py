@@ -16,7 +16,7 @@ import pytest
 from grid_map_core_py import GridMap
 from grid_map_ros_py import testing, to_message
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
-from grid_map_visualization_py._viewer.light import on_screen
+from grid_map_visualization_py._viewer.glb import on_screen
 
 playwright = pytest.importorskip("playwright.sync_api")
 

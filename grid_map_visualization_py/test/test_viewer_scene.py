@@ -8,7 +8,7 @@ import math
 import re
 import socket
 import struct
-from dataclasses import replace
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -17,16 +17,12 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_visualization_py._viewer.glb import to_glb
-from grid_map_visualization_py._viewer.light import on_screen
-from grid_map_visualization_py._viewer.page import is_loopback, url_of
-from grid_map_visualization_py._viewer.picking import hit
-from grid_map_visualization_py._viewer.scene import View, make_scene, view
-from grid_map_visualization_py._viewer.settings import Settings, follow, vector_prefixes
-from grid_map_visualization_py._viewer.slots import Slots
+from grid_map_visualization_py._viewer.glb import on_screen, to_glb
+from grid_map_visualization_py._viewer.page import Page, is_loopback, url_of, vector_prefixes
+from grid_map_visualization_py._viewer.scene import Settings, View, hit, make_scene
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import MapRate
-from grid_map_visualization_py.colors import Coloring, ColorScale
+from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
 TYPES = {5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -66,14 +62,6 @@ def read_glb(data: bytes) -> tuple[dict[str, object], list[np.ndarray]]:
 
 
 # --- settings -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("chosen", "layers", "expected"),
-    [("b", "a b z", "b"), ("gone", "a z", "z"), ("gone", "a b", "a")],
-)
-def test_missing_selected_layer_is_replaced_by_preferred_or_first(chosen, layers, expected):
-    assert follow(chosen, layers.split(), ["z"]) == expected
 
 
 def test_layers_ending_in_x_y_and_z_are_vectors():
@@ -137,10 +125,9 @@ def test_colors_are_converted_to_linear_light():
 @given(grid_maps(allow_moved=False))
 def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
     layer = "elevation"
-    settings = Settings(height_layer=layer, grid_lines=True, points=True)
+    settings = Settings(height_layer=layer, grid_lines=True)
     scene = make_scene(grid_map, settings)
     assert (scene.glb is None) == (len(scene.mesh.faces) == 0)
-    assert len(scene.points) == np.isfinite(grid_map[layer]).sum()
     rows, columns = grid_map.size
     moved = make_scene(moved_in_buffer(grid_map, (rows // 2, columns // 2)), settings)
     assert moved.glb == scene.glb
@@ -149,15 +136,13 @@ def test_any_map_gives_a_scene_and_moved_maps_the_same(grid_map):
 
 def test_a_map_without_a_surface_is_no_error():
     grid_map = GridMap((0.1, 0.3), 0.1, layers={"elevation": 2.0})
-    scene = make_scene(grid_map, Settings(height_layer="elevation", points=True, grid_lines=True))
-    assert scene.glb is None
-    assert len(scene.points) == 3
-    assert len(scene.grid_lines) == 2
+    settings = Settings(height_layer="elevation", grid_lines=True)
+    scene = make_scene(grid_map, settings)
+    assert (scene.glb, len(scene.mesh.vertices), len(scene.grid_lines)) == (None, 3, 2)
     empty = GridMap((0.2, 0.3), 0.1, layers={"elevation": np.nan})
-    scene = make_scene(empty, Settings(height_layer="elevation", points=True, grid_lines=True))
-    assert (scene.glb, len(scene.points), len(scene.grid_lines)) == (None, 0, 0)
-    seen = view(scene.mesh, empty)
-    assert np.isfinite([seen.start, seen.target]).all()
+    scene = make_scene(empty, settings)
+    assert (scene.glb, len(scene.mesh.vertices), len(scene.grid_lines)) == (None, 0, 0)
+    assert np.isfinite([scene.view.start, scene.view.target]).all()
 
 
 def test_error_names_missing_layer(hill):
@@ -167,14 +152,11 @@ def test_error_names_missing_layer(hill):
         make_scene(hill, Settings(height_layer="elevation", vectors="n_"))
 
 
-def test_thinned_large_map_keeps_its_extent():
+def test_scene_knows_the_cells_that_are_shown():
     grid_map = GridMap((4.0, 2.0), 0.1, layers={"elevation": 0.0})
     scene = make_scene(grid_map, Settings(height_layer="elevation"), max_cells=300)
-    rows, columns = scene.size
-    assert 100 < rows * columns <= 300
-    assert len(scene.mesh.vertices) == rows * columns
+    assert len(scene.mesh.vertices) == np.prod(scene.size) <= 300
     assert 0.15 < scene.spacing < 0.3
-    np.testing.assert_allclose(np.ptp(scene.mesh.vertices, axis=0), [3.9, 1.9, 0], atol=1e-6)
 
 
 # --- overlays -------------------------------------------------------------------------------------
@@ -191,18 +173,6 @@ def test_grid_lines_lie_between_neighbors_with_heights(hill):
     assert distances.min(axis=1).max() < 1e-5
 
 
-def test_points_have_the_colors_of_their_cells(hill):
-    packed = color_vector_to_value([1.0, 0.5, 0.0])
-    hill["color"] = packed
-    coloring = Coloring("color", layer="color")
-    settings = Settings(height_layer="elevation", coloring=coloring)
-    assert len(make_scene(hill, settings).points) == 0
-    scene = make_scene(hill, replace(settings, points=True))
-    assert (scene.point_colors == [255, 127, 0]).all()
-    heights = sorted(scene.points[:, 2].tolist())
-    np.testing.assert_allclose(heights, np.arange(1, 15) / 10, rtol=1e-6)
-
-
 def test_vectors_start_on_the_surface_where_all_is_finite(hill):
     hill["n_x"], hill["n_y"], hill["n_z"] = 1.0, 2.0, 3.0
     hill["n_y"][4, 2] = np.nan
@@ -215,16 +185,15 @@ def test_vectors_start_on_the_surface_where_all_is_finite(hill):
 
 
 def test_the_legend_has_the_values_of_the_colors(hill):
-    scale = ColorScale(color_map="gray", upper=3.0)
-    coloring = Coloring("intensity", layer="elevation", scale=scale)
+    coloring = Coloring("intensity", "elevation", "gray", upper=3.0)
     scene = make_scene(hill, Settings(height_layer="elevation", coloring=coloring))
     assert scene.bounds == (pytest.approx(0.1), 3.0)
-    text = legend(coloring.scale, scene.bounds)
+    text = legend(coloring, scene.bounds)
     assert ">0.1<" in text
     assert ">3<" in text
     black, *_, white = legend_colors(text)
     assert (black, white) == ((0, 0, 0), tuple(on_screen(np.full(3, 255, np.uint8)).tolist()))
-    inverted = legend(ColorScale(color_map="gray", invert=True), scene.bounds)
+    inverted = legend(Coloring(color_map="gray", invert=True), scene.bounds)
     assert legend_colors(inverted) == legend_colors(text)[::-1]
     # A layer that was selected before has no effect.
     flat = Settings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
@@ -242,7 +211,7 @@ def test_screen_colors_equal_those_recorded_in_chromium():
 
 
 def test_view_aims_at_the_center_of_the_map(hill):
-    seen = view(Surface(hill, "elevation").mesh(Coloring()), hill)
+    seen = make_scene(hill, Settings(height_layer="elevation")).view
     np.testing.assert_allclose(seen.target, [10.0, -4.0, 0.75])
     reach = math.hypot(0.5, 0.3)
     np.testing.assert_allclose(seen.start - seen.target, np.multiply(reach, [-0.5, -0.5, 0.6]))
@@ -364,40 +333,62 @@ def test_rate_covers_the_last_seconds():
     assert rate.rate(10.0) == pytest.approx(2.0)
 
 
-def test_a_map_is_loaded_while_the_one_before_is_shown():
-    slots = Slots()
-    first = slots.load(replaces=False)
-    assert slots.shown == []
-    assert slots.turn(1) == set()
-    assert slots.shown == [first]
-    second = slots.load(replaces=False)
-    assert second != first
-    assert slots.turn(1) == {first}
-    assert slots.shown == [second]
-    assert slots.load(replaces=False) == first
+# --- the page -------------------------------------------------------------------------------------
 
 
-def test_history_limits_older_maps():
-    slots = Slots()
-    for _ in range(5):
-        slots.load(replaces=False)
-        slots.turn(3)
-    assert len({*slots.shown}) == 3
-    newest = slots.shown[-1]
-    redrawn = slots.load(replaces=True)
-    assert slots.turn(3) == {newest}
-    assert len(slots.shown) == 3
-    assert slots.shown[-1] == redrawn
-    assert len(slots.turn(1)) == 2
-    assert slots.shown == [redrawn]
+@pytest.fixture
+def page() -> Iterator[Page]:
+    pytest.importorskip("viser")
+    page = Page("127.0.0.1", 0, Settings(height_layer="z"))
+    yield page
+    page.close()
 
 
-def test_map_never_shown_is_dropped_first():
-    slots = Slots()
-    slots.load(replaces=False)
-    slots.turn(2)
-    slot = slots.load(replaces=False)
-    assert slots.load(replaces=True) == slot
-    slots.turn(2)
-    # The second map counts once, however often it was drawn.
-    assert slots.shown == [0, slot]
+def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
+    chosen = []
+    for layers in ("b elevation z", "b elevation", "b a_x a_y a_z", "c a"):
+        page.offer((*layers.split(),))
+        settings = page.settings()
+        chosen.append((settings.height_layer, settings.coloring.layer, settings.vectors))
+    assert chosen == [
+        ("z", "z", ""),
+        ("elevation", "elevation", ""),
+        ("b", "b", ""),
+        ("c", "c", ""),
+    ]
+
+
+def test_map_is_hidden_while_it_is_loaded(page, hill):
+    def load(*, replaces: bool) -> None:
+        settings = Settings(height_layer="elevation", points=True, grid_lines=True)
+        page.load(make_scene(hill, settings), settings, replaces=replaces)
+
+    def visible() -> list[int]:
+        """Return the numbers of the visible maps, the oldest first."""
+        assert all(frame.visible for frame in page._shown)
+        assert not page._loading or not page._loading.visible
+        return [int(frame.name.rpartition("/")[2]) for frame in page._shown]
+
+    load(replaces=False)
+    assert visible() == []
+    page.turn(1)
+    assert visible() == [0]
+    load(replaces=False)
+    assert visible() == [0]
+    page.turn(1)
+    assert visible() == [1]
+    # Names are used again.
+    load(replaces=False)
+    page.turn(3)
+    assert visible() == [1, 0]
+    # A map that was never shown is dropped, and the next style belongs to its successor.
+    load(replaces=False)
+    load(replaces=True)
+    page.turn(3)
+    assert visible() == [1, 0, 2]
+    # The same map in another style replaces the newest.
+    load(replaces=True)
+    page.turn(3)
+    assert visible() == [1, 0, 3]
+    page.turn(1)
+    assert visible() == [3]

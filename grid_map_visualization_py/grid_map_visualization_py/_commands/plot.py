@@ -44,36 +44,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_style(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how to draw a map."""
     picture = parser.add_argument_group("picture")
-    _add_layer(
-        picture, "--layer", "what is drawn, the heights if not flat (elevation, or the first)"
-    )
+    add, add_layer = picture.add_argument, partial(picture.add_argument, metavar="LAYER")
+    text = "what is drawn, the heights if not flat (elevation, or the first)"
+    completed(add_layer("--layer", help=text), complete_layers)
     styles = picture.add_mutually_exclusive_group()
     add_flag = partial(styles.add_argument, dest="style", action="store_const")
     add_flag("--3d", "--three-d", const="surface", help="draw a surface with axes")
     text = "draw terrain in perspective, with light and shadows"
     add_flag("--relief", const="relief", help=text)
-    _add_layer(picture, "--color-layer", "not flat: layer that gives the colors (the heights)")
-    picture.add_argument("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
-    _add_layer(picture, "--shade-by", "flat: heights that the light falls on (no light)")
-    picture.add_argument("--exaggeration", type=float, help="factor that scales the heights (1)")
-    picture.add_argument("--title", help="text above the picture (layer and frame)")
-    picture.add_argument("--dpi", type=float, default=110.0, help="pixels per inch (110)")
-    colors = parser.add_argument_group("colors")
-    colors.add_argument(
-        "--color-mode",
-        choices=("intensity", "color"),
-        help="color: packed colors (for layers whose name ends in color)",
-    )
-    completed(
-        colors.add_argument("--color-map", help="color map of Matplotlib (viridis)"),
-        complete_color_maps,
-    )
-    colors.add_argument("--lower", type=float, help="value at the lower end (the smallest)")
-    colors.add_argument("--upper", type=float, help="value at the upper end (the largest)")
-    colors.add_argument(
-        "--invert", action="store_const", const=True, help="swap the ends of the color map"
-    )
-    colors.add_argument("--label", help="label of the color bar (name of the layer)")
+    text = "not flat: layer that gives the colors (the heights)"
+    completed(add_layer("--color-layer", help=text), complete_layers)
+    add("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
+    text = "flat: heights that the light falls on (no light)"
+    completed(add_layer("--shade-by", help=text), complete_layers)
+    add("--exaggeration", type=float, help="factor that scales the heights (1)")
+    add("--title", help="text above the picture (layer and frame)")
+    add("--dpi", type=float, default=110.0, help="pixels per inch (110)")
+    add = parser.add_argument_group("colors").add_argument
+    text = "color: packed colors (for layers whose name ends in color)"
+    add("--color-mode", choices=("intensity", "color"), help=text)
+    completed(add("--color-map", help="color map of Matplotlib (viridis)"), complete_color_maps)
+    add("--lower", type=float, help="value at the lower end (the smallest)")
+    add("--upper", type=float, help="value at the upper end (the largest)")
+    text = "swap the ends of the color map"
+    add("--invert", action="store_const", const=True, help=text)
+    add("--label", help="label of the color bar (name of the layer)")
 
 
 def complete_color_maps(**_: Any) -> list[str]:
@@ -84,10 +79,6 @@ def complete_color_maps(**_: Any) -> list[str]:
         return color_map_names()
     except Exception:
         return []
-
-
-def _add_layer(parser: argparse._ActionsContainer, name: str, text: str) -> None:
-    completed(parser.add_argument(name, metavar="LAYER", help=text), complete_layers)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -112,6 +103,11 @@ def check_style(options: argparse.Namespace, picture: Path) -> None:
         raise UsageError(f"--dpi: expected a number from 1 to 1200, got {options.dpi:g}")
 
 
+def usual_layer(grid_map: "GridMap") -> str:
+    """Return the layer that is drawn unless the user names one: elevation, or the first."""
+    return "elevation" if "elevation" in grid_map else grid_map.layers[0]
+
+
 def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> None:
     """Draw a map as the arguments of `add_style` say, or raise `GridMapError`."""
     # Slow to import.
@@ -121,21 +117,18 @@ def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> Non
 
     if not grid_map.layers:
         raise CommandError("the map has no layers")
-    usual = "elevation" if "elevation" in grid_map else grid_map.layers[0]
-    layer = usual if options.layer is None else options.layer
+    layer = options.layer or usual_layer(grid_map)
     names = (
         *("style", "color_layer", "max_cells", "shade_by", "exaggeration", "dpi"),
-        *("color_mode", "color_map", "lower", "upper", "invert", "label"),
+        *("color_mode", "color_map", "lower", "upper", "invert", "label", "title"),
     )
-    style = {name: getattr(options, name) for name in names}
-    style = {name: value for name, value in style.items() if value is not None}
+    given = {name: value for name, value in vars(options).items() if value is not None}
+    style = {name: given[name] for name in names if name in given}
+    style.setdefault("title", f"{layer} in {grid_map.frame_id!r}")
     if (options.color_layer or layer).endswith("color"):
         style.setdefault("color_mode", "color")
-    title = f"{layer} in {grid_map.frame_id!r}" if options.title is None else options.title
-    for name in {layer, options.color_layer, options.shade_by} - {None}:
-        grid_map[name]  # raises if the layer does not exist
     try:
-        save_picture(grid_map, layer, picture, title=title, **style)
+        save_picture(grid_map, layer, picture, **style)
     except OSError:
         with storage_errors(picture, "written"):
             raise

@@ -6,7 +6,7 @@ import argparse
 import signal
 import threading
 import webbrowser
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grid_map_core_py.commands import (
     CommandError,
@@ -19,7 +19,12 @@ from grid_map_core_py.commands import (
     read_map,
 )
 
-from .plot import complete_color_maps
+from .plot import complete_color_maps, usual_layer
+
+if TYPE_CHECKING:
+    from grid_map_core_py import GridMap
+
+    from .._viewer.scene import Settings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal ends it."""
     from grid_map_ros_py import ReceivedMap, to_serialized_message
 
+    from .._viewer.page import Page, is_loopback
     from .._viewer.viewer import Viewer
     from ..surface import check_max_cells
 
@@ -55,12 +61,14 @@ def run(options: argparse.Namespace) -> int:
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    # The viewer expects messages, as received from topics.
-    received = ReceivedMap(to_serialized_message(read_map(options)))
-    page = _page(options, received.layers)
+    grid_map = read_map(options)
+    page = Page(options.host, options.port, _settings(grid_map, options))
+    if not is_loopback(options.host):
+        message(f"warning: anyone who can reach {page.url} sees the map")
     try:
         viewer = Viewer(page, options.max_cells)
-        viewer.receive(received)
+        # The viewer expects messages, as received from topics.
+        viewer.receive(ReceivedMap(to_serialized_message(grid_map)))
         print(page.url, flush=True)
         if options.open:
             webbrowser.open(page.url)
@@ -76,25 +84,15 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _page(options: argparse.Namespace, layers: tuple[str, ...]) -> Any:
-    from grid_map_core_py import LayerNotFoundError
+def _settings(grid_map: "GridMap", options: argparse.Namespace) -> "Settings":
+    from .._viewer.scene import Settings
+    from ..colors import Coloring
 
-    from .._viewer.page import Page, is_loopback
-    from .._viewer.settings import Settings, follow
-    from ..colors import Coloring, ColorScale
-
-    for name in filter(None, (options.layer, options.color_layer)):
-        if name not in layers:
-            raise LayerNotFoundError(name, layers)
-    if not layers:
+    if not grid_map.layers:
         raise CommandError(f"{options.source}: the map has no layers")
-    scale = ColorScale(color_map=options.color_map)
-    mode: Any = "color" if options.color_layer.endswith("color") else "intensity"
-    settings = Settings(
-        height_layer=options.layer or follow("elevation", layers),
-        coloring=Coloring(mode=mode, layer=options.color_layer, scale=scale),
-    )
-    page = Page(options.host, options.port, settings)
-    if not is_loopback(options.host):
-        message(f"warning: anyone who can reach {page.url} sees the map")
-    return page
+    height_layer, color_layer = options.layer or usual_layer(grid_map), options.color_layer
+    for name in filter(None, (height_layer, color_layer)):
+        grid_map[name]  # raises if the layer does not exist
+    mode: Any = "color" if color_layer.endswith("color") else "intensity"
+    coloring = Coloring(mode, color_layer, options.color_map)
+    return Settings(height_layer=height_layer, coloring=coloring)

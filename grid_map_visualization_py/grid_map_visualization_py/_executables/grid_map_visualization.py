@@ -25,8 +25,7 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._registry import create
-from .._visualization import Visualization
+from .._registry import Visualization, create
 
 
 class GridMapVisualizationNode(Node):

@@ -23,13 +23,6 @@ from grid_map_ros_py.nodes import MapSubscription, check_topic, run
 
 from .._commands.plot import add_style, check_style, draw
 
-LONGEST_TIMEOUT = 1e9
-"""A timer of ROS counts nanoseconds in 64 bits [s]."""
-
-
-class SnapshotError(NodeFailedError):
-    """The picture could not be taken."""
-
 
 class SnapshotNode(Node):
     """Waits for a map, the last one that was published if there is one, and ends.
@@ -42,9 +35,9 @@ class SnapshotNode(Node):
         super().__init__("grid_map_snapshot")
         self._options = options
         self._topic = check_topic(self, "--topic", options.topic)
-        is_time = 0 < options.timeout <= LONGEST_TIMEOUT
-        expected = f"a positive time up to {LONGEST_TIMEOUT:g} s"
-        check(is_time, "--timeout", expected, options.timeout)
+        # A timer of ROS counts nanoseconds in 64 bits.
+        is_time = 0 < options.timeout <= 1e9
+        check(is_time, "--timeout", "a positive time up to 1e+09 s", options.timeout)
         self._subscription = MapSubscription(self, self._topic, self._receive)
         self.create_timer(options.timeout, self._give_up)
 
@@ -54,12 +47,12 @@ class SnapshotNode(Node):
         try:
             draw(received.decode(), self._options, self._options.out)
         except GridMapError as error:
-            raise SnapshotError(f"{self._topic}: {error}") from error
+            raise NodeFailedError(f"{self._topic}: {error}") from error
         print(self._options.out, flush=True)
         self.context.try_shutdown()
 
     def _give_up(self) -> None:
-        raise SnapshotError(f"no map on {self._topic} within {self._options.timeout:g} s")
+        raise NodeFailedError(f"no map on {self._topic} within {self._options.timeout:g} s")
 
 
 def parsed(arguments: Sequence[str]) -> argparse.Namespace:

@@ -16,9 +16,9 @@ from grid_map_ros_py.nodes import (
 )
 
 from .._viewer.page import Page, is_loopback
-from .._viewer.settings import Settings
+from .._viewer.scene import Settings
 from .._viewer.viewer import Viewer
-from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
+from ..colors import DEFAULT_COLOR_MAP, Coloring
 from ..surface import check_max_cells
 
 
@@ -63,7 +63,7 @@ def _serve_page(node: Node) -> Page:
     color_layer = read_parameter(node, "color_layer", str, "", description=about)
     about = "initial color map, a name of Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
-    coloring = Coloring(layer=color_layer, scale=ColorScale(color_map=color_map))
+    coloring = Coloring(layer=color_layer, color_map=color_map)
     page = Page(host, port, Settings(height_layer=height_layer, coloring=coloring))
     if not is_loopback(host):
         node.get_logger().warning(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The parts of `web_viewer`.
 
-`settings` holds the choices of the user, `scene` applies them to a map, `picking` finds the clicked
-point, `page` shows the scene in a browser, and `viewer` brings them together. None of them needs
-rclpy, and only `page` needs viser.
+`scene` turns a map into what the browser draws (`glb`), `page` shows it there beside the controls
+and `texts`, and `viewer` brings them together. None of them needs rclpy, and only `page` needs
+viser.
 """

@@ -10,8 +10,9 @@ import io
 import ipaddress
 import socket
 from collections import deque
-from collections.abc import Iterator
-from typing import Any, cast
+from collections.abc import Iterator, Sequence
+from itertools import count
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,18 +20,14 @@ import numpy as np
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 
-from ..colors import Coloring, ColorScale, color_map_names
-from .scene import Scene, View
-from .settings import Settings
-from .slots import Slots
+from ..colors import Coloring, color_map_names
+from .scene import Scene, Settings, View
 from .texts import as_note, legend
-
-REMEDY = "install viser (pip)"
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 """Color maps at the top of the list."""
 
-MODES = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
+MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
 """Modes of `Coloring` by their names on the page."""
 
 NO_LAYER = "(no map yet)"
@@ -69,8 +66,9 @@ class Page:
     def __init__(self, host: str, port: int, first: Settings) -> None:
         self._server = _serve(host, port)
         self.url = url_of(host, self._server.get_port())
-        self._slots = Slots()
-        self._places: dict[int, Place] = {}
+        self._shown: list[Any] = []
+        self._loading: Any = None
+        self._replaces = False
         self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
         self._marker: Any = None
         self._view: View | None = None
@@ -86,107 +84,61 @@ class Page:
     def is_paused(self) -> bool:
         return bool(self._paused.value)
 
-    @property
-    def height_layer(self) -> str:
-        return str(self._height_layer.value)
-
-    @property
-    def color_layer(self) -> str:
-        return str(self._color_layer.value)
-
-    @property
-    def vectors(self) -> str:
-        """Chosen prefix of the vectors; empty for none."""
-        return "" if self._vectors.value == NO_VECTORS else str(self._vectors.value)
-
     def settings(self) -> Settings:
         """Return the settings that the user has chosen.
 
         Raises:
             ConfigError: the bounds of the colors are not in order.
         """
-        is_automatic = self._automatic.value
-        scale = ColorScale(
-            color_map=self._color_map.value,
-            lower=None if is_automatic else self._lower.value,
-            upper=None if is_automatic else self._upper.value,
-            invert=self._inverted.value,
-        )
-        red, green, blue = self._color.value
-        return Settings(
-            height_layer=self.height_layer,
-            flat=self._flat.value,
-            coloring=Coloring(
-                mode=cast("Any", MODES[self._mode.value]),
-                layer=self.color_layer,
-                scale=scale,
-                color=red << 16 | green << 8 | blue,
-            ),
-            shaded=self._shaded.value,
-            opacity=self._opacity.value,
-            grid_lines=self._grid_lines.value,
-            points=self._points.value,
-            vectors=self.vectors,
-            vector_scale=self._vector_scale.value,
-            history=self._history.value,
-        )
+        chosen = {name: control.value for name, control in self._style.items()}
+        colors = {name: control.value for name, control in self._colors.items()}
+        if self._automatic.value:
+            colors |= {"lower": None, "upper": None}
+        red, green, blue = colors["color"]
+        colors |= {"mode": MODES[colors["mode"]], "color": red << 16 | green << 8 | blue}
+        if chosen["vectors"] == NO_VECTORS:
+            chosen["vectors"] = ""
+        return Settings(coloring=Coloring(**colors), **chosen)
 
-    def offer(
-        self,
-        layers: tuple[str, ...],
-        prefixes: list[str],
-        *,
-        height_layer: str,
-        color_layer: str,
-        vectors: str,
-    ) -> None:
-        """Fill the lists of layers and vector prefixes, and select the given ones."""
-        _offer(self._height_layer, layers, height_layer)
-        _offer(self._color_layer, layers, color_layer)
-        _offer(self._vectors, (NO_VECTORS, *prefixes), vectors or NO_VECTORS)
+    def offer(self, layers: tuple[str, ...]) -> None:
+        """Offer these layers in the lists; chosen ones that are missing are replaced."""
+        heights = self._style["height_layer"]
+        _offer(heights, layers, "elevation")
+        _offer(self._colors["layer"], layers, heights.value)
+        _offer(self._style["vectors"], (NO_VECTORS, *vector_prefixes(layers)), NO_VECTORS)
 
     def load(self, scene: Scene, settings: Settings, *, replaces: bool) -> None:
         """Load a scene, which the next `turn` shows.
+
+        A browser needs a moment to load a surface, which is hidden meanwhile, so that no gap is
+        visible.
 
         Args:
             scene: the scene.
             settings: settings of the scene.
             replaces: the scene shows the same map as the one before.
         """
-        slot = self._slots.load(replaces=replaces)
+        # A map that was loaded but never shown is replaced as well.
+        self._replaces = replaces and (self._loading is None or self._replaces)
         with self._server.atomic():
-            if slot not in self._places:
-                self._places[slot] = Place(self._server.scene, f"/maps/{slot}")
-            self._places[slot].fill(scene)
-        bar = legend(settings.coloring.scale, scene.bounds) if scene.bounds else ""
-        _set(self._legend, "content", bar)
+            if self._loading is not None:
+                self._loading.remove()
+            self._loading = self._add(scene, settings)
+        coloring = settings.coloring
+        self._legend.content = legend(coloring, scene.bounds) if scene.bounds else ""
+        self._look(scene.view)
 
     def turn(self, history: int) -> None:
         """Show the loaded scene, and keep at most `history` maps."""
-        free = self._slots.turn(history)
         with self._server.atomic():
-            for slot in self._slots.shown:
-                self._places[slot].frame.visible = True
-            for slot in free:
-                self._places[slot].frame.visible = False
-            # One more slot is loading; higher ones are unused.
-            last = max([history, *self._slots.shown])
-            for slot in [slot for slot in self._places if slot > last]:
-                self._places.pop(slot).frame.remove()
-
-    def look(self, view: View) -> None:
-        """Set the view of new browsers and of the button that resets the view.
-
-        Browsers that would lose sight of the map move to the view at once.
-        """
-        if self._view is None or not view.is_like(self._view):
-            self._view = view
-            camera = self._server.initial_camera
-            _set_clipping(camera, view)
-            camera.look_at, camera.position = view.target, view.start
-        if self._aim is None or self._aim.loses(view):
-            self._take_all(view)
-            self._aim = view
+            if self._loading is not None:
+                if self._replaces and self._shown:
+                    self._shown.pop().remove()
+                self._loading.visible = True
+                self._shown.append(self._loading)
+                self._loading = None
+            while len(self._shown) > history:
+                self._shown.pop(0).remove()
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return start and direction of the ray of the last click, and forget it."""
@@ -208,28 +160,68 @@ class Page:
 
     def tell(self, status: str) -> None:
         """Show the HTML text about the map."""
-        _set(self._status, "content", status)
+        self._status.content = status
 
     def tell_values(self, readout: str) -> None:
         """Show the HTML text about the clicked cell."""
-        _set(self._readout, "content", readout)
+        self._readout.content = readout
 
     def close(self) -> None:
         """Stop serving the page."""
         with _silence():
             self._server.stop()
 
-    def _take_all(self, view: View) -> None:
-        """Move all browsers to a view; each keeps its viewing angle."""
-        factor = view.reach / self._aim.reach if self._aim else 1.0
+    def _add(self, scene: Scene, settings: Settings) -> Any:
+        """Add a hidden node with the content of a scene."""
+        # The server remembers every name for browsers to come, so names are used again.
+        taken = {frame.name for frame in self._shown}
+        name = next(name for name in map("/maps/{}".format, count()) if name not in taken)
+        add, mesh = self._server.scene, scene.mesh
+        frame = add.add_frame(name, show_axes=False, visible=False, position=mesh.origin)
+        if scene.glb is not None:
+            add.add_glb(f"{name}/surface", scene.glb, **SHADOWLESS)
+        # Widths and sizes are relative to the distance between cells.
+        width = 0.05 * scene.spacing
+        for part, lines, color in (
+            ("grid_lines", scene.grid_lines, GRID_COLOR),
+            ("vectors", scene.vectors, VECTOR_COLOR),
+        ):
+            if len(lines):
+                add.add_line_segments(f"{name}/{part}", lines, color, thickness=width)
+        if settings.points and len(mesh.vertices):
+            add.add_point_cloud(
+                f"{name}/points",
+                mesh.vertices,
+                mesh.colors,
+                point_size=0.3 * scene.spacing,
+                point_shape="circle",
+                precision="float32",
+            )
+        return frame
+
+    def _look(self, view: View) -> None:
+        """Set the view of new browsers and of the button that resets the view.
+
+        Browsers that would lose sight of the map move to the view at once, and keep their angle.
+        """
+        if self._view is None or not view.is_like(self._view):
+            self._view = view
+            camera = self._server.initial_camera
+            _set_clipping(camera, view)
+            camera.look_at, camera.position = view.target, view.start
+        if self._aim is not None and not self._aim.loses(view):
+            return
         for client in self._server.get_clients().values():
-            camera = client.camera
-            offset = factor * (camera.position - camera.look_at) if self._aim else view.offset
+            camera, offset = client.camera, view.offset
+            if self._aim is not None:
+                factor = view.reach / self._aim.reach
+                offset = factor * (camera.position - camera.look_at)
             with client.atomic():
                 _set_clipping(camera, view)
                 # Setting the position also moves the target.
                 camera.position = view.target + offset
                 camera.look_at = view.target
+        self._aim = view
 
     def _prepare_scene(self) -> None:
         scene = self._server.scene
@@ -239,13 +231,14 @@ class Page:
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
-        scene.on_click()(self._remember_click)
-
-    def _remember_click(self, event: Any) -> None:
-        self._clicks.append((np.asarray(event.ray_origin), np.asarray(event.ray_direction)))
+        scene.on_click()(
+            lambda event: self._clicks.append(
+                (np.asarray(event.ray_origin), np.asarray(event.ray_direction))
+            )
+        )
 
     def _make_controls(self, first: Settings) -> None:
-        gui = self._server.gui
+        gui, coloring = self._server.gui, first.coloring
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
         self._status = gui.add_html(as_note("No map has come yet."))
@@ -254,77 +247,47 @@ class Page:
         with gui.add_folder("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
         with gui.add_folder("Surface"):
-            layer = first.height_layer or NO_LAYER
-            self._height_layer = gui.add_dropdown("Height", (layer,))
-            self._flat = gui.add_checkbox("Flat", first.flat)
-            self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, first.opacity)
-            self._grid_lines = gui.add_checkbox("Grid lines", first.grid_lines)
-            self._shaded = gui.add_checkbox("Shaded", first.shaded)
-            self._history = gui.add_slider("History", 1, 10, 1, first.history)
+            # By the names of the fields of `Settings`.
+            self._style = {
+                "height_layer": gui.add_dropdown("Height", (first.height_layer or NO_LAYER,)),
+                "flat": gui.add_checkbox("Flat", first.flat),
+                "opacity": gui.add_slider("Opacity", 0.0, 1.0, 0.05, first.opacity),
+                "grid_lines": gui.add_checkbox("Grid lines", first.grid_lines),
+                "shaded": gui.add_checkbox("Shaded", first.shaded),
+                "history": gui.add_slider("History", 1, 10, 1, first.history),
+            }
         with gui.add_folder("Color"):
-            self._make_color_controls(first.coloring)
+            mode = next(name for name, mode in MODES.items() if mode == coloring.mode)
+            names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
+            # By the names of the fields of `Coloring`.
+            self._colors = {
+                "mode": gui.add_dropdown("Color by", tuple(MODES), initial_value=mode),
+                "layer": gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,)),
+                "color_map": gui.add_dropdown(
+                    "Color map", tuple(names), initial_value=coloring.color_map
+                ),
+                "invert": gui.add_checkbox("Inverted", coloring.invert),
+            }
+            self._automatic = gui.add_checkbox("Automatic bounds", coloring.lower is None)
+            self._colors |= {
+                "lower": gui.add_number("Lower bound", 0.0, step=0.01),
+                "upper": gui.add_number("Upper bound", 1.0, step=0.01),
+                "color": gui.add_rgb("One color", (192, 192, 192)),
+            }
+            self._legend = gui.add_html("")
         with gui.add_folder("Overlays"):
-            self._points = gui.add_checkbox("Points", first.points)
-            self._vectors = gui.add_dropdown("Vectors", (NO_VECTORS,))
-            self._vector_scale = gui.add_number("Vector length", first.vector_scale, step=0.01)
-
-    def _make_color_controls(self, coloring: Coloring) -> None:
-        gui, scale = self._server.gui, coloring.scale
-        modes = {mode: name for name, mode in MODES.items()}
-        self._mode = gui.add_dropdown("Color by", tuple(MODES), initial_value=modes[coloring.mode])
-        self._color_layer = gui.add_dropdown("Layer", (coloring.layer or NO_LAYER,))
-        names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
-        self._color_map = gui.add_dropdown("Color map", tuple(names), initial_value=scale.color_map)
-        self._inverted = gui.add_checkbox("Inverted", scale.invert)
-        self._automatic = gui.add_checkbox("Automatic bounds", scale.lower is None)
-        self._lower = gui.add_number("Lower bound", 0.0, step=0.01)
-        self._upper = gui.add_number("Upper bound", 1.0, step=0.01)
-        self._color = gui.add_rgb("One color", (192, 192, 192))
-        self._legend = gui.add_html("")
+            self._style |= {
+                "points": gui.add_checkbox("Points", first.points),
+                "vectors": gui.add_dropdown("Vectors", (NO_VECTORS,)),
+                "vector_scale": gui.add_number("Vector length", first.vector_scale, step=0.01),
+            }
 
 
-class Place:
-    """Node of the scene graph for one map, hidden at first.
-
-    Args:
-        scene: scene of viser.
-        name: path of the node in the scene.
-
-    Attributes:
-        frame: the node.
-    """
-
-    def __init__(self, scene: Any, name: str) -> None:
-        self._scene = scene
-        self._name = name
-        self.frame = scene.add_frame(name, show_axes=False, visible=False)
-        self._parts: dict[str, Any] = {}
-
-    def fill(self, scene: Scene) -> None:
-        """Replace the content by a scene."""
-        self.frame.position = scene.mesh.origin
-        parts = dict(self._parts_of(scene))
-        for name in [name for name in self._parts if name not in parts]:
-            self._parts.pop(name).remove()
-        self._parts = parts
-
-    def _parts_of(self, scene: Scene) -> Iterator[tuple[str, Any]]:
-        # Widths and sizes are relative to the distance between cells.
-        add, width = self._scene, 0.05 * scene.spacing
-        if scene.glb is not None:
-            yield "surface", add.add_glb(f"{self._name}/surface", scene.glb, **SHADOWLESS)
-        for name, lines, color in (
-            ("grid_lines", scene.grid_lines, GRID_COLOR),
-            ("vectors", scene.vectors, VECTOR_COLOR),
-        ):
-            if len(lines):
-                path = f"{self._name}/{name}"
-                yield name, add.add_line_segments(path, lines, color, thickness=width)
-        if len(scene.points):
-            style = {"point_size": 0.3 * scene.spacing, "point_shape": "circle"}
-            path, colors = f"{self._name}/points", scene.point_colors
-            points = add.add_point_cloud(path, scene.points, colors, precision="float32", **style)
-            yield "points", points
+def vector_prefixes(layers: Sequence[str]) -> list[str]:
+    """Return the common prefixes of three layers that end in x, y and z."""
+    prefixes = (name.removesuffix("x") for name in layers if name.endswith("x"))
+    # Layers called x, y and z are more likely positions than vector components.
+    return [name for name in prefixes if name and name + "y" in layers and name + "z" in layers]
 
 
 def is_loopback(host: str) -> bool:
@@ -347,7 +310,7 @@ def _serve(host: str, port: int) -> Any:
     try:
         import viser
     except ImportError as error:
-        raise MissingPackageError("viser", "web_viewer", REMEDY) from error
+        raise MissingPackageError("viser", "web_viewer", "install viser (pip)") from error
     try:
         # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
@@ -374,19 +337,16 @@ def _silence() -> Iterator[None]:
         yield
 
 
-def _set_clipping(camera: Any, view: View) -> None:
-    camera.near, camera.far = view.reach / 1000, 100 * view.reach
-
-
-def _offer(dropdown: Any, options: tuple[str, ...], chosen: str) -> None:
+def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
+    """Offer options; if the chosen one is missing, choose the preferred one, else the first."""
+    chosen = next((name for name in (dropdown.value, preferred) if name in options), options[0])
     if dropdown.options != options:
         dropdown.options = options
     dropdown.value = chosen
 
 
-def _set(element: Any, name: str, value: object) -> None:
-    if getattr(element, name) != value:
-        setattr(element, name, value)
+def _set_clipping(camera: Any, view: View) -> None:
+    camera.near, camera.far = view.reach / 1000, 100 * view.reach
 
 
 def _take_screenshot(event: Any) -> None:

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scene of a map: the arrays that the browser draws."""
+"""Scene of a map: the settings of the user, the arrays that the browser draws, and the view."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,74 +11,51 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colors import Colors
+from ..colors import Coloring
 from ..surface import Mesh, Surface
 from .glb import to_glb
-from .settings import AXES, Settings
 
 Points = npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Scene:
-    """Map as the page shows it; positions are relative to `mesh.origin` [m].
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Layers to show and their style.
 
     Attributes:
-        mesh: the surface; it may have no face.
-        glb: the surface as a GLB file; None without a face.
-        grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
-        points: (N, 3) centers of the cells; empty unless requested.
-        point_colors: (N, 3) their colors.
-        vectors: (N, 2, 3) ends of the vectors; empty unless requested.
-        bounds: values at the ends of the color map; None without a color map.
-        size: number of rows and columns of shown cells.
-        spacing: mean distance between neighboring shown cells [m].
+        height_layer: heights [m] of the surface.
+        flat: draw everything at height zero.
+        coloring: source of the colors.
+        shaded: light the surface; otherwise its colors are exactly those of the legend.
+        opacity: from 0 (invisible) to 1 (opaque).
+        grid_lines: draw lines between neighboring cells.
+        points: draw a point at every cell.
+        vectors: prefix of three layers that end in x, y and z, drawn as vectors; empty for none.
+        vector_scale: length of the line of a vector of length 1 [m].
+        history: number of maps that stay in the scene.
     """
 
-    mesh: Mesh
-    glb: bytes | None
-    grid_lines: Points
-    points: Points
-    point_colors: Colors
-    vectors: Points
-    bounds: tuple[float, float] | None
-    size: Size
-    spacing: float
+    height_layer: str
+    flat: bool = False
+    coloring: Coloring = field(default_factory=Coloring)
+    shaded: bool = True
+    opacity: float = 1.0
+    grid_lines: bool = False
+    points: bool = False
+    vectors: str = ""
+    vector_scale: float = 0.1
+    history: int = 1
 
+    @property
+    def layers(self) -> set[str]:
+        """Layers that these settings need."""
+        color_layer = "" if self.coloring.mode == "flat" else self.coloring.layer
+        return {self.height_layer, color_layer, *self.vector_layers} - {""}
 
-def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Scene:
-    """Return the scene of a map.
-
-    Args:
-        grid_map: the map.
-        settings: layers and style.
-        max_cells: limit of the cells, as for `Surface`.
-
-    Raises:
-        LayerNotFoundError: the map lacks a layer of the settings.
-    """
-    surface = Surface(grid_map, settings.height_layer, settings.flat, max_cells)
-    mesh = surface.mesh(settings.coloring)
-    columns, rows = surface.valid.shape
-    spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))
-    # Lines stay visible a little above the surface.
-    lift = np.array([0, 0, 0.02 * spacing], np.float32)
-    no_lines = np.empty((0, 2, 3), np.float32)
-    coloring, bounds = settings.coloring, None
-    if coloring.mode == "intensity":
-        values = surface.values(coloring.layer or settings.height_layer)
-        bounds = coloring.scale.bounds(values)
-    return Scene(
-        mesh,
-        to_glb(mesh, shaded=settings.shaded, opacity=settings.opacity) if len(mesh.faces) else None,
-        _grid_lines(surface, mesh) + lift if settings.grid_lines else no_lines,
-        mesh.vertices if settings.points else mesh.vertices[:0],
-        mesh.colors if settings.points else mesh.colors[:0],
-        _vectors(surface, mesh, settings) if settings.vectors else no_lines,
-        bounds,
-        (rows, columns),
-        spacing,
-    )
+    @property
+    def vector_layers(self) -> list[str]:
+        """Layers of the components of the vectors."""
+        return [self.vectors + axis for axis in "xyz" if self.vectors]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +88,64 @@ class View:
         return is_beside or not 1 / 3 < other.reach / self.reach < 3
 
 
-def view(mesh: Mesh, grid_map: GridMap) -> View:
-    """Return a view of the whole map from behind and above."""
+@dataclass(frozen=True)
+class Scene:
+    """Map as the page shows it; positions are relative to `mesh.origin` [m].
+
+    Attributes:
+        mesh: the surface; it may have no face.
+        glb: the surface as a GLB file; None without a face.
+        grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
+        vectors: (N, 2, 3) ends of the vectors; empty unless requested.
+        bounds: values at the ends of the color map; None without a color map.
+        size: number of rows and columns of shown cells.
+        spacing: mean distance between neighboring shown cells [m].
+        view: the whole map from behind and above.
+    """
+
+    mesh: Mesh
+    glb: bytes | None
+    grid_lines: Points
+    vectors: Points
+    bounds: tuple[float, float] | None
+    size: Size
+    spacing: float
+    view: View
+
+
+def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Scene:
+    """Return the scene of a map.
+
+    Args:
+        grid_map: the map.
+        settings: layers and style.
+        max_cells: limit of the cells, as for `Surface`.
+
+    Raises:
+        LayerNotFoundError: the map lacks a layer of the settings.
+    """
+    coloring = settings.coloring
+    surface = Surface(grid_map, settings.height_layer, settings.flat, max_cells)
+    mesh = surface.mesh(coloring)
+    columns, rows = surface.valid.shape
+    spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))
+    lines = vectors = np.empty((0, 2, 3), np.float32)
+    if settings.grid_lines:
+        # They stay visible a little above the surface.
+        lines = _grid_lines(surface, mesh) + np.array([0, 0, 0.02 * spacing], np.float32)
+    if settings.vectors:
+        vectors = _vectors(surface, mesh, settings)
+    bounds = None
+    if coloring.mode == "intensity":
+        bounds = coloring.bounds(surface.values(coloring.layer or settings.height_layer))
+    glb = None
+    if len(mesh.faces):
+        glb = to_glb(mesh, shaded=settings.shaded, opacity=settings.opacity)
     heights = mesh.vertices[:, 2] if len(mesh.vertices) else np.zeros(1)
     target = mesh.origin + [0.0, 0.0, 0.5 * (float(heights.min()) + float(heights.max()))]
-    reach = float(np.hypot(*grid_map.length))
-    return View(target + reach * np.array([-0.5, -0.5, 0.6]), target)
+    offset = float(np.hypot(*grid_map.length)) * np.array([-0.5, -0.5, 0.6])
+    view = View(target + offset, target)
+    return Scene(mesh, glb, lines, vectors, bounds, (rows, columns), spacing, view)
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
@@ -134,10 +163,45 @@ def _grid_lines(surface: Surface, mesh: Mesh) -> Points:
 
 def _vectors(surface: Surface, mesh: Mesh, settings: Settings) -> Points:
     """Return lines from the surface along the finite vectors."""
-    valid = surface.valid
-    layers = [surface.values(settings.vectors + axis)[valid] for axis in AXES]
+    layers = [surface.values(layer)[surface.valid] for layer in settings.vector_layers]
     vectors = np.stack(layers, axis=-1)
     finite = np.isfinite(vectors).all(axis=-1)
     starts = mesh.vertices[finite]
     ends = starts + np.float32(settings.vector_scale) * vectors[finite]
     return np.stack([starts, ends], axis=1)
+
+
+def hit(mesh: Mesh, start: Positions, direction: Positions) -> Positions | None:
+    """Return the first point (3,) at which a ray hits a mesh [m, map frame], from either side.
+
+    Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
+
+    Args:
+        mesh: the surface.
+        start: (3,) start of the ray [m], map frame.
+        direction: (3,) direction of the ray, of any length except zero.
+
+    Returns:
+        The point, or None if the ray hits nothing.
+    """
+    direction = np.asarray(direction, dtype=np.float64)
+    direction = direction / np.linalg.norm(direction)
+    corners = mesh.vertices.astype(np.float64)
+    first, second, third = (corners[mesh.faces[:, k]] for k in range(3))
+    side, other = second - first, third - first
+    offset = np.asarray(start, dtype=np.float64) - mesh.origin - first
+    normal = np.cross(direction, other)
+    volume = np.einsum("ij,ij->i", side, normal)
+    across = np.cross(offset, side)
+    area = np.einsum("ij,ij->i", side, side)
+    # Parallel triangles divide by zero; the mask below excludes them.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        u = np.einsum("ij,ij->i", offset, normal) / volume
+        v = across @ direction / volume
+        distance = np.einsum("ij,ij->i", other, across) / volume
+        is_hit = (np.abs(volume) > 1e-12 * area) & (u >= 0) & (v >= 0) & (u + v <= 1)
+        is_hit &= distance > 0
+    if not is_hit.any():
+        return None
+    point: Positions = start + distance[is_hit].min() * direction
+    return point

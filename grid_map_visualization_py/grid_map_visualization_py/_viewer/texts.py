@@ -4,6 +4,7 @@
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -11,8 +12,8 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions, Size
 
-from ..colors import Coloring, ColorScale
-from .light import on_screen
+from ..colors import Coloring
+from .glb import on_screen
 
 TEXT = "font-size:0.8em;padding:0 1em"
 
@@ -56,14 +57,11 @@ def status(
     )
 
 
-def legend(scale: ColorScale, bounds: tuple[float, float]) -> str:
+def legend(coloring: Coloring, bounds: tuple[float, float]) -> str:
     """Return a color bar with the values at its ends, in the colors of the lit surface."""
-    colors = ColorScale(color_map=scale.color_map, lower=0.0, upper=1.0, invert=scale.invert)
     # The browser interpolates between 16 colors.
-    stops = ",".join(
-        "rgb({},{},{})".format(*color.tolist())
-        for color in on_screen(colors(np.linspace(0, 1, 16, dtype=np.float32)))
-    )
+    colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
+    stops = ",".join("rgb({},{},{})".format(*color) for color in on_screen(colors).tolist())
     lower, upper = (f"{bound:.4g}" for bound in bounds)
     return (
         f"<div style='{TEXT}'>"

@@ -12,9 +12,7 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
 
 from .page import Page
-from .picking import hit
-from .scene import Scene, make_scene, view
-from .settings import Settings, follow, vector_prefixes
+from .scene import Scene, Settings, hit, make_scene
 from .texts import as_note, readout, status
 
 RATE_WINDOW = 3.0
@@ -59,10 +57,8 @@ class Viewer:
         self._rate = MapRate()
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
-        self._drawn: ReceivedMap | None = None
         self._settings: Settings | None = None
-        self._map: GridMap | None = None
-        self._scene: Scene | None = None
+        self._drawn: tuple[ReceivedMap, GridMap, Scene] | None = None
         self._selected: Positions | None = None
         self._problem = ""
 
@@ -78,14 +74,21 @@ class Viewer:
             The problem with the last map or with the settings, empty if there is none. The page
             shows this text as well, and keeps the map that it had.
         """
-        if self._page.is_watched:
-            self._page.turn(self._settings.history if self._settings else 1)
+        page = self._page
+        if page.is_watched:
+            page.turn(self._settings.history if self._settings else 1)
             try:
                 self._draw_if_due()
                 self._answer_click()
             except GridMapError as error:
                 self._problem = str(error)
-            self._tell_status()
+            if self._problem:
+                page.tell(as_note(self._problem))
+            elif self._drawn is not None:
+                _, grid_map, scene = self._drawn
+                now = time.monotonic()
+                rate, age = self._rate.rate(now), self._rate.age(now)
+                page.tell(status(grid_map, scene.size, rate, age, is_paused=page.is_paused))
         return self._problem
 
     def _draw_if_due(self) -> None:
@@ -95,52 +98,29 @@ class Viewer:
         is_new = received is not self._shown
         self._shown = received
         if is_new and received.layers:
-            self._offer(received.layers)
-        self._draw(received, is_new=is_new)
-
-    def _offer(self, layers: tuple[str, ...]) -> None:
-        page = self._page
-        height = follow(page.height_layer, layers, ("elevation",))
-        prefixes = vector_prefixes(layers)
-        page.offer(
-            layers,
-            prefixes,
-            height_layer=height,
-            color_layer=follow(page.color_layer, layers, (height,)),
-            vectors=page.vectors if page.vectors in prefixes else "",
-        )
-
-    def _draw(self, received: ReceivedMap, *, is_new: bool) -> None:
+            self._page.offer(received.layers)
+        # Stays None if the settings make no sense.
         before, self._settings = self._settings, None
-        settings = self._page.settings()
-        self._settings = settings
+        self._settings = settings = self._page.settings()
         if settings == before and not is_new:
             return
-        layers = None if self._selected is not None else settings.layers
-        grid_map = received.decode(layers)
+        grid_map = received.decode(settings.layers if self._selected is None else None)
         scene = make_scene(grid_map, settings, self._max_cells)
         self._page.load(scene, settings, replaces=not is_new)
-        self._page.look(view(scene.mesh, grid_map))
-        self._drawn, self._map, self._scene, self._problem = received, grid_map, scene, ""
+        self._drawn, self._problem = (received, grid_map, scene), ""
         if self._selected is not None:
             self._page.tell_values(readout(grid_map, self._selected))
 
     def _answer_click(self) -> None:
         ray = self._page.take_click()
-        if ray is None or self._scene is None or self._drawn is None:
+        if ray is None or self._drawn is None:
             return
-        point = hit(self._scene.mesh, *ray)
+        received, _, scene = self._drawn
+        point = hit(scene.mesh, *ray)
         self._page.mark(point)
-        self._selected = None if point is None else point[:2]
-        if self._selected is None:
+        if point is None:
+            self._selected = None
             self._page.tell_values(as_note("There is no map at this place."))
         else:
-            self._page.tell_values(readout(self._drawn.decode(), self._selected))
-
-    def _tell_status(self) -> None:
-        if self._problem:
-            self._page.tell(as_note(self._problem))
-        elif self._map is not None and self._scene is not None:
-            now, is_paused = time.monotonic(), self._page.is_paused
-            rate, age = self._rate.rate(now), self._rate.age(now)
-            self._page.tell(status(self._map, self._scene.size, rate, age, is_paused=is_paused))
+            self._selected = point[:2]
+            self._page.tell_values(readout(received.decode(), self._selected))

@@ -5,7 +5,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +16,14 @@ from grid_map_core_py.arrays import max_of_finites, min_of_finites
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_core_py.plugins import check
 
-from .._markers import check_line, line_marker
+from .._markers import LineMarker
 
 MOST_LEVELS = 10_000
 REMEDY = "install python3-matplotlib (apt) or contourpy (pip)"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContoursVisualization:
+class ContoursVisualization(LineMarker):
     """Draw lines along which a layer has the same value, interpolated between centers of cells.
 
     A line ends near cells without a finite value: it crosses a square of four cells only if at
@@ -35,30 +35,23 @@ class ContoursVisualization:
         levels: values of the lines, in any order; replaces `interval`.
         flat: draw the lines at height zero, for layers that are not heights. Otherwise a line
             is at the height of its value.
-        line_width: width of the lines [m].
-        color: 0xRRGGBB.
 
     Raises:
-        ConfigError: the interval is not positive, a level not finite, the color out of range, or
-            the width not positive.
+        ConfigError: the interval is not positive, or a level not finite.
         MissingPackageError: contourpy is not installed.
     """
-
-    message_type: ClassVar[type] = Marker
 
     layer: str
     interval: float = 0.1
     levels: tuple[float, ...] = ()
     flat: bool = False
-    line_width: float = 0.003
-    color: int = 0xFFFFFF
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         positive = math.isfinite(self.interval) and self.interval > 0
         check(positive, "interval", "a positive number", self.interval)
         finite = all(map(math.isfinite, self.levels))
         check(finite, "levels", "finite numbers", self.levels)
-        check_line(self.color, self.line_width)
         _contourpy()
 
     def __call__(self, grid_map: GridMap) -> bytes:
@@ -69,14 +62,8 @@ class ContoursVisualization:
             GridMapError: the interval is too small for the range of the values.
         """
         lines = list(self._lines(grid_map))
-        return line_marker(
-            grid_map,
-            np.concatenate(lines) if lines else np.empty((0, 3)),
-            kind=Marker.LINE_LIST,
-            namespace="contours",
-            color=self.color,
-            line_width=self.line_width,
-        )
+        points = np.concatenate(lines) if lines else np.empty((0, 3))
+        return self.marker(grid_map, points, Marker.LINE_LIST, "contours")
 
     def _lines(self, grid_map: GridMap) -> Iterator[npt.NDArray[np.float64]]:
         """Yield the ends (2 N, 3) of the line segments, level by level."""

@@ -12,7 +12,7 @@ from sensor_msgs import msg
 from grid_map_core_py import GridMap
 from grid_map_ros_py.messages import to_header
 
-from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale
+from ..colors import DEFAULT_COLOR_MAP, Coloring
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,5 @@ class ImageVisualization:
         return message
 
     def _coloring(self) -> Coloring:
-        scale = ColorScale(
-            color_map=self.color_map, lower=self.lower, upper=self.upper, invert=self.invert
-        )
-        return Coloring(self.color_mode, self.layer, scale)
+        bounds = self.lower, self.upper
+        return Coloring(self.color_mode, self.layer, self.color_map, *bounds, self.invert)

@@ -13,7 +13,7 @@ from grid_map_core_py.plugins import check
 from grid_map_ros_py.messages import serialize, to_header
 
 from .. import surface
-from ..colors import DEFAULT_COLOR_MAP, Coloring, ColorScale, check_color
+from ..colors import DEFAULT_COLOR_MAP, Coloring, check_color
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,13 +70,11 @@ class SurfaceVisualization:
             "points": np.take(cells.points(), corners, axis=0),
             "colors": np.take(rgba, corners, axis=0),
         }
-        header, kind = to_header(grid_map), Marker.TRIANGLE_LIST
-        marker = Marker(header=header, ns="surface", type=kind, action=Marker.ADD)
+        header = to_header(grid_map)
+        marker = Marker(header=header, ns="surface", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
         marker.scale.x = marker.scale.y = marker.scale.z = 1.0
         return serialize(marker, arrays)
 
     def _coloring(self) -> Coloring:
-        scale = ColorScale(
-            color_map=self.color_map, lower=self.lower, upper=self.upper, invert=self.invert
-        )
-        return Coloring(self.color_mode, self.color_layer, scale, self.color)
+        scale = self.color_map, self.lower, self.upper, self.invert
+        return Coloring(self.color_mode, self.color_layer, *scale, self.color)

@@ -4,7 +4,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from visualization_msgs.msg import Marker
@@ -12,35 +11,30 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._markers import check_line, line_marker
+from .._markers import LineMarker
 
 
 @dataclass(frozen=True, kw_only=True)
-class VectorsVisualization:
+class VectorsVisualization(LineMarker):
     """Draw a line from the surface along the vector of each cell, where both are finite.
 
     Attributes:
         layer_prefix: prefix of the three layers of the components, which end in x, y and z.
         position_layer: heights [m] at which the lines start.
         scale: length of the line of a vector of length 1 [m].
-        line_width: width of the lines [m].
-        color: 0xRRGGBB.
 
     Raises:
-        ConfigError: the color is out of range, the scale not finite, or the width not positive.
+        ConfigError: the scale is not finite.
     """
-
-    message_type: ClassVar[type] = Marker
 
     layer_prefix: str
     position_layer: str
     scale: float = 1.0
-    line_width: float = 0.003
     color: int = 0x00FF00
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check(math.isfinite(self.scale), "scale", "a finite number", self.scale)
-        check_line(self.color, self.line_width)
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
@@ -53,11 +47,4 @@ class VectorsVisualization:
         for axis, layer in enumerate(components):
             lines[:, 1, axis] = grid_map[layer].ravel("F")[valid]
         lines[:, 1] = lines[:, 0] + self.scale * lines[:, 1]
-        return line_marker(
-            grid_map,
-            lines.reshape(-1, 3),
-            kind=Marker.LINE_LIST,
-            namespace="vector",
-            color=self.color,
-            line_width=self.line_width,
-        )
+        return self.marker(grid_map, lines.reshape(-1, 3), Marker.LINE_LIST, "vector")
