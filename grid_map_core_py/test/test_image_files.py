@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import load_images, load_map_server, save_images
+from grid_map_core_py.files import load_images, load_map_server, map_facts, save_images
+from grid_map_core_py.files._image_folder import describe_images
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 
 
@@ -33,6 +34,7 @@ def test_map_round_trips_except_for_quantization(grid_map, bits):
     with tempfile.TemporaryDirectory() as folder:
         path = save_images(grid_map, Path(folder) / "images", bits=bits)
         loaded = load_images(path)
+        assert describe_images(path)["map"] == map_facts(loaded)
         entries = yaml.safe_load(path.read_text())["grid_map"]["layers"]
     for name in ("size", "frame_id", "timestamp", "layers", "basic_layers", "resolution"):
         assert getattr(loaded, name) == getattr(grid_map, name), name

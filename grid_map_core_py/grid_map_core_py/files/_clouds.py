@@ -186,7 +186,7 @@ def _extent(path: str | PathLike[str], points: npt.NDArray[Any]) -> tuple[list[f
 
 def _read_pcd(file: Path) -> Fields:
     """Return the fields of a PCD file by their names."""
-    pypcd4 = package_for(file, "pypcd4")
+    pypcd4 = package_for(file, "PCD", "pypcd4")
     with storage_errors(file, "read"):
         cloud = pypcd4.PointCloud.from_path(file)
         # For a file with a single point the reader returns a 1-D array.
@@ -203,7 +203,7 @@ def _read_mesh(file: Path) -> list[Any]:
     if ending not in _MESHES:
         known = ", ".join(_MESHES)
         raise GridMapError(f"{file}: expected a file that ends in {known}, or .pcd for points")
-    trimesh = package_for(file, "trimesh")
+    trimesh = package_for(file, ending, "trimesh")
     # Unprocessed: no vertex is merged or dropped.
     options = {"process": False, "skip_materials": True}
     with storage_errors(file, "read"), file.open("rb") as stream:

@@ -18,7 +18,7 @@ from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
 from ._image_files import load_height_image, save_height_image
-from ._image_folder import YAML_NAME, load_images, part_of_maps, save_images
+from ._image_folder import YAML_NAME, describe_images, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
 from ._yaml_files import load_yaml
@@ -234,6 +234,7 @@ _BUILT_IN = (
         writes=lambda path: path.name == YAML_NAME,
         load=load_images,
         save=save_images,
+        describe=describe_images,
     ),
     Format(
         name="map_server",

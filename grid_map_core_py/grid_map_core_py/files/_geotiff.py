@@ -10,6 +10,7 @@ import json
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -20,10 +21,9 @@ import numpy.typing as npt
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._image_files import from_north_up, to_north_up
-from ._shared import map_facts, package_for, storage_errors
+from ._shared import StoredMap, package_for, storage_errors
 
 _TAG = "GRID_MAP"
 
@@ -48,7 +48,7 @@ def save_geotiff(
         GridMapError: the map has no layers, the file cannot be written, the reference system is
             unknown, or rasterio is not installed.
     """
-    rasterio = package_for(path, "rasterio")
+    rasterio = package_for(path, "GeoTIFF", "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
     rows, columns = grid_map.size
@@ -100,26 +100,21 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
         GridMapError: the file is damaged or no raster, its pixels are no squares along the axes, it
             lacks a layer, or rasterio is not installed.
     """
-    with _opened(path) as (raster, names, basic, grid_map):
-        wanted = select_layers(names, layers)
-        found = {name: _read_band(raster, names.index(name) + 1) for name in wanted}
-        grid_map = grid_map.with_layers(found)
-        grid_map.basic_layers = [name for name in basic if name in found]
-        return grid_map
+    with _opened(path) as (_, stored):
+        return stored.load(layers)
 
 
 def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
     """Return what the file tells about its map; errors are those of `load_geotiff`."""
-    with _opened(path) as (raster, names, basic, grid_map):
+    with _opened(path) as (raster, stored):
         crs = {"crs": raster.crs.to_string()} if raster.crs else {}
-        basic = [name for name in basic if name in names]
-        return {"map": crs | map_facts(grid_map, names, basic)}
+        return {"map": crs | stored.facts()}
 
 
 @contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, list[str], list[str], GridMap]]:
-    """Open a raster; yield it, the names of layers and basic layers, and the map without layers."""
-    rasterio = package_for(path, "rasterio")
+def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
+    """Open a raster; yield it and its map."""
+    rasterio = package_for(path, "GeoTIFF", "rasterio")
     with storage_errors(Path(path), "read"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
@@ -130,11 +125,11 @@ def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, list[str], list[st
             if not isinstance(tags, dict):
                 raise ValueError(f"its tag {_TAG} is damaged")
             frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
-            grid_map = GridMap.from_geometry(
-                _geometry(raster), frame_id=frame_id, timestamp=timestamp
-            )
-            basic = [str(name) for name in tags.get("basic_layers", ())]
-            yield raster, _names(raster.descriptions), basic, grid_map
+            empty = GridMap.from_geometry(_geometry(raster), frame_id=frame_id, timestamp=timestamp)
+            names = _names(raster.descriptions)
+            basic = [name for name in tags.get("basic_layers", ()) if name in names]
+            read = partial(_read_band, raster, names)
+            yield raster, StoredMap(empty, names, basic, read)
 
 
 def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
@@ -183,7 +178,8 @@ def _names(descriptions: Iterable[str | None]) -> list[str]:
     return names
 
 
-def _read_band(raster: Any, band: int) -> npt.NDArray[np.float32]:
+def _read_band(raster: Any, names: list[str], name: str) -> npt.NDArray[np.float32]:
+    band = names.index(name) + 1
     if "complex" in raster.dtypes[band - 1]:
         raise ValueError(f"expected real numbers, got {raster.dtypes[band - 1]} in band {band}")
     values = raster.read(band, masked=True)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from ..arrays._checks import Layer
 from ..arrays._statistics import max_of_finites, min_of_finites
 from ..conversions._image_arrays import (
     COLOR_LAYER,
@@ -35,7 +36,7 @@ from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
-from ._shared import storage_errors
+from ._shared import StoredMap, storage_errors
 from ._yaml_files import load_yaml
 
 YAML_NAME = "map.yaml"
@@ -116,6 +117,15 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
         LayerNotFoundError: the file lacks a layer.
         GridMapError: a file is missing, damaged or of another format.
     """
+    return _opened(path).load(layers)
+
+
+def describe_images(path: str | PathLike[str]) -> dict[str, Any]:
+    """Return the facts about the map of a folder without reading an image."""
+    return {"map": _opened(path).facts()}
+
+
+def _opened(path: str | PathLike[str]) -> StoredMap:
     given = Path(path)
     file = given if given.suffix == ".yaml" and not given.is_dir() else given / YAML_NAME
     document = load_yaml(file)
@@ -129,26 +139,28 @@ def load_images(path: str | PathLike[str], layers: Iterable[str] | None = None) 
         geometry = GridGeometry.from_size(
             (rows, columns), document["resolution"], found["position"]
         )
-        grid_map = GridMap.from_geometry(
+        empty = GridMap.from_geometry(
             geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
         entries = {entry["name"]: entry for entry in found["layers"]}
-        wanted = [(name, entries[name]) for name in select_layers(entries, layers)]
-        images = [file.parent / Path(entry["image"]).name for _, entry in wanted]
+        images = {name: file.parent / Path(entry["image"]).name for name, entry in entries.items()}
         for name in found["basic_layers"]:
             if name not in entries:
                 raise ValueError(f"basic layer {name!r} is not among the layers")
-    for (name, entry), image in zip(wanted, images, strict=True):
-        with storage_errors(image, "read"):
-            pixels, mode = from_north_up(read_image(image, grid_map.size[::-1])), entry["mode"]
+
+    def read(name: str) -> Layer:
+        entry, grid_map = entries[name], empty.copy()
+        with storage_errors(images[name], "read"):
+            pixels, mode = from_north_up(read_image(images[name], empty.size[::-1])), entry["mode"]
             if mode == "color":
                 add_color_layer_from_image(grid_map, pixels, name)
             elif mode == "values":
                 add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
             else:
                 raise ValueError(f"mode: expected 'values' or 'color', got {mode!r}")
-    grid_map.basic_layers = [name for name in found["basic_layers"] if name in grid_map]
-    return grid_map
+        return grid_map[name]
+
+    return StoredMap(empty, [*entries], found["basic_layers"], read)
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:

@@ -22,9 +22,8 @@ from ..arrays._checks import Layer
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ._atomic import new_file
-from ._shared import map_facts, storage_errors
+from ._shared import StoredMap, storage_errors
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -90,46 +89,36 @@ def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> 
         GridMapError: the file is missing, damaged, or not of this format.
         LayerNotFoundError: it lacks a layer.
     """
-    with _opened(path) as (archive, metadata, grid_map):
-        wanted = select_layers(metadata["layers"], layers)
-        found: dict[str, Layer] = {
-            name: _read_array(
-                archive,
-                _LAYERS + name,
-                lambda dtype, shape: dtype == np.float32 and shape == grid_map.size,
-            )
-            for name in wanted
-        }
-        grid_map = grid_map.with_layers(found)
-        grid_map.basic_layers = [name for name in metadata["basic_layers"] if name in found]
-        return grid_map
+    with _opened(path) as stored:
+        return stored.load(layers)
 
 
 def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
     """Return the facts about the map of a file without reading a layer."""
-    with _opened(path) as (_, metadata, grid_map):
-        return {"map": map_facts(grid_map, metadata["layers"], metadata["basic_layers"])}
+    with _opened(path) as stored:
+        return {"map": stored.facts()}
 
 
 @contextmanager
-def _opened(
-    path: str | PathLike[str],
-) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any], GridMap]]:
-    """Open a file; yield its archive, its metadata, and the map without layers."""
+def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
     file = Path(path)
     with storage_errors(file, "read"), zipfile.ZipFile(file) as archive:
         _check_sizes(archive, file.stat().st_size)
-        metadata = _read_metadata(archive)
-        rows, columns = metadata["size"]
-        geometry = GridGeometry.from_size(
-            (rows, columns), metadata["resolution"], metadata["position"]
+        found = _read_metadata(archive)
+        rows, columns = found["size"]
+        geometry = GridGeometry.from_size((rows, columns), found["resolution"], found["position"])
+
+        def read(name: str) -> Layer:
+            return _read_array(
+                archive,
+                _LAYERS + name,
+                lambda dtype, shape: dtype == np.float32 and shape == geometry.size,
+            )
+
+        empty = GridMap.from_geometry(
+            geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
-        frame_id, timestamp = metadata["frame_id"], metadata["timestamp"]
-        yield (
-            archive,
-            metadata,
-            GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
-        )
+        yield StoredMap(empty, found["layers"], found["basic_layers"], read)
 
 
 def _check_name(name: str) -> None:

@@ -1,16 +1,19 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Errors and metadata that the file formats share."""
+"""Errors, metadata and reading of layers that the file formats share."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from numpy.typing import ArrayLike
 
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._grid_map import GridMap
+from ..map._layer_names import select_layers
 
 
 @contextmanager
@@ -29,25 +32,16 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise GridMapError(f"{file}: cannot be {doing}: {first_line}") from error
 
 
-def package_for(path: str | PathLike[str], name: str) -> Any:
-    """Return the package that reads or writes a file; the error says how to install it."""
+def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
+    """Return the package for a kind of file; the error says how to install it."""
     try:
         return import_module(name)
     except ImportError as error:
-        raise MissingPackageError(name, f"{path}: its format", f"pip install {name}") from error
+        raise MissingPackageError(name, f"{path}: {kind}", f"pip install {name}") from error
 
 
-def map_facts(
-    grid_map: GridMap,
-    layers: Iterable[str] | None = None,
-    basic_layers: Iterable[str] | None = None,
-) -> dict[str, Any]:
-    """Return frame, time, size, place and names of layers of a map, as JSON has them.
-
-    Args:
-        grid_map: the map, perhaps without its layers.
-        layers, basic_layers: names to list in place of the names of the map.
-    """
+def map_facts(grid_map: GridMap) -> dict[str, Any]:
+    """Return frame, time, size, place and names of layers of a map, as JSON has them."""
     return {
         "frame_id": grid_map.frame_id,
         "timestamp": grid_map.timestamp,
@@ -56,6 +50,29 @@ def map_facts(
         "length": grid_map.length.tolist(),
         "position": grid_map.position.tolist(),
         "start_index": [*grid_map.start_index],
-        "layers": [*(grid_map.layers if layers is None else layers)],
-        "basic_layers": [*(grid_map.basic_layers if basic_layers is None else basic_layers)],
+        "layers": [*grid_map.layers],
+        "basic_layers": [*grid_map.basic_layers],
     }
+
+
+class StoredMap(NamedTuple):
+    """A map in a file whose layers have not been read yet."""
+
+    empty: GridMap
+    """The map without its layers."""
+    layers: Sequence[str]
+    basic_layers: Sequence[str]
+    read: Callable[[str], ArrayLike]
+    """Returns a layer in map order."""
+
+    def load(self, layers: Iterable[str] | None) -> GridMap:
+        """Return the map with the named layers; None means all."""
+        wanted = select_layers(self.layers, layers)
+        grid_map = self.empty.with_layers({name: self.read(name) for name in wanted})
+        grid_map.basic_layers = [name for name in self.basic_layers if name in grid_map]
+        return grid_map
+
+    def facts(self) -> dict[str, Any]:
+        """Return the same as `map_facts` of the whole map."""
+        names = {"layers": [*self.layers], "basic_layers": [*self.basic_layers]}
+        return map_facts(self.empty) | names
