@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, slices
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
-from .._shared.disc_filter import check_radius
+from .._shared.layer_filter import LayerFilter, check_radius
 from ..parts._disc import Disc
 
 # OpenCV's bilateral filter spreads NaN. Its table of weights divides the range of the layer into
@@ -28,7 +26,7 @@ _PIECE = 2**15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bilateral:
+class Bilateral(LayerFilter):
     """Smooth a layer and keep its edges.
 
     Every finite cell becomes the mean of the finite values in the disc around it, weighted by a
@@ -36,16 +34,12 @@ class Bilateral:
     "Bilateral filtering for gray and color images", ICCV 1998). Other cells are NaN.
 
     Attributes:
-        input_layer: layer to filter.
-        output_layer: layer for the result.
         sigma_space: standard deviation of the Gaussian of distances [m].
         sigma_range: standard deviation of the Gaussian of differences, in the unit of the layer:
             steps much higher than this stay sharp.
         radius: radius of the disc [m]; 3 `sigma_space` by default.
     """
 
-    input_layer: str
-    output_layer: str
     sigma_space: float
     sigma_range: float
     radius: float | None = None
@@ -58,11 +52,9 @@ class Bilateral:
             check(in_range, name, "a number > 0", sigma)
         check_radius(self.radius or 0.0)
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
         reach = 3 * self.sigma_space if self.radius is None else self.radius
-        disc = Disc(reach, grid_map.resolution, grid_map.size)
+        disc = Disc(reach, resolution, layer.shape)
         # A missing value is infinitely far away from all others, so that its weight is 0.
         known = np.where(np.isfinite(layer), layer, np.float32(np.inf))
         margins = [(side // 2, side // 2) for side in disc.kernel.shape]
@@ -74,7 +66,7 @@ class Bilateral:
                 around = padded[:, part.start : part.stop + width - 1]
                 result[:, part] = self._smooth(known[:, part], around, disc)
         result[~np.isfinite(layer)] = np.nan
-        return grid_map.with_layers({self.output_layer: result})
+        return result
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
         """Return the means of the cells `center`; `around` holds them with the margin of a disc."""

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, slices
 
-from .._filter import in_map_order
+from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, choose, helper, is_finite
 
 _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
@@ -20,7 +19,7 @@ _PIECE = 2**15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curvature:
+class Curvature(LayerFilter):
     """Compute the curvature of a layer, positive on hilltops: minus its second differences.
 
     At the border of the map, the cell itself replaces the missing neighbor. A second difference
@@ -28,22 +27,16 @@ class Curvature:
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the result.
     """
-
-    input_layer: str
-    output_layer: str
 
     def __post_init__(self) -> None:
         _curvature.prepare()
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer].T
-        curvature = np.empty_like(layer)
-        for lines in slices(len(layer), _PIECE // layer.shape[1]):
-            curvature[lines] = _of_lines(layer, lines, grid_map.resolution)
-        return grid_map.with_layers({self.output_layer: curvature.T})
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        curvature = np.empty_like(layer.T)
+        for lines in slices(len(curvature), _PIECE // len(layer)):
+            curvature[lines] = _of_lines(layer.T, lines, resolution)
+        return curvature.T
 
 
 def _of_lines(layer: Layer, lines: slice, resolution: float) -> Layer:

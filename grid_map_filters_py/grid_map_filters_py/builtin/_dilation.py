@@ -4,26 +4,14 @@
 
 from dataclasses import dataclass
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 
-from .._filter import in_map_order
-from .._shared.disc_filter import DiscFilter
-from .._shared.morphology import highest_in_disc
+from .._shared.layer_filter import FillingDiscFilter, highest_in_disc
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dilation(DiscFilter):
-    """Give every cell the largest finite value in the disc of `radius` [m] around it.
+class Dilation(FillingDiscFilter):
+    """Give every cell the largest finite value in the disc of `radius` [m] around it."""
 
-    Attributes:
-        compute_empty_cells: also give values to cells that are not finite in the input; NaN where
-            their disc has no finite value.
-    """
-
-    compute_empty_cells: bool = False
-
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer, fill = grid_map[self.input_layer], self.compute_empty_cells
-        highest = highest_in_disc(layer, self.disc(grid_map), fill=fill)
-        return grid_map.with_layers({self.output_layer: highest})
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        return highest_in_disc(layer, self.radius, resolution, fill=self.compute_empty_cells)

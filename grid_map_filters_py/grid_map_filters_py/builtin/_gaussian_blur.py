@@ -10,32 +10,27 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
-from .._shared.disc_filter import check_radius
+from .._shared.layer_filter import LayerFilter, check_radius
 from ..parts._disc import Disc, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaussianBlur:
+class GaussianBlur(LayerFilter):
     """Smooth a layer by the mean of the finite values around each cell, weighted by a Gaussian.
 
     In every cell, the weights of the finite values are scaled to a sum of 1 (normalized
     convolution, H. Knutsson and C.-F. Westin, 1993), so that holes and borders add no bias.
 
     Attributes:
-        input_layer: layer to filter.
-        output_layer: layer for the result.
         sigma: standard deviation of the Gaussian [m].
         radius: reach of the weights along x and along y [m]; 3 `sigma` by default.
         compute_empty_cells: also give values to cells that are not finite in the input; NaN where
             no finite value is within reach.
     """
 
-    input_layer: str
-    output_layer: str
     sigma: float
     radius: float | None = None
     compute_empty_cells: bool = False
@@ -44,14 +39,12 @@ class GaussianBlur:
         check(math.isfinite(self.sigma) and self.sigma > 0, "sigma", "a length > 0 [m]", self.sigma)
         check_radius(self.radius or 0.0)
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
+    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.float64]:
         mask, offset = np.isfinite(layer), typical_value(layer)
         values = np.subtract(layer, offset, dtype=np.float64)
         np.copyto(values, 0.0, where=~mask)
         reach = 3 * self.sigma if self.radius is None else self.radius
-        disc = Disc(reach, grid_map.resolution, grid_map.size)
+        disc = Disc(reach, resolution, layer.shape)
         mean = self._blur(values, disc)
         del values
         with np.errstate(invalid="ignore"):
@@ -59,7 +52,7 @@ class GaussianBlur:
         mean += offset
         if not self.compute_empty_cells:
             mean[~mask] = np.nan
-        return grid_map.with_layers({self.output_layer: mean})
+        return mean
 
     def _blur(self, image: npt.NDArray[Any], disc: Disc) -> npt.NDArray[np.float64]:
         with np.errstate(over="ignore"):

@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order, warn
-from .._shared.disc_filter import check_radius
+from .._filter import warn
+from .._shared.layer_filter import LayerFilter, check_radius
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inpaint:
+class Inpaint(LayerFilter):
     """Fill the cells of a layer that are not finite from their surroundings.
 
     This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV. Finite
@@ -25,15 +24,11 @@ class Inpaint:
     also at a corner, belong to one hole.
 
     Attributes:
-        input_layer: layer to filter.
-        output_layer: layer for the result.
         radius: radius of the neighborhood from which a cell is filled [m], at least one cell.
         enclosed_holes_only: do not fill holes that reach the border of the map.
         max_hole_area: area of the largest hole to fill [m^2]; no limit by default.
     """
 
-    input_layer: str
-    output_layer: str
     radius: float
     enclosed_holes_only: bool = False
     max_hole_area: float | None = None
@@ -43,19 +38,16 @@ class Inpaint:
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
-        holes = ~np.isfinite(layer)
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        filled, holes = layer.copy("F"), ~np.isfinite(layer)
         if holes.all():
             warn(f"layer {self.input_layer!r} has no finite cell to fill its holes from")
-            return grid_map.with_layers({self.output_layer: layer.copy("F")})
-        filled = layer.copy("F")
-        chosen = self._choose(holes, grid_map.resolution)
+            return filled
+        chosen = self._choose(holes, resolution)
         if chosen.any():
             with np.errstate(invalid="ignore"):
-                filled[chosen] = _fill(layer, holes, self.radius / grid_map.resolution)[chosen]
-        return grid_map.with_layers({self.output_layer: filled})
+                filled[chosen] = _fill(layer, holes, self.radius / resolution)[chosen]
+        return filled
 
     def _choose(self, holes: Mask, resolution: float) -> Mask:
         """Return the mask of the holes to fill."""

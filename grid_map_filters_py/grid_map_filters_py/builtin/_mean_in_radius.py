@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 
-from .._filter import in_map_order
-from .._shared.disc_filter import DiscFilter
-from ..parts._disc import Tile, tiles, typical_value
+from .._shared.layer_filter import DiscFilter
+from ..parts._disc import Disc, Tile, tiles, typical_value
 
 _FEW = 4
 """Largest reach of a small disc, in cells."""
@@ -25,17 +23,14 @@ class MeanInRadius(DiscFilter):
     Cells without a finite value in their disc become NaN.
     """
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
-        offset = typical_value(layer)
-        disc = self.disc(grid_map)
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        offset, disc = typical_value(layer), Disc(self.radius, resolution, layer.shape)
         # For a few values, sums in single precision are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean = np.empty_like(layer, order="F")
         for tile in tiles(disc):
             mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
-        return grid_map.with_layers({self.output_layer: mean})
+        return mean
 
 
 def _mean(layer: Layer, tile: Tile, offset: float, dtype: type[np.floating[Any]]) -> Layer:

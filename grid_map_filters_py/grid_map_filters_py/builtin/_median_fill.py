@@ -16,7 +16,7 @@ from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
-from .._shared.disc_filter import check_radius
+from .._shared.layer_filter import check_radius
 from .._shared.medians import put_window_medians
 
 _BLOCK = np.ones((3, 3), np.uint8)

@@ -4,11 +4,9 @@
 
 from dataclasses import dataclass
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 
-from .._filter import in_map_order
-from .._shared.disc_filter import DiscFilter
-from .._shared.morphology import lowest_in_disc
+from .._shared.layer_filter import DiscFilter, lowest_in_disc
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +16,5 @@ class MinInRadius(DiscFilter):
     Cells that are not finite become NaN.
     """
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        lowest = lowest_in_disc(grid_map[self.input_layer], self.disc(grid_map), fill=False)
-        return grid_map.with_layers({self.output_layer: lowest})
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        return lowest_in_disc(layer, self.radius, resolution, fill=False)

@@ -4,10 +4,9 @@
 
 from dataclasses import dataclass
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 
-from .._filter import in_map_order
-from .._shared.disc_filter import DiscFilter
+from .._shared.layer_filter import DiscFilter
 from .._shared.normals import plane_deviations
 
 
@@ -25,8 +24,5 @@ class Roughness(DiscFilter):
         input_layer: heights [m].
     """
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        heights = grid_map[self.input_layer]
-        deviations = plane_deviations(heights, self.radius, grid_map.resolution)
-        return grid_map.with_layers({self.output_layer: deviations})
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        return plane_deviations(layer, self.radius, resolution)

@@ -6,20 +6,19 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
+from .._shared.layer_filter import LayerFilter
 from ..expression import Expression
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlidingWindowMathExpression:
+class SlidingWindowMathExpression(LayerFilter):
     """Compute a layer by an expression over the window around each cell; it must give a scalar.
 
     Attributes:
         input_layer: layer to filter; its name is that of the window in the expression.
-        output_layer: layer for the result.
         expression: for example `meanOfFinites(elevation)`.
         compute_empty_cells: also give values to cells that are NaN in the input.
         edge_handling: treatment of windows that reach beyond the border: "inside" makes the cell
@@ -29,8 +28,6 @@ class SlidingWindowMathExpression:
         window_length: side of the window [m] instead, rounded to cells and made odd by adding one.
     """
 
-    input_layer: str
-    output_layer: str
     expression: str
     compute_empty_cells: bool = True
     edge_handling: Literal["inside", "crop", "empty", "mean"] = "inside"
@@ -50,17 +47,15 @@ class SlidingWindowMathExpression:
         check(known, "expression", expected, self.expression)
         object.__setattr__(self, "_parsed", parsed)
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
         cells = self.window_size
         if self.window_length is not None:
-            cells = math.floor(self.window_length / grid_map.resolution + 0.5)
+            cells = math.floor(self.window_length / resolution + 0.5)
             cells += 1 - cells % 2
-        result = self._parsed.over_windows(
+        return self._parsed.over_windows(
             self.input_layer,
-            grid_map[self.input_layer],
+            layer,
             cells,
             self.edge_handling,
             compute_empty_cells=self.compute_empty_cells,
         )
-        return grid_map.with_layers({self.output_layer: result})

@@ -11,7 +11,7 @@ from grid_map_core_py.arrays import Layer, elementwise
 from grid_map_core_py.errors import ConfigError
 
 from .._filter import in_map_order
-from .._shared.disc_filter import check_radius
+from .._shared.layer_filter import check_radius
 from .._shared.normals import area_normals, raster_normals
 
 

@@ -7,19 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
-from .._shared.disc_filter import check_radius
-from .._shared.morphology import highest_in_disc, lowest_in_disc
+from .._shared.layer_filter import DiscFilter, check_radius, highest_in_disc, lowest_in_disc
 from ..parts._disc import Disc, tiles
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepHeight:
+class StepHeight(DiscFilter):
     """Compute the height of the steps around each cell [m].
 
     With one window, it is the difference between the highest and the lowest finite cell of a disc,
@@ -34,23 +31,18 @@ class StepHeight:
 
     Attributes:
         input_layer: heights [m].
-        output_layer: layer for the result.
-        radius: radius of the disc [m], 0 or more; the rim is inside.
         second_window_radius: radius of the second disc [m]; requires `critical_value`. Every cell
             with a finite difference in this disc gets a value.
         critical_value: height above which a difference counts as a step [m].
         critical_cell_number: number of cells that make a step.
     """
 
-    input_layer: str
-    output_layer: str
-    radius: float
     second_window_radius: float | None = None
     critical_value: float | None = None
     critical_cell_number: int = 5
 
     def __post_init__(self) -> None:
-        check_radius(self.radius)
+        super().__post_init__()
         if (self.second_window_radius is None) != (self.critical_value is None):
             raise ConfigError("expected both or none of 'second_window_radius', 'critical_value'")
         check_radius(self.second_window_radius or 0.0, "second_window_radius")
@@ -59,21 +51,16 @@ class StepHeight:
         number = self.critical_cell_number
         check(number > 0, "critical_cell_number", "a number > 0", number)
 
-    @in_map_order
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        heights = grid_map[self.input_layer]
-        disc = Disc(self.radius, grid_map.resolution, grid_map.size)
+    def _filter(self, layer: Layer, resolution: float) -> Layer:
+        disc = self.radius, resolution
         with np.errstate(over="ignore"):
-            step = highest_in_disc(heights, disc) - lowest_in_disc(heights, disc)
-        step[~np.isfinite(heights)] = np.nan
-        if self.second_window_radius is not None:
-            step = self._weigh(step, Disc(self.second_window_radius, disc.resolution, disc.size))
-        return grid_map.with_layers({self.output_layer: step})
-
-    def _weigh(self, step: Layer, disc: Disc) -> Layer:
+            step = highest_in_disc(layer, *disc) - lowest_in_disc(layer, *disc)
+        step[~np.isfinite(layer)] = np.nan
+        if self.second_window_radius is None:
+            return step
         critical = np.where(step > np.float32(self.critical_value or 0.0), step, np.float32(np.nan))
-        result = highest_in_disc(step, disc)
-        for tile in tiles(disc):
+        result = highest_in_disc(step, self.second_window_radius, resolution)
+        for tile in tiles(Disc(self.second_window_radius, resolution, layer.shape)):
             found, _ = tile.finite(critical, 0.0)
             share = np.minimum(tile.counts(found) / self.critical_cell_number, 1.0)
             result[tile.rows, tile.columns] *= tile.cells(share)

@@ -1,0 +1,101 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Base classes of filters that make one layer from another, and extremes in discs."""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
+from grid_map_core_py.plugins import check
+
+from .._filter import in_map_order
+from ..parts._disc import Disc
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayerFilter(ABC):
+    """Base class of filters that make one layer from another.
+
+    Attributes:
+        input_layer: layer to filter.
+        output_layer: layer for the result.
+    """
+
+    input_layer: str
+    output_layer: str
+
+    @in_map_order
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        result = self._filter(grid_map[self.input_layer], grid_map.resolution)
+        return grid_map.with_layers({self.output_layer: result})
+
+    @abstractmethod
+    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.floating[Any]]:
+        """Return the result for a layer in map order, which stays unchanged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscFilter(LayerFilter):
+    """Base class of filters that look at the disc around each cell.
+
+    Attributes:
+        radius: radius of the disc [m], 0 or more; the rim is inside.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        check_radius(self.radius)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FillingDiscFilter(DiscFilter):
+    """Base class of filters that may also fill holes.
+
+    Attributes:
+        compute_empty_cells: also give values to cells that are not finite in the input; NaN where
+            their disc has no finite value.
+    """
+
+    compute_empty_cells: bool = False
+
+
+def check_radius(radius: float, name: str = "radius") -> None:
+    """Check the parameter `name` of a filter that looks at a disc around each cell."""
+    check(math.isfinite(radius) and radius >= 0, name, "a length >= 0 [m]", radius)
+
+
+def highest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
+    """Return the largest finite value in the disc around every cell, NaN if there is none.
+
+    This is the gray-scale dilation of the layer with the disc as structuring element. It ignores
+    cells that are not finite.
+
+    Args:
+        layer: (rows, cols).
+        radius: radius of the disc [m].
+        resolution: side of a cell [m].
+        fill: True also gives values to cells that are not finite in the layer.
+
+    Returns:
+        (rows, cols) float32 in Fortran order.
+    """
+    finite = np.isfinite(layer)
+    known = np.where(finite, layer, np.float32(-np.inf))
+    kernel = Disc(radius, resolution, layer.shape).kernel
+    element = np.ascontiguousarray(kernel.T, dtype=np.uint8)
+    highest = cv2.dilate(known.T, element, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
+    highest[np.isneginf(highest) if fill else ~finite.T] = np.nan
+    return np.asarray(highest.T, dtype=np.float32)
+
+
+def lowest_in_disc(layer: Layer, radius: float, resolution: float, *, fill: bool = True) -> Layer:
+    """Return the smallest finite value in the disc around every cell; see `highest_in_disc`."""
+    return -highest_in_disc(-layer, radius, resolution, fill=fill)
