@@ -15,7 +15,7 @@ from yardstick import yardstick
 CPP = json.loads((Path(__file__).parent / "cpp_times.json").read_text())
 
 BLOCKS = 5
-"""So many times the operation is measured between two yardsticks."""
+"""Number of blocks in which an operation is measured, each between two yardsticks."""
 
 DRIFT = 1.10
 """Ratio of the yardsticks around a block above which the block does not count."""
@@ -23,7 +23,7 @@ DRIFT = 1.10
 SECONDS_PER_BLOCK = 0.1
 MOST_ROUNDS = 40
 COLD = 0.02
-"""Seconds of an operation so long that it matters little what is in the caches before it."""
+"""Duration [s] below which an operation first runs untimed, to fill the caches."""
 
 
 @dataclass(frozen=True)

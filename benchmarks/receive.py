@@ -72,7 +72,7 @@ class Publisher(Node):
 
 
 class Subscriber(Node):
-    """Decodes maps, and prints on every map how many there were, and how late."""
+    """Decodes maps; prints the number and the delays of the maps so far after each one."""
 
     def __init__(self, receiver: str, depth: int, count: int) -> None:
         super().__init__("subscriber")
@@ -140,7 +140,7 @@ def _process(transport: str, *arguments: object) -> Process:
 
 
 def _settle(process: Process) -> None:
-    """Wait until nothing has come for a second."""
+    """Wait until no map has arrived for a second."""
     before = -1
     while before != len(process.lines) or not process.lines:
         before = len(process.lines)

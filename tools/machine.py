@@ -21,7 +21,7 @@ PATH_LISTS = (
 )
 
 BOOTSTRAP_GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
-"""Set, it keeps the wheels of ROS from starting every Python a second time."""
+"""While this variable is set, the wheels of ROS do not start every Python a second time."""
 
 BESIDE_ROS = {
     "cv2": "python3-opencv",

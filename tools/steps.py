@@ -24,7 +24,7 @@ def exclusive_lock() -> Iterator[None]:
     """Lock this workspace, so that one process at a time changes it.
 
     The programs that it starts inherit the lock. If it is killed while one of them goes on, the
-    next run waits for that one instead of pulling the ground from under it.
+    next run waits for that one before it changes files.
     """
     with (ROOT / ".lock").open("w") as lock:
         os.set_inheritable(lock.fileno(), True)

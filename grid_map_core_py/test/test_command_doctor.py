@@ -20,7 +20,7 @@ def healthy(monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 
-def test_a_healthy_machine(capfd):
+def test_healthy_machine_has_no_failures(capfd):
     code = main(["doctor", "--json"])
     found = json.loads(capfd.readouterr().out)
     assert (code, found["ok"], found["problems"]) == (0, True, [])

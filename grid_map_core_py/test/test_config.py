@@ -33,7 +33,7 @@ def test_yaml_numbers_are_cast_to_the_type_of_the_field():
     assert build(Example, {"radius": 1.0, "limit": None}).limit is None
 
 
-def test_numbers_of_numpy_are_numbers():
+def test_numpy_numbers_are_accepted():
     assert cast("x", np.float32(0.5), float) == 0.5
     assert cast("x", np.int64(3), float) == 3.0
     assert type(cast("x", np.int64(3), int)) is int
@@ -42,7 +42,7 @@ def test_numbers_of_numpy_are_numbers():
         cast("x", np.True_, float)
 
 
-def test_truth_value_for_text_is_to_be_quoted():
+def test_error_of_boolean_for_text_suggests_quotes():
     with pytest.raises(ConfigError, match=r"expected one of 'x', 'y' \(quote it\), got True"):
         cast("axis", True, Literal["x", "y"])
 

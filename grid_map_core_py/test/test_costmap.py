@@ -193,19 +193,19 @@ def test_memory_stays_below_three_times_the_result(size):
 @pytest.mark.parametrize(
     "values", [(0, 0, 100, -1), (0, 99, 50, -1), (0, 99, math.inf, -1), (math.nan, 99, 100, -1)]
 )
-def test_a_table_ascends(values):
+def test_table_that_does_not_ascend_is_refused(values):
     with pytest.raises(GeometryError, match="free < inscribed < lethal"):
         CostTable(*values)
 
 
-def test_values_of_a_codec_are_numbers():
+def test_codec_values_that_are_no_numbers_are_refused():
     with pytest.raises(GeometryError, match="inscribed: expected a number, got None"):
         CostTable(0, None, 100, -1)
     with pytest.raises(GeometryError, match="data_max: expected a number, got 'high'"):
         CostRange(0, "high")
 
 
-def test_unknown_is_no_known_cost():
+def test_value_of_unknown_must_differ_from_known_costs():
     with pytest.raises(
         GeometryError, match="unknown: expected a value that no known cost has, got 0"
     ):

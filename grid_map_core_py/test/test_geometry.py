@@ -241,7 +241,7 @@ def test_invalid_grid_is_refused(arguments, message):
         ((2, 0), 0.1, "length: expected positive numbers"),
     ],
 )
-def test_a_grid_of_so_many_cells_is_checked_likewise(size, resolution, message):
+def test_invalid_size_in_cells_is_refused(size, resolution, message):
     with pytest.raises(GeometryError, match=message):
         GridGeometry.from_size(size, resolution)
 

@@ -207,7 +207,7 @@ def test_float_images_without_bounds_hold_the_values(terrain, dtype):
 
 
 @pytest.mark.parametrize("dtype", LEVELS)
-def test_without_bounds_the_finite_values_take_the_whole_range(terrain, dtype):
+def test_missing_bounds_are_the_range_of_finite_values(terrain, dtype):
     image = to_image(terrain, "elevation", dtype)
     values = in_map_order(terrain, "elevation")
     finite = np.isfinite(values)
@@ -288,7 +288,7 @@ def test_colors_round_trip_through_color_images(dtype, channels, order):
 @pytest.mark.parametrize("channels", [1, 4])
 @pytest.mark.parametrize("dtype", LEVELS)
 @given(grid_map=grid_maps(allow_infinity=False))
-def test_values_survive_an_image_but_for_its_levels(dtype, channels, grid_map):
+def test_values_round_trip_through_images_within_a_level(dtype, channels, grid_map):
     lower, upper = -1000.0, 1000.0
     image = to_image(grid_map, "elevation", dtype, channels, lower, upper)
     add_layer_from_image(grid_map, image, "again", lower, upper)
@@ -441,18 +441,18 @@ def test_memory_stays_below_three_times_the_result(dtype, channels, size):
         ({"upper": -np.inf}, r"two different finite float32 numbers, got \(-inf, -inf"),
     ],
 )
-def test_map_that_makes_no_image_is_refused(terrain, arguments, message):
+def test_invalid_arguments_of_to_image_are_refused(terrain, arguments, message):
     with pytest.raises(GeometryError, match=message):
         to_image(terrain, "elevation", **arguments)
 
 
-def test_a_range_of_values_is_one_that_float32_holds():
+def test_range_beyond_float32_needs_bounds():
     grid_map = GridMap((2, 1), 1.0, layers={"extreme": [[-3e38], [3e38]]})
     with pytest.raises(GeometryError, match=r"float32 numbers, got \(-3\S+e\+38, 3\S+e\+38"):
         to_image(grid_map, "extreme")
 
 
-def test_color_images_have_colors(terrain):
+def test_invalid_options_of_color_images_are_refused(terrain):
     with pytest.raises(GeometryError, match="channels: expected 3 or 4, got 1"):
         to_color_image(terrain, "elevation", channels=1)
     with pytest.raises(GeometryError, match="order: expected 'bgr' or 'rgb', got 'gbr'"):

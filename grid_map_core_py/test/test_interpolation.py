@@ -379,7 +379,7 @@ def test_one_position_gives_float_and_many_give_float64_array(method):
 
 
 @by_method
-def test_the_kind_of_array_does_not_matter(method):
+def test_layout_and_type_of_positions_do_not_matter(method):
     grid_map = bumpy()
     positions = np.round(np.random.default_rng(4).uniform(-14, 14, (9, 2)))
     expected = grid_map.at_position("a", positions, method)

@@ -249,7 +249,7 @@ class TestAddDataFrom:
         assert np.isnan(terrain["b"]).all()
         assert_maps_equal(terrain.without_layers("b"), before)
 
-    def test_no_layers_are_none(self, terrain):
+    def test_empty_list_of_layers_adds_nothing(self, terrain):
         before = terrain.copy()
         other = GridMap((2, 2), 1.0, (0, 0), {"elevation": 1.0})
         terrain.add_data_from(other, extend_map=False, overwrite_data=True, layers=[])

@@ -300,7 +300,7 @@ def test_memory_does_not_grow_with_density_of_cloud():
     assert peak < 20e6
 
 
-def test_many_points_at_one_place_take_no_time():
+def test_many_points_at_one_place_are_fast():
     """Sensors give (0, 0, 0) where they see nothing; a search tree makes one leaf of these."""
     same = np.zeros((99_000, 3))
     cloud = np.concatenate([same, [(0.01, 0.0, 1.0)]])
@@ -417,7 +417,7 @@ def test_voxels_too_small_to_be_counted_are_refused():
         downsample([(0, 0, 0), (1e9, 1e9, 1e9)], (1e-3, 1e-3, 1e-3))
 
 
-def test_finite_points_are_their_own_copy():
+def test_finite_points_are_copied():
     points = np.array([(0.0, 1, 2), (np.nan, 0, 0), (0, 0, -np.inf)])
     result = finite_points(points)
     result[...] = 7

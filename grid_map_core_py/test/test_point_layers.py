@@ -98,7 +98,7 @@ def test_points_beyond_the_height_limits_are_left_out(grid_map, cloud, low, span
     np.testing.assert_allclose(result["last"], expected["last"], rtol=1e-6)
 
 
-def test_the_height_limits_are_within():
+def test_height_limits_are_inclusive():
     points = [(0.5, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 0.5, 2.5)]
     result = rasterize(points, GridMap((4, 4), 1.0), ALL, min_height=1.0, max_height=2.0)
     assert result["count"][1, 1] == 2

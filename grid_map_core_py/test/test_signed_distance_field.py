@@ -130,7 +130,7 @@ def test_nodes_of_larger_maps_have_exact_distances():
         np.testing.assert_allclose(found, expected, **ROUND_OFF)
 
 
-def test_strips_do_not_show(monkeypatch):
+def test_result_does_not_depend_on_strips(monkeypatch):
     expected = hills_field().distances
     monkeypatch.setattr("grid_map_core_py.map._signed_distance_field._STRIP", 12)
     np.testing.assert_array_equal(hills_field().distances, expected)
@@ -230,7 +230,7 @@ def test_a_single_row_or_column_makes_the_field_constant_across(grid_map):
     assert np.isfinite(field.value(points)).all()
 
 
-def test_one_cell_is_a_field_over_z():
+def test_field_of_one_cell_varies_along_z_only():
     field = SignedDistanceField(flat((1, 1)), "elevation", 0.0, 0.1)
     assert field.shape == (1, 1, 2)
     np.testing.assert_allclose(field.value((5.0, -3.0, 1.0)), 0.75, **ROUND_OFF)

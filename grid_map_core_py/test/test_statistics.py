@@ -91,7 +91,7 @@ def test_reductions_skip_values_that_are_not_finite(values):
 
 
 @pytest.mark.parametrize("dtype", [np.int8, np.uint16, np.int64, bool, np.float16])
-def test_any_real_type_will_do(dtype):
+def test_all_real_types_are_accepted(dtype):
     values = np.array([[0, 1, 1], [1, 0, 1]], dtype=dtype)
     results = [function(values) for function in FUNCTIONS.values()]
     assert results == pytest.approx([6, 4, 4 / 6, 0, 1], rel=1e-12)
@@ -107,7 +107,7 @@ def test_masked_values_are_skipped():
 
 @pytest.mark.parametrize("infinities", [False, True])
 @pytest.mark.parametrize("view", ["whole", "every other row", "transposed"])
-def test_large_layers_and_views_of_them(view, infinities):
+def test_statistics_of_large_layers_and_their_views_are_right(view, infinities):
     rng = np.random.default_rng(5)
     values = np.asfortranarray(rng.normal(1e3, 1, (700, 401)).astype(np.float32))
     values[rng.random(values.shape) < 0.1] = np.nan

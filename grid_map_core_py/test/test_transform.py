@@ -234,7 +234,7 @@ def test_a_transform_that_is_not_rigid_is_refused(transform, message):
         grid_map.get_transformed_map(transform, "elevation", "new")
 
 
-def test_other_bad_arguments_are_refused():
+def test_invalid_arguments_are_refused():
     grid_map = GridMap((4, 2), 1.0, layers=["elevation"])
     with pytest.raises(LayerNotFoundError, match="no layer 'height'; available: elevation"):
         grid_map.get_transformed_map(np.eye(4), "height", "new")

@@ -250,7 +250,7 @@ def test_a_demo_that_waits_for_a_map_can_be_interrupted(tmp_path):
 # --- opencv_demo, resolution_change_demo ----------------------------------------------------------
 
 
-def test_the_star_is_blurred_by_the_kernel_of_the_moment():
+def test_kernel_size_follows_the_time_of_the_map():
     maps, _ = published("opencv_demo", count=25)
     expected = star_map("original", 0.01)
     image = to_image(expected, "original", np.uint16, 1, 0.0, 0.3)
@@ -274,7 +274,7 @@ def test_the_star_has_no_ground_with_transparency():
     assert heights.max() <= np.float32(0.3)
 
 
-def test_cells_have_the_size_of_the_moment():
+def test_resolution_follows_the_time_of_the_map():
     maps, _ = published("resolution_change_demo", count=5)
     for grid_map in maps:
         side = resolution_at(1e-9 * grid_map.timestamp)
@@ -286,7 +286,7 @@ def test_cells_have_the_size_of_the_moment():
     assert len({grid_map.resolution for grid_map in maps}) > 2
 
 
-def test_nearest_cells_know_only_star_and_nothing():
+def test_nearest_resampling_mixes_no_values():
     given = ("use_transparency:=true", "interpolation:=nearest", "publish_rate:=50")
     (grid_map, *_), _ = published("resolution_change_demo", *given)
     is_star = np.isfinite(grid_map["elevation"])

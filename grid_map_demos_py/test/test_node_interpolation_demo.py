@@ -40,7 +40,7 @@ TOPICS = ("/ground_truth", "/data_sparse", "/interpolated")
         ("Tanh", (9.0, -9.0), 0.0),
     ],
 )
-def test_a_world_has_its_height(world, position, height):
+def test_height_of_world_equals_computation_by_hand(world, position, height):
     x, y = np.transpose([position])
     assert WORLDS[world](x, y) == pytest.approx(height, abs=1e-5)
 

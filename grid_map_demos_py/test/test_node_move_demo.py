@@ -72,7 +72,7 @@ def assert_stayed(grid_map: GridMap, original: GridMap) -> None:
     np.testing.assert_array_equal(values[known], expected)
 
 
-def test_the_two_ways_take_turns():
+def test_move_and_position_take_turns():
     given = parameters("duration:=0.2")
     with peer() as other, running_node(f"grid_map_demos_py.{MODULE}", *given) as demo:
         other.wait_until(lambda: demo.text.count("position of the map") >= 4, "two turns of each")

@@ -70,7 +70,7 @@ def test_a_mean_weighs_the_finite_neighbors_by_their_distance():
     assert np.isnan(means).any()
 
 
-def test_noise_and_outliers_are_as_large_as_they_should_be():
+def test_noise_and_outliers_have_their_parameters():
     grid_map = surface_map("hill", 0.0)
     disturb(grid_map, 0.02, 0.1, np.random.default_rng(3))
     noise = grid_map["elevation_noisy"] - grid_map["elevation"]
@@ -81,7 +81,7 @@ def test_noise_and_outliers_are_as_large_as_they_should_be():
     assert np.abs(grid_map["elevation_filtered"] - grid_map["elevation"]).max() < 0.02
 
 
-def test_nothing_is_smoothed_where_nothing_is_disturbed():
+def test_smoothing_keeps_an_undisturbed_surface():
     grid_map = surface_map("cone", 0.0)
     disturb(grid_map, 0.0, 0.0, np.random.default_rng(3))
     np.testing.assert_array_equal(grid_map["elevation_filtered"], grid_map["elevation"])

@@ -28,7 +28,7 @@ def started(preparation: str) -> str:
     return done.stdout
 
 
-def test_group_works_in_process_1():
+def test_process_group_works_in_process_1():
     # Like process 1 of a container that runs nothing else.
     output = started("os.getpid = os.getppid = lambda: 1")
     assert "The Zen of Python" in output

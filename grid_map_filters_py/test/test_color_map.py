@@ -44,7 +44,7 @@ def test_ramp_is_linear_and_constant_beyond_its_ends():
     ],
     ids=["nested", "ROS 1", "mixed"],
 )
-def test_parameters_have_several_spellings(spelling):
+def test_nested_flat_and_field_parameters_are_equal(spelling):
     grid_map = terrain((4, 3), a=np.linspace(-2, 4, 12).reshape(4, 3))
     assert_maps_equal(color_map(grid_map, **spelling), color_map(grid_map, **RAMP))
 

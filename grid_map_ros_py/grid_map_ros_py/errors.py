@@ -52,7 +52,7 @@ class BagError(GridMapError):
 
 
 class NodeFailedError(GridMapError):
-    """A node that spins gives up: raised in a callback, it ends the executable with one message."""
+    """A callback finds that its node cannot continue: the executable ends with one message."""
 
 
 class RequestError(GridMapError):

@@ -282,7 +282,7 @@ def test_more_values_than_a_sequence_may_have_are_refused():
         view(raw + bytes(8), SolidPrimitive)
 
 
-def test_unknown_types_are_refused_by_name():
+def test_unknown_field_type_is_named():
     class Wide:
         @staticmethod
         def get_fields_and_field_types() -> dict[str, str]:
@@ -299,6 +299,6 @@ def test_unknown_types_are_refused_by_name():
         (Marker(points=[Point()], text="\ud800"), "text: expected a text that UTF-8 can hold"),
     ],
 )
-def test_texts_that_no_message_can_hold_are_not_serialized(message, text):
+def test_texts_that_no_message_can_hold_are_refused(message, text):
     with pytest.raises(MessageError, match=text):
         serialize(message)

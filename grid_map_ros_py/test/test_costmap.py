@@ -125,7 +125,7 @@ def test_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> No
         to_costmap(grid_map, "e", 0.0, 1.0)
 
 
-def test_costs_themselves_are_the_default_and_all_of_them_survive() -> None:
+def test_all_costs_round_trip_by_default() -> None:
     costs = np.arange(256).reshape(16, 16).astype(np.float32)
     costs[15, 15] = np.nan
     sent = GridMap((1.6, 1.6), 0.1, (5.0, -3.0), {"cost": costs})
@@ -146,7 +146,7 @@ def test_occupancies_become_costs_and_nothing_unknown_becomes_free() -> None:
     np.testing.assert_array_equal(np.round(back["occupancy"]), values)
 
 
-def test_century_of_costmap_2d_has_minus_one_for_unknown() -> None:
+def test_century_scale_reads_unknown_as_minus_one() -> None:
     grid_map = GridMap((1, 2), 1.0, layers={"cost": [[-1.0, math.nan]]})
     costs = to_costmap(grid_map, "cost", codec=CENTURY)
     assert costs.data.tolist() == [255, 255]

@@ -160,7 +160,7 @@ def test_octomap_files_may_hold_comments(comment, tmp_path):
 
 
 def test_full_octomap_files_are_loaded(tmp_path):
-    # A root with one child, number 7, which has none.
+    # A root whose only child, number 7, is a leaf.
     tree = struct.pack("<fBfB", 0.5, 0b1000_0000, 0.5, 0)
     head = b"# Octomap OcTree file\nid OcTree\nsize 2\nres 1e-4\ndata\n"
     (tmp_path / "tree.ot").write_bytes(head + tree)

@@ -57,7 +57,7 @@ def test_values_begin_after_the_data_offset() -> None:
 
 
 @pytest.mark.parametrize("strides", [(0, 0), (2, 1), (2, 6), (6, 2)])
-def test_strides_may_be_unset_or_counted_in_other_ways(strides: tuple[int, int]) -> None:
+def test_unset_and_other_valid_strides_are_accepted(strides: tuple[int, int]) -> None:
     message = to_multi_array(LAYER)
     for dim, stride in zip(message.layout.dim, strides, strict=True):
         dim.stride = stride

@@ -110,7 +110,7 @@ def test_failing_node_logs_one_error_and_fails(start: Start, habit: str, message
         ("buggy while it lives", "grid_map_core_py.errors.GridMapError"),
     ],
 )
-def test_bug_is_not_hidden(start: Start, habit: str, error: str) -> None:
+def test_unexpected_exception_keeps_its_traceback(start: Start, habit: str, error: str) -> None:
     process = start("living.py", habit)
     assert process.wait() == 1
     assert "Traceback" in process.text

@@ -119,7 +119,7 @@ def test_bounds_without_a_usable_difference_are_refused(bounds: tuple[float, flo
 
 
 @pytest.mark.parametrize("bound", ["high", None, [1.0]])
-def test_bound_is_a_number(bound: Any) -> None:
+def test_bound_that_is_no_number_is_refused(bound: Any) -> None:
     with pytest.raises(GridMapError, match="data_max: expected a number"):
         to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0.0, bound)
 

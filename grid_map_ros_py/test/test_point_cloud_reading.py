@@ -282,7 +282,7 @@ def test_field_with_name_of_height_layer_must_be_left_out() -> None:
 # --- bad messages ---------------------------------------------------------------------------------
 
 
-def test_grid_is_given_once() -> None:
+def test_grid_and_its_parameters_are_exclusive() -> None:
     cloud = xyz_cloud([(0, 0, 0)])
     with pytest.raises(ConfigError, match="'resolution': expected a number, or `onto`"):
         from_point_cloud(cloud)

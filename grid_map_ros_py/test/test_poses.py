@@ -86,7 +86,7 @@ def test_between_two_poses_the_robot_turns_evenly_the_short_way(share: float) ->
     assert math.cos(yaw_of(found) - turned) == pytest.approx(1.0)
 
 
-def test_points_are_moved_one_by_one() -> None:
+def test_transform_moves_points_in_double_precision() -> None:
     points = np.random.default_rng(2).uniform(-9, 9, (20, 3)).astype(np.float32)
     points[3, 1], points[4, 0] = math.nan, math.inf
     transform = from_xyz_rpy((5e6, -2, 3), (0.3, -0.4, 2.0))
@@ -111,7 +111,7 @@ def test_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) ->
         history(message)
 
 
-def test_quaternion_that_was_rounded_is_fine() -> None:
+def test_rounded_quaternion_is_accepted() -> None:
     matrix = to_matrix(Vector3(), Quaternion(z=0.7071, w=0.7071))
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
 
@@ -161,13 +161,13 @@ def test_time_reset_drops_earlier_poses() -> None:
     assert found[0, 3] == 9.0
 
 
-def test_two_poses_of_one_time_are_no_trouble() -> None:
+def test_poses_of_equal_time_are_accepted() -> None:
     known = history(pose(1, 1.0), pose(2, 2.0), pose(2, 3.0), pose(3, 4.0))
     for seconds in (1.5, 2, 2.5):
         assert known.at(round(seconds * SECOND)) is not None
 
 
-def test_sensor_sits_somewhere_on_the_robot() -> None:
+def test_pose_of_sensor_on_robot_is_applied() -> None:
     sensor = from_xyz_rpy((1, 0, 0.5), (0, 0, 0))
     placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place("lidar", SECOND)
     assert placement is not None

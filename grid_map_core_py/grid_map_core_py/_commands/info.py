@@ -11,7 +11,7 @@ from ..commands._maps import describe
 from ..commands._output import byte_count, coordinate, number, print_json, print_table, shown
 
 SECOND = 1_000_000_000
-"""Nanoseconds."""
+"""Nanoseconds in a second."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

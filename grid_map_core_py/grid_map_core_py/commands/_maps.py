@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..map import GridMap
 
 TimedMap: TypeAlias = "tuple[int | None, GridMap]"
-"""A map, and when it was recorded [ns] if that is known."""
+"""A map and its time of recording [ns], None if that is unknown."""
 
 STANDARD = "-"
 """Names standard input or output, which are of the format npz."""
@@ -180,7 +180,7 @@ def _source_format(options: argparse.Namespace) -> "tuple[Format, dict[str, Any]
 
 @contextmanager
 def _source(path: str) -> Iterator[Path]:
-    """Yield the file, or one with all of standard input, which cannot be read here and there."""
+    """Yield the file, or a copy of standard input, which has no random access."""
     if path != STANDARD:
         yield Path(path)
         return
@@ -199,7 +199,7 @@ def _source(path: str) -> Iterator[Path]:
 
 
 class Destination:
-    """Where maps go, as the arguments of `add_destination` say.
+    """Destination of maps, given by the arguments of `add_destination`.
 
     Args:
         options: the arguments.

@@ -29,7 +29,7 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Return a name from a file without characters that a terminal would obey."""
+    """Return a name from a file with control characters escaped."""
     return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
 
 

@@ -219,7 +219,7 @@ class PointCloudPipeline:
         return moved
 
     def _chunks(self, cells: Integers) -> Iterator[Integers]:
-        """Yield numbers (n,) of points in chunks of whole cells that hold neither few nor many."""
+        """Yield indices (n,) of points, chunk by chunk, without sparse and crowded cells."""
         order = np.argsort(cells, kind="stable")
         sizes = np.unique(cells, return_counts=True)[1]
         least, most = self.grid_map.min_num_points_per_cell, self.grid_map.max_num_points_per_cell
@@ -360,7 +360,7 @@ def _mean_distances(cloud: Positions, neighbors: int, workers: int) -> npt.NDArr
 
 
 _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
-"""Parameters that upstream writes as a mapping of three letters to numbers."""
+"""Parameters that upstream writes as a mapping, such as `{x: 0.1, y: 0.1, z: 0.1}`."""
 
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:

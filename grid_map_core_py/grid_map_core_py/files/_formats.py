@@ -30,7 +30,7 @@ class MapRecord(Protocol):
     """A map in a file that has not been read yet."""
 
     time: int
-    """When it was recorded [ns]."""
+    """Time of recording [ns]."""
 
     def grid_map(self, layers: Iterable[str] | None = None, *, unwrap: bool = True) -> GridMap:
         """Read the map; `unwrap=False` keeps its start index."""

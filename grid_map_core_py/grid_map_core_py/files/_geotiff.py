@@ -28,7 +28,7 @@ from ._shared import StoredMap, package_for, storage_errors
 _TAG = "GRID_MAP"
 
 _LARGEST_DIFFERENCE = 1e-6
-"""Between the sides of a pixel, as part of them."""
+"""Largest relative difference between the sides of a pixel."""
 
 
 def save_geotiff(

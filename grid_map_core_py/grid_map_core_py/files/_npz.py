@@ -32,7 +32,7 @@ _METADATA = "metadata"
 _LAYERS = "layers/"
 
 _LARGEST_METADATA = 2**24
-"""Bytes."""
+"""Maximum size [bytes]."""
 
 _LARGEST_RATIO = 1040
 """Deflate packs at most 1032 bytes into one."""

@@ -13,7 +13,7 @@ from ..errors import GridMapError
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _DEEPEST = 50
-"""Levels; the fast loader has no limit of its own and crashes."""
+"""Maximum number of nested levels; the fast loader crashes on very many."""
 
 
 def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:

@@ -191,7 +191,7 @@ class _Surface:
         return cells
 
     def _between(self, xy: Positions, *, closed_above: bool) -> tuple[Places, Positions]:
-        """Return between which rows and columns of cell centers coordinates (2, N) lie.
+        """Return the rows and columns of the cell centers beside coordinates (2, N).
 
         Args:
             closed_above: True if a coordinate on a center belongs to the interval below it, with
@@ -258,7 +258,7 @@ def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
 
 @lru_cache(maxsize=8)
 def _places(count: int, start: int, stride: int) -> Places:
-    """Return where in the flat buffer the cells -2 ... count + 1 of an axis lie.
+    """Return the places in the flat buffer of the cells -2 ... count + 1 of an axis.
 
     Beyond the map they repeat the border cell, which at the far border also serves positions that
     rounding takes one cell too far.

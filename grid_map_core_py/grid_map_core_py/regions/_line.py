@@ -89,8 +89,9 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
 
 
 def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float, float]:
-    """Return the fractions of a line where it enters and leaves the map; swapped if it misses it.
+    """Return the fractions of a line where it enters and leaves the map.
 
+    The first is larger than the second if the line misses the map.
     Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
     """
     enters, leaves = 0.0, 1.0

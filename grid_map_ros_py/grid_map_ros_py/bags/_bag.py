@@ -38,7 +38,7 @@ STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """Formats of the file in a new bag, with the endings of its name."""
 
 _Storage: TypeAlias = McapFile | SqliteFile
-"""If the file is damaged, its methods may raise any exception; call them within `bag_errors`."""
+"""The methods may raise any exception for a damaged file: call them within `bag_errors`."""
 
 _TOPIC_NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 _ROS1_MAGIC = b"#ROSBAG"
@@ -460,7 +460,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _open(path: Path) -> _Storage:
-    """Open a file whose format its first bytes tell."""
+    """Open a file in the format that its first bytes identify."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):

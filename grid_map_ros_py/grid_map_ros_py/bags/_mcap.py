@@ -31,7 +31,7 @@ LARGEST_CHUNK = 2**31
 """Bytes of a chunk, unpacked; no message that ROS can send is larger."""
 
 _CHUNK_SIZE = 768 * 1024
-"""Bytes after which a chunk is written; what rosbag2 takes."""
+"""Size [bytes] at which a chunk is written, the same as in rosbag2."""
 
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
@@ -91,7 +91,7 @@ class McapFile:
             raise
 
     def entries(self, topic: str) -> list[Entry]:
-        """Return the messages on a topic in time order, without reading them."""
+        """Return times and places of the messages on a topic, in time order."""
         channels = [key for key, channel in self._channels.items() if channel.topic == topic]
         found = [entry for key in channels for entry in self._entries_of(key)]
         # Messages with equal times keep the order of the file.
@@ -134,7 +134,7 @@ class McapFile:
         return start, end
 
     def _read_summary(self, place: tuple[int, int]) -> None:
-        """Read schemas, channels and where the chunks are; scan the file where that is missing."""
+        """Read schemas, channels and the places of chunks; scan the file if they are missing."""
         start, end = place
         self._chunks: list[Any] = []
         self._counts: dict[int, int] | None = None

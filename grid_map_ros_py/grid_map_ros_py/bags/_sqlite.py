@@ -90,7 +90,7 @@ class SqliteFile:
             raise
 
     def entries(self, topic: str) -> list[Entry]:
-        """Return the messages on a topic in time order, without reading them."""
+        """Return times and places of the messages on a topic, in time order."""
         # Reads the table itself, because a damaged index would hide rows.
         query = """
             SELECT timestamp, messages.id FROM messages NOT INDEXED

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from grid_map_msgs.msg import GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
-"""The message has room for a uint16."""
+"""The message holds the start index as uint16."""
 
 LARGEST_SIDE = 2**31
-"""Cells along a side; no map has more."""
+"""Maximum number of cells along a side."""
 
 
 # --- writing --------------------------------------------------------------------------------------
