@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from enum import Enum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
-from ..arrays._pieces import CHUNK, chunks
+from ..arrays._pieces import chunks
 from ..errors import GridMapError, OutOfMapError
 from ._geometry import GridGeometry
 
@@ -73,52 +73,13 @@ def interpolate(
     surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
     positions = as_positions(positions)
     points = positions.reshape(-1, 2)
-    values, scratch = np.empty(len(points)), _Scratch(min(len(points), CHUNK))
+    values = np.empty(len(points))
     # An infinite cell with weight 0 gives NaN; the simpler method is then used.
     with np.errstate(invalid="ignore"):
         for part in chunks(points):
             xy = surface.coordinates(points[part])
-            values[part] = surface.values(xy, method, scratch)
+            values[part] = surface.values(xy, method)
     return float(values[0]) if positions.ndim == 1 else values.reshape(positions.shape[:-1])
-
-
-class _Around(NamedTuple):
-    """Arrays of the K x K cells around N positions.
-
-    Attributes:
-        places: (2, K, N) offsets of the rows and of the columns in the flat buffer.
-        weights: (K, 2, N) of the rows and the columns.
-        indices: (K, K, N) of the cells in the flat buffer, column by column.
-        cells: (K, K, N) their values.
-    """
-
-    places: Places
-    weights: Positions
-    indices: Places
-    cells: npt.NDArray[np.float32]
-
-
-class _Scratch:
-    """Memory for the cells around a chunk of positions, reused for all chunks.
-
-    Allocation for every chunk can take several times as long as the arithmetic.
-    """
-
-    def __init__(self, positions: int) -> None:
-        self._memory = np.empty((2 * 4 + 4 * 2 + 4 * 4 + 4 * 4 // 2) * positions)
-
-    def around(self, reach: int, positions: int) -> _Around:
-        """Return arrays for `reach` x `reach` cells; they overlay those returned before."""
-        along, across = reach * positions, reach * reach * positions
-        memory = self._memory
-        return _Around(
-            places=memory[: 2 * along].view(np.intp).reshape(2, reach, positions),
-            weights=memory[2 * along : 4 * along].reshape(reach, 2, positions),
-            indices=memory[4 * along :][:across].view(np.intp).reshape(reach, reach, positions),
-            cells=memory[4 * along + across :][: across // 2]
-            .view(np.float32)
-            .reshape(reach, reach, positions),
-        )
 
 
 class _Surface:
@@ -148,9 +109,7 @@ class _Surface:
                 )
         return xy
 
-    def values(
-        self, xy: Positions, method: Interpolation, scratch: _Scratch
-    ) -> npt.NDArray[np.floating[Any]]:
+    def values(self, xy: Positions, method: Interpolation) -> npt.NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
         if method is Interpolation.NEAREST:
             rows, columns = self._cells(xy).astype(np.intp)
@@ -158,29 +117,29 @@ class _Surface:
             places += self._places[1][_PADDING:].take(columns, mode="clip")
             nearest: npt.NDArray[np.float32] = self._data.take(places, mode="clip")
             return nearest
-        values = self._weighted_sums(xy, method, scratch)
+        values = self._weighted_sums(xy, method)
         missing = np.flatnonzero(~np.isfinite(values))
         if missing.size:
             rest = xy.take(missing, axis=1)
-            values[missing] = self.values(rest, _FALLBACKS[method], scratch)
+            values[missing] = self.values(rest, _FALLBACKS[method])
         return values
 
-    def _weighted_sums(self, xy: Positions, method: Interpolation, scratch: _Scratch) -> Positions:
+    def _weighted_sums(self, xy: Positions, method: Interpolation) -> Positions:
         # As in C++, a position on a line of centers uses the cells on one side only.
         below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
-        around = scratch.around(2 if method is Interpolation.LINEAR else 4, xy.shape[1])
-        _set_weights(around.weights, t)
+        reach = 2 if method is Interpolation.LINEAR else 4
+        weights = np.empty((reach, *t.shape))
+        _set_weights(weights, t)
         if method is Interpolation.CUBIC:
-            _continue_slopes(around.weights, below, self._geometry.size)
+            _continue_slopes(weights, below, self._geometry.size)
         # Half of the neighbors along an axis are below each position.
-        for places, known, nearest_below in zip(around.places, self._places, below, strict=True):
-            for step, out in enumerate(places, start=1 - len(places) // 2):
-                known[_PADDING - step :].take(nearest_below, mode="clip", out=out)
-        rows, columns = around.places
-        np.add(rows, columns[:, np.newaxis], out=around.indices)
-        self._data.take(around.indices, mode="clip", out=around.cells)
-        sums = np.einsum("crn,rn->cn", around.cells, around.weights[:, 0])
-        values: Positions = np.einsum("cn,cn->n", sums, around.weights[:, 1])
+        rows, columns = offsets = np.empty((2, reach, xy.shape[1]), np.intp)
+        for known, numbers, outs in zip(self._places, below, offsets, strict=True):
+            for step, out in enumerate(outs, start=1 - reach // 2):
+                known[_PADDING - step :].take(numbers, mode="clip", out=out)
+        cells = self._data.take(rows + columns[:, np.newaxis], mode="clip")
+        sums = np.einsum("crn,rn->cn", cells, weights[:, 0])
+        values: Positions = np.einsum("cn,cn->n", sums, weights[:, 1])
         return values
 
     def _cells(self, xy: Positions) -> Positions:
