@@ -79,12 +79,6 @@ def test_costs_become_the_layers_of_cpp():
         assert_maps_equal(result, golden.to_map(case["result"]))
 
 
-@pytest.mark.parametrize("bounds", [(0.1, 0.1), (0, math.inf), (math.nan, 1), (0, 1e-60)])
-def test_a_range_has_two_different_finite_bounds(bounds):
-    with pytest.raises(GeometryError, match="two different finite float32 numbers"):
-        CostRange(*bounds)
-
-
 def test_the_century_is_the_scale_of_occupancy_grids():
     np.testing.assert_array_equal(CENTURY.to_values([0, 253, 254, 255]), [0, 99, 100, -1])
     values = CENTURY.to_values(ALL_COSTS)
@@ -191,25 +185,24 @@ def test_memory_stays_below_three_times_the_result(size):
 
 
 @pytest.mark.parametrize(
-    "values", [(0, 0, 100, -1), (0, 99, 50, -1), (0, 99, math.inf, -1), (math.nan, 99, 100, -1)]
+    ("codec", "values", "message"),
+    [
+        (CostTable, (0, 0, 100, -1), "free < inscribed < lethal"),
+        (CostTable, (0, 99, 50, -1), "free < inscribed < lethal"),
+        (CostTable, (0, 99, math.inf, -1), "free < inscribed < lethal"),
+        (CostTable, (math.nan, 99, 100, -1), "free < inscribed < lethal"),
+        (CostTable, (0, None, 100, -1), "inscribed: expected a number, got None"),
+        (CostTable, (0, 99, 100, 0), "unknown: expected a value that no known cost has, got 0"),
+        *(
+            (CostRange, bounds, "two different finite float32 numbers")
+            for bounds in [(0.1, 0.1), (0, math.inf), (math.nan, 1), (0, 1e-60)]
+        ),
+        (CostRange, (0, "high"), "data_max: expected a number, got 'high'"),
+    ],
 )
-def test_table_that_does_not_ascend_is_refused(values):
-    with pytest.raises(GeometryError, match="free < inscribed < lethal"):
-        CostTable(*values)
-
-
-def test_codec_values_that_are_no_numbers_are_refused():
-    with pytest.raises(GeometryError, match="inscribed: expected a number, got None"):
-        CostTable(0, None, 100, -1)
-    with pytest.raises(GeometryError, match="data_max: expected a number, got 'high'"):
-        CostRange(0, "high")
-
-
-def test_value_of_unknown_must_differ_from_known_costs():
-    with pytest.raises(
-        GeometryError, match="unknown: expected a value that no known cost has, got 0"
-    ):
-        CostTable(0, 99, 100, 0)
+def test_invalid_codec_is_refused(codec, values, message):
+    with pytest.raises(GeometryError, match=message):
+        codec(*values)
 
 
 @pytest.mark.parametrize("costs", [[-1], [256], [0.5], "free", None])
@@ -219,25 +212,19 @@ def test_costs_are_bytes(costs):
             codec.to_values(costs)
 
 
-def test_a_costmap_has_as_many_costs_as_cells():
-    costmap = to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
-    broken = SimpleNamespace(**{**vars(costmap), "size_x": 4})
-    with pytest.raises(GeometryError, match=r"expected 4 x 2 costs, got \(6,\)"):
-        from_costmap(broken, "cost", DIRECT)
-    with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
-        to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "height", DIRECT)
-
-
 @pytest.mark.parametrize(
     ("attribute", "value", "message"),
     [
+        ("size_x", 4, r"expected 4 x 2 costs, got \(6,\)"),
         ("size_x", 2.5, "size_x, size_y: expected integers"),
         ("resolution", "fine", "resolution: expected a number, got 'fine'"),
         ("resolution", 0.0, "resolution: expected a positive number"),
         ("origin_x", math.nan, "origin_x, origin_y: expected two finite numbers"),
     ],
 )
-def test_costmap_without_origin_is_refused(attribute, value, message):
+def test_invalid_costmap_is_refused(attribute, value, message):
     costmap = to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "cost", DIRECT)
     with pytest.raises(GeometryError, match=message):
         from_costmap(SimpleNamespace(**{**vars(costmap), attribute: value}), "cost", DIRECT)
+    with pytest.raises(LayerNotFoundError, match="no layer 'height'"):
+        to_costmap(GridMap((3, 2), 1.0, layers={"cost": 0.0}), "height", DIRECT)

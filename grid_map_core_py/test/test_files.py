@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMapError, color_value_to_vector
-from grid_map_core_py.conversions import from_mesh, from_points
+from grid_map_core_py.conversions import from_mesh
 from grid_map_core_py.files import load_mesh, load_points
 
 # Optional under ROS, because rosdep has no key for them; `make test` installs both.
@@ -78,22 +78,12 @@ PCD_DATA = {"ascii": TEXT, "binary": BINARY, "binary_compressed": COMPRESSED}
 
 @pytest.mark.parametrize("data", PCD_DATA)
 def test_a_pcd_file_gives_points_and_fields(write, data):
-    points, fields = load_points(write("cloud.pcd", pcd_header(data), PCD_DATA[data]))
+    points, fields = load_points(write("cloud.PCD", pcd_header(data), PCD_DATA[data]))
     assert points.dtype == np.float32
     np.testing.assert_array_equal(points, XYZ)
     assert list(fields) == ["intensity", "rgb"]
     np.testing.assert_array_equal(fields["intensity"], INTENSITY)
     np.testing.assert_array_equal(np.rint(255 * color_value_to_vector(fields["rgb"])), RGB)
-
-
-def test_the_points_and_fields_of_a_file_make_a_map(write):
-    path = write("cloud.PCD", pcd_header("binary"), BINARY)
-    points, fields = load_points(str(path))
-    grid_map = from_points(points, 1.0, fields=fields)
-    assert grid_map.layers == ("elevation", "intensity", "rgb")
-    assert grid_map["elevation"][grid_map.get_index((1, 2))] == -2.25
-    color = color_value_to_vector(grid_map["rgb"][grid_map.get_index((1, 0))])
-    np.testing.assert_allclose(255 * color, (1, 2, 3))
 
 
 def test_a_pcd_file_of_one_point_and_of_doubles(write):

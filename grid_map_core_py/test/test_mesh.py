@@ -185,6 +185,7 @@ def test_a_mesh_without_extent_or_faces():
         (SQUARE, [(0, 1)], r"faces: expected integers of shape \(F, 3\)"),
         (SQUARE, [0, 1, 2], r"faces: expected integers of shape \(F, 3\)"),
         (SQUARE, [(0.0, 1.0, 2.0)], "faces: expected integers"),
+        (SQUARE, [(0, 1, 2), (0, 1, 2, 3)], "faces: expected the same number of vertices"),
         (SQUARE, [(0, 1, 4)], "faces: expected vertices from 0 to 3, got 0 to 4"),
         (SQUARE, [(-1, 1, 2)], "faces: expected vertices from 0 to 3, got -1 to 2"),
     ],
@@ -194,11 +195,6 @@ def test_invalid_mesh_is_refused(vertices, faces, message):
     with pytest.raises(GeometryError, match=message):
         rasterize_triangles(vertices, faces, grid_map)
     assert grid_map.layers == ()
-
-
-def test_ragged_faces_are_refused():
-    with pytest.raises(GridMapError, match="faces"):
-        rasterize_triangles(SQUARE, [(0, 1, 2), (0, 1, 2, 3)], GridMap((1, 1), 0.5))
 
 
 def test_memory_grows_with_cells_only():

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
@@ -80,14 +80,6 @@ def test_numpy_alone_can_read_it(path):
         np.testing.assert_array_equal(file["layers/elevation"], np.arange(12.0).reshape(4, 3))
         metadata = json.loads(str(file["metadata"]))
     assert (metadata["size"], metadata["timestamp"]) == ([4, 3], 2**60)
-
-
-def test_only_the_wanted_layers_are_read(path):
-    save_npz(sample_map(), path)
-    loaded = load_npz(path, layers=["variance"])
-    assert (loaded.layers, loaded.basic_layers) == (("variance",), ())
-    with pytest.raises(LayerNotFoundError):
-        load_npz(path, layers=["slope"])
 
 
 # --- damaged files --------------------------------------------------------------------------------
