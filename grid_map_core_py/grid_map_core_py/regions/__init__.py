@@ -11,10 +11,17 @@
 """
 
 from ..map._geometry import BORDER_TOLERANCE
-from ._cells import cells_to_mask, map_cells, submap_cells
 from ._line import line_cells, line_cells_between
 from ._polygon import Polygon
-from ._shapes import circle_cells, ellipse_cells, half_chords, polygon_cells
+from ._shapes import (
+    cells_to_mask,
+    circle_cells,
+    ellipse_cells,
+    half_chords,
+    map_cells,
+    polygon_cells,
+    submap_cells,
+)
 from ._sliding_window import sliding_windows, window_array
 from ._spiral import spiral_cells
 

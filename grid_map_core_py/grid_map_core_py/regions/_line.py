@@ -12,7 +12,7 @@ from ..errors import OutOfMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
-from ._cells import empty_cells
+from ._shapes import empty_cells
 
 
 def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
@@ -74,25 +74,10 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
 def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
     """Return the first and the last cell of a line clipped to the map.
 
+    Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
+
     Raises:
         OutOfMapError: there is no such part.
-    """
-    enters, leaves = _cuts(geometry, ends, on_map)
-    if enters <= leaves:
-        fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
-        cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
-        # The borders at -x and -y are outside, and so is the middle of a line along them.
-        if found.any():
-            return cells[0][:2], cells[1][:2]
-    start, end = map(as_text, ends)
-    raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
-
-
-def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float, float]:
-    """Return the fractions of a line where it enters and leaves the map.
-
-    The first is larger than the second if the line misses the map.
-    Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
     """
     enters, leaves = 0.0, 1.0
     lower = (geometry.position - 0.5 * geometry.length).tolist()
@@ -104,8 +89,17 @@ def _cuts(geometry: GridGeometry, ends: Positions, on_map: Mask) -> tuple[float,
             cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))
             enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
         elif not (low <= a <= high or on_map.any()):
-            return 1.0, 0.0
+            enters, leaves = 1.0, 0.0
     # Rounding may put an end that is on the border outside.
     if on_map[0]:
-        return 0.0, max(leaves, 0.0)
-    return (min(enters, 1.0), 1.0) if on_map[1] else (enters, leaves)
+        enters, leaves = 0.0, max(leaves, 0.0)
+    elif on_map[1]:
+        enters, leaves = min(enters, 1.0), 1.0
+    if enters <= leaves:
+        fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
+        cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
+        # The borders at -x and -y are outside, and so is the middle of a line along them.
+        if found.any():
+            return cells[0][:2], cells[1][:2]
+    start, end = map(as_text, ends)
+    raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")

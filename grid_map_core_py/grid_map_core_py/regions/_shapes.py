@@ -1,20 +1,81 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Cells of discs, ellipses and polygons, and chords of discs."""
+"""Cells of the whole map, of blocks, discs, ellipses and polygons; masks of cells."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Cells, Integers, Mask, Positions, as_finite, as_pair
+from ..arrays._checks import Cells, Integers, Mask, Positions, as_finite, as_pair, as_size
 from ..errors import GeometryError
 from ..map._geometry import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
-from ._cells import bands, cells_of_mask, cells_of_runs, checked_radius, empty_cells
+from ..map._ring_buffer import place
 from ._polygon import Polygon, edge_x
+
+_BAND = 2**13  # number of cells in a band, whose temporaries fit into the cache
+
+
+def map_cells(grid_map: GridMap) -> Cells:
+    """Return all cells (rows, cols), column after column of the buffer."""
+    rows, columns = grid_map.size
+    cells = empty_cells(rows * columns)
+    cells[0].reshape(columns, rows)[...] = np.arange(rows)
+    cells[1].reshape(columns, rows)[...] = np.arange(columns)[:, None]
+    return cells
+
+
+def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> Cells:
+    """Return the cells (rows, cols) of a block, row after row of the map.
+
+    Cells beyond the map are left out.
+
+    Args:
+        start_index: buffer index of the block's cell with the largest x and y.
+        size: rows and columns of the block, not negative.
+
+    Raises:
+        OutOfMapError: the start index is not on the map.
+        GeometryError: a size is negative.
+    """
+    start, extent = as_size(start_index, "start_index"), as_size(size, "size")
+    grid_map.geometry.check_cells(start)
+    if min(extent) < 0:
+        raise GeometryError(f"size: expected no negative numbers, got {extent}")
+    rows, columns = (
+        np.arange(min(count, cells - (cell - first) % cells))
+        for count, cell, first, cells in zip(
+            extent, start, grid_map.start_index, grid_map.size, strict=True
+        )
+    )
+    place(rows, 0, start[0], grid_map.size[0])
+    place(columns, 0, start[1], grid_map.size[1])
+    return rows.repeat(columns.size), np.tile(columns, rows.size)
+
+
+def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
+    """Return a mask (rows, cols) of the layers that is True in the given cells.
+
+    Masks combine with `&`, `|` and `~`:
+
+        ring = cells_to_mask(grid_map, circle_cells(grid_map, (0, 0), 2.0))
+        ring &= ~cells_to_mask(grid_map, circle_cells(grid_map, (0, 0), 1.0))
+        grid_map["elevation"][ring] = np.nan
+
+    Args:
+        cells: (rows, cols), as the regions return them, or (N, 2); buffer indices.
+
+    Raises:
+        OutOfMapError: there is no such cell.
+    """
+    chosen = grid_map.geometry.check_cells(cells, "cells")
+    mask: Mask = np.zeros(grid_map.size, dtype=np.bool_, order="F")
+    mask[chosen] = True
+    return mask
 
 
 def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
@@ -37,7 +98,12 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     half = half_chords(limit, x[rows] - center[0])
     start = (-y).searchsorted(-(center[1] + half), side="left")
     stop = (-y).searchsorted(-(center[1] - half), side="right")
-    return cells_of_runs(grid_map, rows.start, start, stop)
+    counts = np.maximum(stop - start, 0)
+    lines, columns = np.arange(counts.size), np.arange(int(counts.sum()))
+    columns += (start - counts.cumsum() + counts).repeat(counts)
+    place(lines, rows.start, grid_map.start_index[0], grid_map.size[0])
+    place(columns, 0, grid_map.start_index[1], grid_map.size[1])
+    return lines.repeat(counts), columns
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
@@ -91,9 +157,9 @@ def ellipse_cells(
 
     mask: Mask = np.empty((x.size, y.size), dtype=np.bool_)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for band in bands(mask):
+        for band in _bands(mask):
             mask[band] = is_inside(x[band])
-    return cells_of_mask(grid_map, rows, columns, mask)
+    return _cells_of_mask(grid_map, rows, columns, mask)
 
 
 def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
@@ -120,7 +186,7 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     np.add.at(flips.reshape(-1), first_below * y.size + crossed, np.uint8(1))
     np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
     flips &= 1
-    return cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
+    return _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
 
 
 def _crossings(y: Positions, vertices: Positions) -> tuple[Positions, Positions, Integers]:
@@ -135,3 +201,38 @@ def _crossings(y: Positions, vertices: Positions) -> tuple[Positions, Positions,
     edges = np.arange(len(vertices)).repeat(counts)
     columns = np.arange(edges.size) + (first + counts - counts.cumsum()).repeat(counts)
     return vertices[edges], vertices[edges - 1], columns
+
+
+def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
+    """Return the cells (rows, cols) of a block where `mask` is true, row after row."""
+    cells = empty_cells(int(np.count_nonzero(mask)))
+    width, done = mask.shape[1], 0
+    for band in _bands(mask):
+        (found,) = mask[band].ravel().nonzero()
+        row, column = (numbers[done : done + found.size] for numbers in cells)
+        # NumPy divides unsigned integers faster, and multiplication is faster than `%`.
+        np.floor_divide(found.view(np.uint64), np.uint64(width), out=row.view(np.uint64))
+        np.multiply(row, -width, out=column)
+        column += found
+        place(row, rows.start + band.start, grid_map.start_index[0], grid_map.size[0])
+        place(column, columns.start, grid_map.start_index[1], grid_map.size[1])
+        done += found.size
+    return cells
+
+
+def _bands(mask: Mask) -> Iterator[slice]:
+    """Yield slices of rows whose cells fit into the cache."""
+    step = max(_BAND // max(mask.shape[1], 1), 1)
+    for first in range(0, mask.shape[0], step):
+        yield slice(first, first + step)
+
+
+def empty_cells(count: int) -> Cells:
+    """Return uninitialized `count` rows and columns."""
+    rows, columns = np.empty((2, count), dtype=np.int64)
+    return rows, columns
+
+
+def checked_radius(radius: float) -> float:
+    """Return a checked radius [m], enlarged by the tolerance of the closed rim."""
+    return as_finite(radius, "radius", least=0.0) + BORDER_TOLERANCE

@@ -14,8 +14,7 @@ from ..arrays._checks import Cells, Integers, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ..map._ring_buffer import close_ring, place
-from ._cells import checked_radius, empty_cells
-from ._shapes import circle_cells
+from ._shapes import checked_radius, circle_cells, empty_cells
 
 # Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells.
 KEPT_RINGS = 128
