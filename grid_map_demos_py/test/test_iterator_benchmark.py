@@ -82,7 +82,7 @@ def test_interrupt_leaves_no_traceback():
     command = [sys.executable, "-m", BENCHMARK, "1500"]
     benchmark = Process(command)
     wait_until(lambda: "larger" in benchmark.text, "the beginning of the table")
-    benchmark.send(signal.SIGINT)
+    benchmark.send_signal(signal.SIGINT)
     assert benchmark.wait() == 130
     assert "Traceback" not in benchmark.text
 

@@ -103,7 +103,7 @@ def test_filters_demo_ignores_ros_arguments_and_runs_until_interrupted():
         first.timestamp = second.timestamp
         assert_maps_equal(first, second)
         lives(demo)
-        demo.send(signal.SIGINT)
+        demo.send_signal(signal.SIGINT)
         assert demo.wait() == 0
     assert living(mark) == []
     assert "Traceback" not in demo.text
@@ -116,14 +116,14 @@ def test_filters_demo_is_shown_in_the_browser():
     wait_until(lambda: pattern.search(demo.text), "the address of the page")
     with urlopen(pattern.search(demo.text)[1], timeout=30) as answer:
         assert b"<html" in answer.read()
-    demo.send(signal.SIGINT)
+    demo.send_signal(signal.SIGINT)
     assert demo.wait() == 0
     assert living(mark) == []
     assert "Traceback" not in demo.text
 
 
 def interrupt(demo: Process, mark: str, folder: Path) -> None:
-    demo.send(signal.SIGINT)
+    demo.send_signal(signal.SIGINT)
     assert demo.wait() == 1, demo.text
     assert living(mark) == []
     assert "Traceback" not in demo.text, demo.text

@@ -27,7 +27,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.utilities import try_shutdown
 
-from .nodes._qos import map_qos
+from .nodes._topics import map_qos
 
 __all__ = [
     "TIMEOUT",
@@ -53,12 +53,6 @@ TIMEOUT = 30.0
 """Seconds to wait for anything before a test fails."""
 
 
-@cache
-def reserved_domain() -> tuple[int, socket.socket]:
-    """Return the ROS domain that this process has reserved for its tests, and its lock."""
-    return reserve_domain()
-
-
 def reserve_domain() -> tuple[int, socket.socket]:
     """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
 
@@ -76,6 +70,10 @@ def reserve_domain() -> tuple[int, socket.socket]:
             atexit.register(lock.close)
             return domain, lock
     raise RuntimeError(f"all {DOMAINS} ROS domains are taken by other tests")
+
+
+reserved_domain = cache(reserve_domain)
+"""Return the ROS domain that this process has reserved for its tests, and its lock."""
 
 
 def environment(domain: int | None = None) -> dict[str, str]:
@@ -106,8 +104,12 @@ def wait_until(
         step()
 
 
-class Process:
-    """A process whose output is collected while it runs.
+class Process(subprocess.Popen[str]):
+    """A process whose output is collected while it runs; it leads a process group of its own.
+
+    Args:
+        command: the program and its arguments.
+        overrides: variables that differ from those of `environment`.
 
     Attributes:
         lines: its output so far, standard output and error together.
@@ -115,7 +117,7 @@ class Process:
 
     def __init__(self, command: Sequence[str], overrides: Mapping[str, str] | None = None) -> None:
         self.lines: list[str] = []
-        self._popen = subprocess.Popen(
+        super().__init__(
             list(command),
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -133,22 +135,13 @@ class Process:
         return "".join(self.lines)
 
     @property
-    def pid(self) -> int:
-        """Id of the process and of its process group."""
-        return self._popen.pid
-
-    @property
     def is_running(self) -> bool:
         """True until the process ends."""
-        return self._popen.poll() is None
+        return self.poll() is None
 
-    def send(self, number: signal.Signals) -> None:
-        """Send a signal to the process, not to its children."""
-        self._popen.send_signal(number)
-
-    def wait(self, timeout: float = TIMEOUT) -> int:
+    def wait(self, timeout: float | None = TIMEOUT) -> int:
         """Wait until the process ends and return its exit code."""
-        code = self._popen.wait(timeout)
+        code = super().wait(timeout)
         self._reader.join(timeout)
         return code
 
@@ -159,8 +152,8 @@ class Process:
         self.wait()
 
     def _read(self) -> None:
-        assert self._popen.stdout is not None
-        with self._popen.stdout as output:
+        assert self.stdout is not None
+        with self.stdout as output:
             for line in output:
                 self.lines.append(line)
 
@@ -185,7 +178,7 @@ def running(process: Process) -> Iterator[Process]:
     try:
         yield process
         assert process.is_running, process.text
-        process.send(signal.SIGINT)
+        process.send_signal(signal.SIGINT)
         assert process.wait() == 0, process.text
         assert "Traceback" not in process.text, process.text
     finally:

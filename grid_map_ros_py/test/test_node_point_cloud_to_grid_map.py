@@ -158,7 +158,7 @@ def test_mapping_survives_a_killed_node_and_broken_clouds(
             other_side.wait_until(lambda: len(maps_after(begin)) >= 8, "maps of a moving robot")
             other_side.wait_until(lambda: "dropped a cloud" in node.text, "a report")
         finally:
-            node.send(signal.SIGKILL)
+            node.send_signal(signal.SIGKILL)
             node.wait()
         assert "poses: odometry" in node.text
         assert "dropped a cloud: data: expected" in node.text

@@ -44,7 +44,7 @@ def wait_until_alive(process: Process) -> None:
 
 def interrupt_until_it_ends(process: Process) -> None:
     def interrupt() -> None:
-        process.send(signal.SIGINT)
+        process.send_signal(signal.SIGINT)
         time.sleep(0.01)  # Thousands of interrupts would also disturb Python itself.
 
     wait_until(lambda: not process.is_running, "its end", step=interrupt)
@@ -57,7 +57,7 @@ def test_signal_ends_the_node_with_exit_code_0(
 ) -> None:
     process = start("living.py", habit)
     wait_until_alive(process)
-    process.send(number)
+    process.send_signal(number)
     assert process.wait() == 0
     assert process.lines == ["alive\n", "destroyed\n"]
 

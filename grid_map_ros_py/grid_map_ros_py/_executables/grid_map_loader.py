@@ -8,11 +8,8 @@ from rclpy.node import Node
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ..bags._bag import load_from_bag
-from ..messages._grid_map import to_serialized_message
-from ..nodes._parameters import read_parameter, read_topic
-from ..nodes._qos import map_qos
-from ..nodes._spin import run
+from .. import load_from_bag, to_serialized_message
+from ..nodes import map_qos, read_parameter, read_topic, run
 
 LONGEST = 1e9
 """Longest lifespan [s] that a parameter may ask for."""

@@ -7,12 +7,9 @@ from rclpy.utilities import try_shutdown
 
 from grid_map_core_py.errors import GridMapError
 
-from ..bags._bag import BagWriter
-from ..errors import MessageError, NodeFailedError
-from ..messages._grid_map import ReceivedMap
-from ..nodes._parameters import read_parameter, read_topic
-from ..nodes._spin import run
-from ..nodes._subscription import MapSubscription
+from .. import BagWriter, MessageError, ReceivedMap
+from ..errors import NodeFailedError
+from ..nodes import MapSubscription, read_parameter, read_topic, run
 
 
 class GridMapSaverNode(Node):

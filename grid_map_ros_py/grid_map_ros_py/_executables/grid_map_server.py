@@ -25,21 +25,19 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
-from .._mapping.map_server import part, path_inside
-from ..bags._bag import STORAGES, load_from_bag, save_to_bag
-from ..errors import RequestError
-from ..messages._grid_map import (
+from .. import (
     ReceivedMap,
     from_message,
-    to_info,
+    load_from_bag,
+    save_to_bag,
     to_message,
     to_serialized_message,
 )
-from ..nodes._parameters import read_parameter, read_topic
-from ..nodes._qos import map_qos
-from ..nodes._spin import run
-from ..nodes._subscription import MapSubscription
-from ..nodes._throttle import LogThrottle
+from .._mapping.map_server import part, path_inside
+from ..bags._bag import STORAGES
+from ..errors import RequestError
+from ..messages._grid_map import to_info
+from ..nodes import LogThrottle, MapSubscription, map_qos, read_parameter, read_topic, run
 
 
 class GridMapServerNode(Node):

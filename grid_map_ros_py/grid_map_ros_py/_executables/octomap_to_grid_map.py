@@ -10,14 +10,18 @@ from rclpy.node import Node
 from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ..messages._grid_map import to_serialized_message
-from ..messages._octomap import from_octomap
+from .. import from_octomap, to_serialized_message
 from ..messages._packages import messages_of
-from ..nodes._parameters import read_parameter, read_positive, read_topic
-from ..nodes._qos import map_qos
-from ..nodes._spin import run, steady_timer
-from ..nodes._subscription import LatchedSubscription
-from ..nodes._throttle import LogThrottle
+from ..nodes import (
+    LatchedSubscription,
+    LogThrottle,
+    map_qos,
+    read_parameter,
+    read_positive,
+    read_topic,
+    run,
+    steady_timer,
+)
 
 NAME = "octomap_to_grid_map"
 

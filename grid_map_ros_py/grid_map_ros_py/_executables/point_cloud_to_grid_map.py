@@ -19,14 +19,10 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
+from .. import to_serialized_message
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
-from ..messages._grid_map import to_serialized_message
-from ..nodes._parameters import read_parameter
-from ..nodes._qos import map_qos
-from ..nodes._spin import run, steady_timer
-from ..nodes._tf_poses import TfPoses, has_tf
-from ..nodes._throttle import LogThrottle
+from ..nodes import LogThrottle, TfPoses, has_tf, map_qos, read_parameter, run, steady_timer
 
 T = TypeVar("T")
 

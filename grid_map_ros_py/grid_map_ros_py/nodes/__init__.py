@@ -29,6 +29,8 @@ rclpy takes long to import.
 """
 
 import importlib
+import sys
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -39,12 +41,10 @@ if TYPE_CHECKING:
         read_positive,
         read_topic,
     )
-    from ._qos import map_qos
     from ._spin import run, steady_timer
-    from ._start import quiet_start
-    from ._subscription import LatchedSubscription, MapSubscription
     from ._tf_poses import TfPoses, has_tf
     from ._throttle import LogThrottle
+    from ._topics import LatchedSubscription, MapSubscription, map_qos
 
 __all__ = [
     "LatchedSubscription",
@@ -64,8 +64,24 @@ __all__ = [
 ]
 
 
-_MODULES = ("_start", "_throttle", "_qos", "_parameters", "_spin", "_subscription", "_tf_poses")
-"""Modules in which a name is searched when it is first used; the first two need no rclpy."""
+_MODULES = ("_throttle", "_topics", "_parameters", "_spin", "_tf_poses")
+"""Modules in which a name is searched when it is first used; the first needs no rclpy."""
+
+
+def quiet_start() -> None:
+    """Let Ctrl-C end this process without a traceback where nothing else handles it.
+
+    Call it where a package of executables begins, before rclpy is imported: importing takes most of
+    the time in which an executable starts. `run` handles interrupts afterwards.
+    """
+
+    def report(
+        kind: type[BaseException], error: BaseException, trace: TracebackType | None
+    ) -> None:
+        if not issubclass(kind, KeyboardInterrupt):
+            sys.__excepthook__(kind, error, trace)
+
+    sys.excepthook = report
 
 
 def __getattr__(name: str) -> Any:

@@ -1,8 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Subscriptions that receive from latched and from volatile publishers."""
+"""Quality of service of map topics, and subscriptions that adapt to their publishers."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -14,22 +15,25 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..errors import NodeFailedError
 from ..messages._grid_map import ReceivedMap
-from ._qos import map_qos
 from ._throttle import LogThrottle
 
-WEAKER: dict[QoSPolicyKind, tuple[str, Any, str]] = {
-    QoSPolicyKind.DURABILITY: (
-        "durability",
-        DurabilityPolicy.VOLATILE,
-        "is volatile: from now on, earlier messages are not requested",
-    ),
-    QoSPolicyKind.RELIABILITY: (
-        "reliability",
-        ReliabilityPolicy.BEST_EFFORT,
-        "is best effort: from now on, lost messages are not requested again",
-    ),
+WEAKER: dict[QoSPolicyKind, Any] = {
+    QoSPolicyKind.DURABILITY: DurabilityPolicy.VOLATILE,
+    QoSPolicyKind.RELIABILITY: ReliabilityPolicy.BEST_EFFORT,
 }
-"""Policies that a subscription can give up: the name, the weaker value, and a text for the log."""
+"""Policies that a subscription can give up, and their weaker values."""
+
+
+def map_qos(*, transient_local: bool = True) -> QoSProfile:
+    """Return the quality of service of map topics: reliable, latched, depth 1.
+
+    Args:
+        transient_local: whether the publisher keeps the last map for late subscribers (a latched
+            topic), and a subscriber requests it. Publishers of maps always do. A subscriber with
+            False also receives from volatile publishers, but no earlier map.
+    """
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 class LatchedSubscription:
@@ -65,31 +69,27 @@ class LatchedSubscription:
         hears_best_effort: bool = False,
     ) -> None:
         self._node = node
-        self._message_type = message_type
         self._topic = topic
         self._callback = callback
-        self._raw = raw
         self._qos = qos or map_qos()
         self._can_give_up = [*WEAKER][: 0 if qos else 1 + hears_best_effort]
         self._log = LogThrottle(node.get_logger())
-        self._subscription: Any = None
-        self._subscribe()
+        self._subscribe = partial(
+            node.create_subscription,
+            message_type,
+            topic,
+            self._receive,
+            self._qos,
+            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            raw=raw,
+        )
+        self._subscription: Any = self._subscribe()
 
     def destroy(self) -> None:
         """Destroy the subscription."""
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
-
-    def _subscribe(self) -> None:
-        self._subscription = self._node.create_subscription(
-            self._message_type,
-            self._topic,
-            self._receive,
-            self._qos,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
-            raw=self._raw,
-        )
 
     def _receive(self, message: Any) -> None:
         try:
@@ -101,23 +101,24 @@ class LatchedSubscription:
 
     def _on_incompatible(self, event: Any) -> None:
         kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor
+        policy = kind.name.lower()
         if kind not in self._can_give_up:
             self._node.get_logger().warning(
                 f"no messages from a publisher of {self._topic}: incompatible quality of service "
-                f"({kind.name.lower()})"
+                f"({policy})"
             )
-            return
-        policy, weaker, text = WEAKER[kind]
-        if executor is not None and getattr(self._qos, policy) != weaker:
-            setattr(self._qos, policy, weaker)
+        elif executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
+            setattr(self._qos, policy, WEAKER[kind])
             # Deferred, because this is a callback of the subscription that will be destroyed.
-            executor.create_task(self._subscribe_again, f"a publisher of {self._topic} {text}")
+            executor.create_task(self._subscribe_again, WEAKER[kind].name.lower())
 
-    def _subscribe_again(self, why: str) -> None:
+    def _subscribe_again(self, weaker: str) -> None:
         if self._subscription is not None:
-            self._node.get_logger().info(why)
+            self._node.get_logger().info(
+                f"a publisher of {self._topic} is {weaker}: from now on, the subscription is too"
+            )
             self.destroy()
-            self._subscribe()
+            self._subscription = self._subscribe()
 
 
 class MapSubscription(LatchedSubscription):
