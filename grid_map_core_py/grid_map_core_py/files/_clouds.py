@@ -224,7 +224,7 @@ def _read_mesh(file: Path) -> list[Any]:
 
 
 def _ply_elements(geometry: Any) -> Mapping[str, Any]:
-    """Return the elements of a PLY file by their names, none for another file."""
+    """Return the elements of a PLY file by name; an empty mapping for other formats."""
     elements: Mapping[str, Any] = geometry.metadata.get("_ply_raw", {})
     return elements
 

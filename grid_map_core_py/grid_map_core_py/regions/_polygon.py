@@ -311,7 +311,7 @@ def _cross(a: Positions, b: Positions) -> Positions:
 
 
 def _doubled_areas(vertices: Positions) -> Positions:
-    """Return the (V,) signed areas, doubled, between the first vertex and every edge."""
+    """Return (V,) twice the signed areas of the triangles of the first vertex and each edge."""
     # Far from the origin, products of coordinates would cancel to rounding errors.
     points = vertices - vertices[0]
     return _cross(points, _following(points))
