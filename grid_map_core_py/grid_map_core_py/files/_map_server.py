@@ -17,6 +17,7 @@ Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -30,6 +31,7 @@ from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
+from ..plugins._parameters import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
 from ._shared import storage_errors
@@ -72,15 +74,14 @@ def load_map_server(
     document = load_yaml(file)
     with storage_errors(file, "read"):
         settings = _settings(document)
-    image = file.parent / settings["image"]
+    image = file.parent / settings.image
     with storage_errors(image, "read"):
-        occupancy = _occupancy(read_image(image), settings)
+        occupancy = from_north_up(_occupancy(read_image(image), settings))
     with storage_errors(file, "read"):
-        resolution = settings["resolution"]
-        size = occupancy.shape[1], occupancy.shape[0]
-        position = np.array(settings["origin"][:2]) + 0.5 * resolution * np.array(size)
-        geometry = GridGeometry.from_size(size, resolution, position)
-        layer = {occupancy_layer: from_north_up(occupancy)}
+        rows, columns = occupancy.shape
+        position = settings.origin[:2] + 0.5 * settings.resolution * np.array((rows, columns))
+        geometry = GridGeometry.from_size((rows, columns), settings.resolution, position)
+        layer = {occupancy_layer: occupancy}
         grid_map = GridMap.from_geometry(geometry, layer, frame_id=frame_id)
     select_layers(grid_map, layers)  # raises if it asks for another one
     return grid_map
@@ -154,60 +155,56 @@ def save_map_server(
             old.unlink(missing_ok=True)
 
 
-def _settings(document: Any) -> dict[str, Any]:
-    """Return the checked keys of a YAML file."""
+@dataclass(frozen=True, kw_only=True)
+class _Settings:
+    """Keys of a YAML file."""
+
+    image: str
+    resolution: float
+    origin: tuple[float, ...]
+    occupied_thresh: float
+    free_thresh: float
+    mode: Mode = "trinary"
+    negate: Literal[0, 1] = 0
+
+    def __post_init__(self) -> None:
+        check(self.image != "", "image", "the name of a file", self.image)
+        for name in ("resolution", "occupied_thresh", "free_thresh"):
+            value = getattr(self, name)
+            check(math.isfinite(value), name, "a finite number", value)
+        numbers = len(self.origin) == 3 and all(map(math.isfinite, self.origin))
+        check(numbers, "origin", "[x, y, yaw]", self.origin)
+        expected = "a yaw of 0 (a grid map is never rotated, so rotate the image)"
+        check(self.origin[2] == 0, "origin", expected, self.origin[2])
+
+
+def _settings(document: Any) -> _Settings:
     if not isinstance(document, Mapping):
         raise ValueError("expected keys and values such as 'image: map.pgm'")
-    image = document.get("image")
-    if not isinstance(image, str) or not image:
-        raise ValueError(f"image: expected the name of a file, got {image!r}")
-    numbers = {}
-    for key in ("resolution", "occupied_thresh", "free_thresh"):
-        numbers[key] = _number(key, document.get(key))
-    origin = document.get("origin")
-    if not isinstance(origin, list) or len(origin) != 3:
-        raise ValueError(f"origin: expected [x, y, yaw], got {origin!r}")
-    x, y, yaw = (_number("origin", value) for value in origin)
-    if yaw != 0:
-        raise ValueError(
-            f"origin: expected a yaw of 0, got {yaw}; a grid map is never rotated, so rotate the "
-            "image"
-        )
-    mode, negate = document.get("mode", "trinary"), document.get("negate", False)
-    if mode not in MODES:
-        raise ValueError(f"mode: expected one of {', '.join(MODES)}, got {mode!r}")
-    if negate not in (0, 1):
-        raise ValueError(f"negate: expected 0 or 1, got {negate!r}")
-    return {"image": image, "origin": (x, y), "mode": mode, "negate": bool(negate)} | numbers
+    known = {field.name for field in fields(_Settings)}
+    return build(_Settings, {key: value for key, value in document.items() if key in known})
 
 
-def _number(key: str, value: object) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not math.isfinite(value):  # type: ignore[arg-type]
-        raise ValueError(f"{key}: expected a number, got {value!r}")
-    return float(value)  # type: ignore[arg-type]
-
-
-def _occupancy(pixels: Image, settings: Mapping[str, Any]) -> Layer:
+def _occupancy(pixels: Image, settings: _Settings) -> Layer:
     """Return (rows, cols) 0 to 100 or NaN of the pixels of an image."""
     if pixels.dtype.kind != "u":
         raise ValueError(f"expected an image of 8 or 16 bits, got {pixels.dtype}")
     largest = np.iinfo(pixels.dtype).max
     channels = pixels.reshape(*pixels.shape[:2], -1)
     alpha = channels[..., 3] if channels.shape[2] == 4 else None
-    colors = channels if alpha is not None and settings["mode"] == "trinary" else channels[..., :3]
+    colors = channels if alpha is not None and settings.mode == "trinary" else channels[..., :3]
     shade = colors.mean(axis=2, dtype=np.float64) / largest
-    if settings["mode"] == "raw":
+    if settings.mode == "raw":
         values = np.floor(shade * 255 + 0.5)
         return np.where(values <= 100, values, np.nan).astype(np.float32)
-    occupied, free = settings["occupied_thresh"], settings["free_thresh"]
-    occ = shade if settings["negate"] else 1.0 - shade
-    if settings["mode"] == "scale" and occupied != free:
+    occupied, free = settings.occupied_thresh, settings.free_thresh
+    occ = shade if settings.negate else 1.0 - shade
+    if settings.mode == "scale" and occupied != free:
         between = np.rint((occ - free) / (occupied - free) * 100.0)
     else:
         between = np.full_like(occ, np.nan)
     values = np.where(occ > occupied, 100.0, np.where(occ < free, 0.0, between))
-    if settings["mode"] == "scale" and alpha is not None:
+    if settings.mode == "scale" and alpha is not None:
         values[alpha < largest] = np.nan
     return values.astype(np.float32)
 
