@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.files import Format, map_facts
 
 from .bags import BagReader, BagWriter, bag_topics, load_from_bag
-from .messages._octomap_file import load_octomap
+from .messages import load_octomap
 
 
 def _is_bag(path: Path) -> bool:
@@ -38,10 +38,6 @@ def _describe_bag(
     return {"topics": topics}
 
 
-def _open_bag(path: str | PathLike[str], topic: str | None = None) -> Any:
-    return BagReader(path, topic)
-
-
 def _save_bag(
     grid_map: GridMap,
     path: str | PathLike[str],
@@ -50,7 +46,6 @@ def _save_bag(
     compress: bool = False,
     storage: str = "mcap",
 ) -> None:
-    """Write a bag with one map."""
     _save_maps(path, [(None, grid_map)], topic=topic, compress=compress, storage=storage)
 
 
@@ -81,7 +76,7 @@ BAG = Format(
     load=load_from_bag,
     save=_save_bag,
     describe=_describe_bag,
-    open_maps=_open_bag,
+    open_maps=cast(Any, BagReader),
     save_maps=_save_maps,
 )
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py.bags._metadata import GRID_MAP_TYPE
+from grid_map_ros_py.bags._storage import GRID_MAP_TYPE
 from grid_map_ros_py.messages import to_serialized_message
 from grid_map_ros_py.messages._definition import DEFINITION, TYPE_HASH
 

@@ -27,12 +27,11 @@ from ..errors import BagError, MessageError
 from ..messages._grid_map import from_serialized_message, to_serialized_message
 from ..messages._time import check_nanoseconds
 from . import _mcap as bag_mcap
-from . import _metadata as bag_metadata
 from . import _sqlite as bag_sqlite
+from . import _storage as bag_storage
 from ._mcap import COMPRESSIONS, McapFile, McapWriter
-from ._metadata import GRID_MAP_TYPE
 from ._sqlite import SqliteFile, SqliteWriter
-from ._storage import Entry, Topic, bag_errors
+from ._storage import GRID_MAP_TYPE, Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """Formats of the file in a new bag, with the endings of its name."""
@@ -108,16 +107,14 @@ class BagWriter:
         self._path = Path(path)
         self._overwrite = overwrite
         self._storage, self._compression = storage, compression
+        compressions = ("none",) if storage == "sqlite3" else COMPRESSIONS
         for name, value, known in (
             ("storage", storage, STORAGES),
-            ("compression", compression, COMPRESSIONS),
+            ("compression", compression, compressions),
         ):
             if value not in known:
-                expected = f"one of {', '.join(known)}"
+                expected = " or ".join(map(repr, known))
                 raise BagError(self._path, f"{name}: expected {expected}, got {value!r}")
-        if storage == "sqlite3" and compression != "none":
-            expected = "'none' with storage 'sqlite3'"
-            raise BagError(self._path, f"compression: expected {expected}, got {compression!r}")
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
@@ -125,11 +122,12 @@ class BagWriter:
             self._folder = stack.enter_context(new_folder(self._path, self._check_old))
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
-            is_mcap = self._storage == "mcap"
             self._writer: McapWriter | SqliteWriter = (
-                McapWriter(file, self._compression) if is_mcap else SqliteWriter(file)
+                McapWriter(file, self._compression)
+                if self._storage == "mcap"
+                else SqliteWriter(file)
             )
-            stack.callback(self._writer.abandon)
+            stack.enter_context(closing(self._writer))
             self._times: dict[str, list[int]] = {}
             self._stack = stack.pop_all()
         return self
@@ -146,9 +144,9 @@ class BagWriter:
         with bag_errors(self._path, "written"), self._stack:
             if not self._times:
                 raise BagError(self._path, "no maps to write")
-            document = bag_metadata.information(self._times, self._file, self._storage)
+            document = bag_storage.information(self._times, self._file, self._storage)
             self._writer.finish(document)
-            bag_metadata.save(self._folder, document)
+            bag_storage.save(self._folder, document)
 
     def check(self, topic: str) -> None:
         """Raise the error that writing to a topic would raise now, without writing anything."""
@@ -200,7 +198,7 @@ class BagWriter:
         if not target.is_dir():
             raise BagError(self._path, "is a file, and a bag is a folder")
         names = sorted(path.name for path in target.iterdir())
-        others = [name for name in names if name != bag_metadata.FILE_NAME]
+        others = [name for name in names if name != bag_storage.FILE_NAME]
         foreign = [name for name in others if Path(name).suffix not in _BAG_ENDINGS]
         if foreign or (names and others == names):
             raise BagError(
@@ -290,7 +288,7 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
         MissingPackageError: the package `mcap` is needed and not installed.
     """
     with bag_errors(Path(path)):
-        files = _files(Path(path))
+        files = bag_storage.files_of(Path(path))
     types: dict[str, str] = {}
     times: dict[str, list[int]] = {}
     for file in files:
@@ -351,7 +349,7 @@ class BagReader:
         self._open: tuple[int, _Storage] | None = None
         with bag_errors(Path(path)):
             self._path = Path(path)
-            self._files = _files(self._path)
+            self._files = bag_storage.files_of(self._path)
         try:
             self.topics: dict[str, Topic] = {}
             for number, file in enumerate(self._files):
@@ -447,18 +445,6 @@ class BagReader:
         return f"topics: {listed or '(none)'}"
 
 
-def _files(path: Path) -> list[Path]:
-    if not path.exists():
-        raise BagError(path, "no such file or folder")
-    if not path.is_dir():
-        return [path]
-    files = bag_metadata.load_files(path)
-    for file in files:
-        if not file.is_file():
-            raise BagError(path, f"its file {file.name} is missing")
-    return files
-
-
 def _open(path: Path) -> _Storage:
     """Open a file in the format that its first bytes identify."""
     with path.open("rb") as file:
@@ -476,6 +462,4 @@ def _open(path: Path) -> _Storage:
 
 def _once(layers: Iterable[str] | None) -> tuple[str, ...] | None:
     """Return names that can be iterated over for every map."""
-    if layers is None:
-        return None
-    return (layers,) if isinstance(layers, str) else tuple(layers)
+    return (layers,) if isinstance(layers, str) else None if layers is None else tuple(layers)

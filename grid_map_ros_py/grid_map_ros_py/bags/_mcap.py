@@ -1,27 +1,25 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The MCAP files of bags.
+"""The MCAP files of bags; the package `mcap` knows the records.
 
-The package `mcap` knows the records. Reading follows the index of the file where there is one, and
-otherwise scans the file. Lengths are checked against the size of the file, and checksums are
-verified.
+Reading follows the index of the file where there is one, and otherwise scans the file. Lengths are
+checked against the size of the file, and checksums are verified.
 """
 
 import importlib
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from grid_map_core_py.errors import MissingPackageError
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH
-from ._metadata import GRID_MAP_TYPE, QOS_PROFILES, dump
-from ._storage import Entry, Topic
+from ._storage import GRID_MAP_TYPE, QOS_PROFILES, Entry, Topic, dump
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -73,22 +71,27 @@ class McapFile:
         self._path = path
         self._records = package("mcap.records", path)
         self._streams = package("mcap.data_stream", path)
+        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, Any] = {}
+        self._chunks: list[Any] = []
+        self._scanned: dict[int, list[Entry]] | None = None
+        self._chunk: tuple[int, _Source] | None = None
         self._file = path.open("rb")
+        self._source = _Source(self._read_file, path.stat().st_size)
         try:
-            self._source = _Source(self._file, path.stat().st_size)
-            self._chunk: tuple[int, memoryview] | None = None
-            self._schemas: dict[int, Any] = {}
-            self._channels: dict[int, Any] = {}
-            self._scanned: dict[int, list[Entry]] | None = None
-            self._read_summary(self._check_ends())
-            self.topics = {}
-            for channel in self._channels.values():
-                schema = self._schemas.get(channel.schema_id)
-                kind = Topic(schema.name if schema else "", channel.message_encoding)
-                self.topics[channel.topic] = kind
+            self._read_summary()
         except BaseException:
             self.close()
             raise
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """Types and encodings by the names of the topics."""
+        topics = {}
+        for channel in self._channels.values():
+            schema = self._schemas.get(channel.schema_id)
+            topics[channel.topic] = Topic(schema.name if schema else "", channel.message_encoding)
+        return topics
 
     def entries(self, topic: str) -> list[Entry]:
         """Return times and places of the messages on a topic, in time order."""
@@ -100,7 +103,7 @@ class McapFile:
     def read(self, entry: Entry) -> bytes:
         """Return a message as it was recorded."""
         chunk, offset = entry.place
-        source = self._source if chunk < 0 else _Memory(self._unpacked(chunk))
+        source = self._source if chunk < 0 else self._unpacked(chunk)
         code, body = source.record_at(offset)
         if code != _MESSAGE or len(body) < _MESSAGE_HEAD.size:
             raise BagError(self._path, f"its index is damaged: no message at {entry.place}")
@@ -112,13 +115,14 @@ class McapFile:
         """Close the file."""
         self._file.close()
 
-    # Summary of the file
+    def _read_file(self, offset: int, length: int) -> memoryview:
+        self._file.seek(offset)
+        return memoryview(self._file.read(length))
 
-    def _check_ends(self) -> tuple[int, int]:
-        """Return where the summary begins, 0 without one, and where it ends."""
+    def _read_summary(self) -> None:
+        """Read schemas, channels and the places of chunks; scan the file if they are missing."""
         end = self._source.size - _FOOTER.size - len(MAGIC)
-        complete = end > 0 and self._source.at(end + _FOOTER.size, len(MAGIC)) == MAGIC
-        if not complete:
+        if end <= 0 or self._source.at(end + _FOOTER.size, len(MAGIC)) != MAGIC:
             raise BagError(
                 self._path,
                 "is cut off: the recording was interrupted or the copy is not complete; "
@@ -131,29 +135,15 @@ class McapFile:
             # Everything except the checksum itself.
             summary = self._source.at(start, end + _FOOTER.size - 4 - start)
             self._check_sum(summary, checksum, "summary")
-        return start, end
-
-    def _read_summary(self, place: tuple[int, int]) -> None:
-        """Read schemas, channels and the places of chunks; scan the file if they are missing."""
-        start, end = place
-        self._chunks: list[Any] = []
         self._counts: dict[int, int] | None = None
-        for code, body in self._source.records(start, end) if start else ():
+        for _, code, body in self._source.records(start, end) if start else ():
             record = self._parsed(code, body)
             if code == _CHUNK_INDEX:
                 self._chunks.append(record)
             elif code == _STATISTICS:
                 self._counts = dict(record.channel_message_counts)
-            else:
-                self._take(code, record)
         if not (self._channels and self._schemas and self._chunks and self._counts is not None):
             self._scan()
-
-    def _take(self, code: int, record: Any) -> None:
-        if code == _SCHEMA:
-            self._schemas[record.id] = record
-        elif code == _CHANNEL:
-            self._channels[record.id] = record
 
     # Places of messages: (offset of the chunk in the file or -1, offset in the chunk)
 
@@ -179,39 +169,39 @@ class McapFile:
 
     def _scan(self) -> None:
         """Find all messages without an index."""
-        self._scanned = {}
-        offset = len(MAGIC)
-        for code, body in self._source.records(offset, self._source.size - len(MAGIC)):
+        found: dict[int, list[Entry]] = {}
+
+        def note(code: int, body: memoryview, place: tuple[int, int]) -> None:
+            if code == _MESSAGE:
+                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
+                found.setdefault(channel, []).append(Entry(time, place))
+            elif code in (_SCHEMA, _CHANNEL):
+                self._parsed(code, body)
+
+        for offset, code, body in self._source.records(len(MAGIC), self._source.size - len(MAGIC)):
             if code == _DATA_END:
                 break
             if code == _CHUNK:
-                data = self._unpack(body)
-                inside = 0
-                for inner, content in _Memory(data).records(0, len(data)):
-                    self._note(inner, content, (offset, inside))
-                    inside += _RECORD.size + len(content)
+                source = self._unpack(body)
+                for inside, inner, content in source.records(0, source.size):
+                    note(inner, content, (offset, inside))
             else:
-                self._note(code, body, (-1, offset))
-            offset += _RECORD.size + len(body)
-
-    def _note(self, code: int, body: memoryview, place: tuple[int, int]) -> None:
-        assert self._scanned is not None
-        if code == _MESSAGE:
-            channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
-            self._scanned.setdefault(channel, []).append(Entry(time, place))
-        elif code in (_SCHEMA, _CHANNEL):
-            self._take(code, self._parsed(code, body))
+                note(code, body, (-1, offset))
+        self._scanned = found
 
     # Records and chunks
 
     def _parsed(self, code: int, body: memoryview) -> Any:
-        """Return a record; None for one of another kind."""
+        """Return a record, and keep it if it is a schema or a channel; None for another kind."""
         if code not in _RECORDS:
             return None
         stream = self._streams.ReadDataStream(io.BytesIO(body))
-        return getattr(self._records, _RECORDS[code]).read(stream)
+        record = getattr(self._records, _RECORDS[code]).read(stream)
+        if code in (_SCHEMA, _CHANNEL):
+            (self._schemas if code == _SCHEMA else self._channels)[record.id] = record
+        return record
 
-    def _unpacked(self, offset: int) -> memoryview:
+    def _unpacked(self, offset: int) -> "_Source":
         """Return the content of the chunk at an offset; the last chunk is cached."""
         if self._chunk is None or self._chunk[0] != offset:
             code, body = self._source.record_at(offset)
@@ -220,7 +210,7 @@ class McapFile:
             self._chunk = offset, self._unpack(body)
         return self._chunk[1]
 
-    def _unpack(self, body: memoryview) -> memoryview:
+    def _unpack(self, body: memoryview) -> "_Source":
         """Return the records in a chunk, without a copy where they are not compressed."""
         size, checksum, length = _CHUNK_HEAD.unpack_from(body)
         if size > LARGEST_CHUNK:
@@ -237,7 +227,7 @@ class McapFile:
             raise BagError(self._path, f"a chunk of {size} bytes holds {len(data)}")
         if checksum:
             self._check_sum(data, checksum, "chunk")
-        return data
+        return _Source(lambda offset, length: data[offset : offset + length], size)
 
     def _check_sum(self, data: memoryview, checksum: int, what: str) -> None:
         if zlib.crc32(data) != checksum:
@@ -262,45 +252,37 @@ def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
 
 
 class _Source:
-    """An open file; a read that reaches the end of the file raises an error."""
+    """A file or a chunk.
 
-    def __init__(self, stream: IO[bytes], size: int) -> None:
+    Args:
+        read: returns the bytes at an offset, up to a number of them.
+        size: number of bytes.
+    """
+
+    def __init__(self, read: Callable[[int, int], memoryview], size: int) -> None:
         self.size = size
-        self._stream = stream
+        self._read = read
 
     def at(self, offset: int, length: int) -> memoryview:
+        """Return bytes; the end of the source in them is an error."""
         if not 0 <= offset <= self.size or length > self.size - offset:
             raise ValueError(f"{length} bytes are missing at {offset}")
-        self._stream.seek(offset)
-        data = self._stream.read(length)
+        data = self._read(offset, length)
         if len(data) != length:
             raise ValueError(f"is cut off at {offset}")
-        return memoryview(data)
+        return data
 
     def record_at(self, offset: int) -> tuple[int, memoryview]:
         """Return code and content of the record at an offset."""
         code, length = _RECORD.unpack(self.at(offset, _RECORD.size))
         return code, self.at(offset + _RECORD.size, length)
 
-    def records(self, start: int, end: int) -> Iterator[tuple[int, memoryview]]:
-        """Yield code and content of the records in a part of the source."""
+    def records(self, start: int, end: int) -> Iterator[tuple[int, int, memoryview]]:
+        """Yield offset, code and content of the records in a part of the source."""
         while start < end:
             code, body = self.record_at(start)
-            yield code, body
+            yield start, code, body
             start += _RECORD.size + len(body)
-
-
-class _Memory(_Source):
-    """Bytes in memory, read without a copy."""
-
-    def __init__(self, data: memoryview) -> None:
-        self.size = len(data)
-        self._data = data
-
-    def at(self, offset: int, length: int) -> memoryview:
-        if not 0 <= offset <= self.size or length > self.size - offset:
-            raise ValueError(f"{length} bytes are missing at {offset}")
-        return self._data[offset : offset + length]
 
 
 # --- writing --------------------------------------------------------------------------------------
@@ -339,7 +321,7 @@ class McapWriter:
         self._writer.finish()
         self._file.close()
 
-    def abandon(self) -> None:
-        """Close the file without finishing it."""
+    def close(self) -> None:
+        """Close the file, which is no bag unless it is finished."""
         with suppress(OSError):
             self._file.close()

@@ -8,8 +8,7 @@ from urllib.parse import quote
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH
-from ._metadata import GRID_MAP_TYPE, QOS_PROFILES, VERSION, dump, ros_distro
-from ._storage import Entry, Topic
+from ._storage import GRID_MAP_TYPE, QOS_PROFILES, VERSION, Entry, Topic, dump, ros_distro
 
 MAGIC = b"SQLite format 3\0"
 
@@ -59,8 +58,8 @@ class SqliteWriter:
         self._database.commit()
         self._database.close()
 
-    def abandon(self) -> None:
-        """Close the file without finishing it."""
+    def close(self) -> None:
+        """Close the file, which is no bag unless it is finished."""
         self._database.close()
 
     def _insert(self, table: str, *values: object) -> None:
@@ -73,9 +72,12 @@ class SqliteFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        if not _is_unfinished(path):
+        # A recorder that was killed, or still writes, leaves messages in a log beside the database.
+        log = path.with_name(path.name + "-wal")
+        mode = "mode=ro"
+        if not (log.exists() and log.stat().st_size > 0):
             self._check_size()
-        mode = "mode=ro" if _is_unfinished(path) else "mode=ro&immutable=1"
+            mode += "&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
         try:
             # Damaged or malicious files may hold views of these names, which may never end.
@@ -122,9 +124,3 @@ class SqliteFile:
         size = 65536 if size == 1 else size
         if len(head) < 32 or size * count > self._path.stat().st_size:
             raise BagError(self._path, "is cut off: the copy is not complete")
-
-
-def _is_unfinished(path: Path) -> bool:
-    """Return whether a recorder has left messages in a log beside the database, or still writes."""
-    log = path.with_name(path.name + "-wal")
-    return log.exists() and log.stat().st_size > 0

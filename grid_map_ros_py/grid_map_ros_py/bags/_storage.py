@@ -1,15 +1,23 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Topics, entries and errors of the files of bags, for MCAP and sqlite3 alike."""
+"""Topics, entries, errors and metadata of bags, for MCAP and sqlite3 alike."""
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import yaml
+
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import load_yaml
 
 from ..errors import BagError
+from ..messages._definition import TYPE_HASH
+
+GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
 
 class Topic(NamedTuple):
@@ -39,3 +47,131 @@ def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise BagError(path, f"cannot be {doing}: {text}") from error
+
+
+# --- metadata -------------------------------------------------------------------------------------
+
+FILE_NAME = "metadata.yaml"
+VERSION = 9
+"""Version of the metadata that ROS 2 Jazzy writes."""
+
+_UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
+QOS_PROFILES = [
+    {
+        # rosbag2 does not record the history either.
+        "history": "unknown",
+        "depth": 0,
+        "reliability": "reliable",
+        "durability": "transient_local",
+        "deadline": _UNLIMITED,
+        "lifespan": _UNLIMITED,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _UNLIMITED,
+        "avoid_ros_namespace_conventions": False,
+    }
+]
+"""Quality of service of map topics, which makes `ros2 bag play` publish them latched."""
+
+
+def ros_distro() -> str:
+    """Return the ROS distribution that is named in new bags."""
+    return os.environ.get("ROS_DISTRO", "jazzy")
+
+
+def information(times: Mapping[str, list[int]], file: str, storage: str) -> dict[str, Any]:
+    """Return the metadata of a bag with one file of maps; `times` are [ns] by topic."""
+    every = list(chain(*times.values()))
+    time = {
+        "duration": {"nanoseconds": max(every) - min(every)},
+        "starting_time": {"nanoseconds_since_epoch": min(every)},
+        "message_count": len(every),
+    }
+    return {
+        "version": VERSION,
+        "storage_identifier": storage,
+        **time,
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": name,
+                    "type": GRID_MAP_TYPE,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": QOS_PROFILES,
+                    "type_description_hash": TYPE_HASH,
+                },
+                "message_count": len(stamps),
+            }
+            for name, stamps in times.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file],
+        "files": [{"path": file, **time}],
+        "custom_data": None,
+        "ros_distro": ros_distro(),
+    }
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes no aliases, which other readers may not know."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002
+        return True
+
+
+def dump(document: object) -> str:
+    """Return a document as YAML."""
+    text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False)
+    return text
+
+
+def save(folder: Path, document: object) -> None:
+    """Write `information` as the metadata of a bag."""
+    text = dump({"rosbag2_bagfile_information": document})
+    (folder / FILE_NAME).write_text(text, encoding="utf-8")
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return the files with the messages of a bag, in the order in which they were recorded.
+
+    Args:
+        path: the folder of the bag, or a single file.
+
+    Raises:
+        BagError: the folder is no bag, its metadata is damaged, or its files are missing or
+            compressed.
+    """
+    if not path.exists():
+        raise BagError(path, "no such file or folder")
+    if not path.is_dir():
+        return [path]
+    # Old versions include the folder; paths to other folders are not followed.
+    files = [path / Path(name).name for name in _listed_files(path)]
+    for file in files:
+        if not file.is_file():
+            raise BagError(path, f"its file {file.name} is missing")
+    return files
+
+
+def _listed_files(folder: Path) -> list[str]:
+    path = folder / FILE_NAME
+    if not path.is_file():
+        files = sorted(file.name for file in folder.iterdir() if file.suffix in (".mcap", ".db3"))
+        hint = f"; name the file itself to read {files[0]}" if files else ""
+        raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
+    document = load_yaml(path)
+    found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    if not isinstance(found, dict):
+        raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
+    if str(found.get("compression_mode")).lower() == "file":
+        raise BagError(
+            folder,
+            f"its files are compressed ({found.get('compression_format')}), which is not read; "
+            "'ros2 bag convert' unpacks them",
+        )
+    names = found.get("relative_file_paths")
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise BagError(path, "relative_file_paths: expected a list of names")
+    if not names:
+        raise BagError(path, "the bag has no files")
+    return names
