@@ -23,8 +23,7 @@ from ._image import (
 )
 from ._multi_array import from_multi_array, set_array, to_multi_array
 from ._occupancy_grid import from_occupancy_grid, occupancies, to_occupancy_grid
-from ._octomap import from_octomap, octomap_to_points
-from ._octomap_file import load_octomap
+from ._octomap import from_octomap, load_octomap, octomap_to_points
 from ._point_cloud import to_flat_point_cloud, to_point_cloud
 from ._point_cloud_reading import from_point_cloud, read_columns, read_points
 from ._polygon import (

@@ -8,6 +8,7 @@ defined by a codec of `grid_map_core_py.conversions._costmap`. NaN is always 255
 
 import array
 import math
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,33 +96,24 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         GeometryError: size or resolution of the `PyCostmap2D` is invalid.
         GridMapError: the layer has no name.
     """
-    read = _from_message if hasattr(costmap, "metadata") else _from_py_costmap
-    plain, stamp, field = read(costmap)
-    return costs.from_costmap(plain, layer, codec, timestamp=from_stamp(stamp, field))
-
-
-def _from_message(message: "Costmap") -> tuple[costs.Costmap, Any, str]:
-    geometry = check_grid("metadata", message.metadata, ("size_x", "size_y"), len(message.data))
+    if hasattr(costmap, "metadata"):
+        grid = costmap.metadata
+        geometry = check_grid("metadata", grid, ("size_x", "size_y"), len(costmap.data))
+        data, frame_id = np.frombuffer(costmap.data, np.uint8), costmap.header.frame_id
+        resolution, place = geometry.resolution, grid.origin.position
+        timestamp = from_stamp(costmap.header.stamp)
+    else:
+        grid, data, frame_id = costmap, costmap.costmap, costmap.global_frame_id
+        resolution = as_written(check_positive("resolution", costmap.resolution))
+        place = SimpleNamespace(x=costmap.origin_x, y=costmap.origin_y)
+        timestamp = from_stamp(costmap.costmap_timestamp, "costmap_timestamp")
     plain = costs.Costmap(
-        costmap=np.frombuffer(message.data, np.uint8),
-        size_x=geometry.size[0],
-        size_y=geometry.size[1],
-        resolution=geometry.resolution,
-        origin_x=message.metadata.origin.position.x,
-        origin_y=message.metadata.origin.position.y,
-        global_frame_id=message.header.frame_id,
+        costmap=data,
+        size_x=grid.size_x,
+        size_y=grid.size_y,
+        resolution=resolution,
+        origin_x=place.x,
+        origin_y=place.y,
+        global_frame_id=frame_id,
     )
-    return plain, message.header.stamp, "header.stamp"
-
-
-def _from_py_costmap(costmap: Any) -> tuple[costs.Costmap, Any, str]:
-    plain = costs.Costmap(
-        costmap=costmap.costmap,
-        size_x=costmap.size_x,
-        size_y=costmap.size_y,
-        resolution=as_written(check_positive("resolution", costmap.resolution)),
-        origin_x=costmap.origin_x,
-        origin_y=costmap.origin_y,
-        global_frame_id=costmap.global_frame_id,
-    )
-    return plain, costmap.costmap_timestamp, "costmap_timestamp"
+    return costs.from_costmap(plain, layer, codec, timestamp=timestamp)

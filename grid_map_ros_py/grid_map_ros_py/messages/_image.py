@@ -12,16 +12,14 @@ under OpenCV's names are in the order BGR.
 """
 
 import array
-from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
 from grid_map_core_py import conversions as pixels
+from grid_map_core_py.arrays import Size
 from grid_map_core_py.conversions import COLOR_LAYER, Order
 
 from ..errors import MessageError
@@ -33,8 +31,7 @@ if TYPE_CHECKING:
     from sensor_msgs.msg import Image
 
 
-@dataclass(frozen=True)
-class Encoding:
+class Encoding(NamedTuple):
     """Storage format of a pixel.
 
     Attributes:
@@ -47,26 +44,25 @@ class Encoding:
     channels: int
     order: Order = "bgr"
 
-    @property
-    def pixel_size(self) -> int:
-        """Bytes of a pixel."""
-        return self.dtype.itemsize * self.channels
 
+_COLORS: dict[str, tuple[int, Order]] = {
+    "mono": (1, "bgr"),
+    "rgb": (3, "rgb"),
+    "bgr": (3, "bgr"),
+    "rgba": (4, "rgb"),
+    "bgra": (4, "bgr"),
+}
+_TYPES = {"8U": "<u1", "16U": "<u2", "32F": "<f4", "64F": "<f8"}
 
-def _encodings() -> Iterator[tuple[str, Encoding]]:
-    for bits in (8, 16):
-        dtype = np.dtype(f"<u{bits // 8}")
-        yield f"mono{bits}", Encoding(dtype, 1)
-        yield f"rgb{bits}", Encoding(dtype, 3, "rgb")
-        yield f"bgr{bits}", Encoding(dtype, 3)
-        yield f"rgba{bits}", Encoding(dtype, 4, "rgb")
-        yield f"bgra{bits}", Encoding(dtype, 4)
-    types = {"8UC": "<u1", "16UC": "<u2", "32FC": "<f4", "64FC": "<f8"}
-    for (name, code), channels in product(types.items(), (1, 3, 4)):
-        yield f"{name}{channels}", Encoding(np.dtype(code), channels)
-
-
-ENCODINGS = dict(_encodings())
+ENCODINGS = {
+    f"{name}{bits}": Encoding(np.dtype(f"<u{bits // 8}"), *color)
+    for bits in (8, 16)
+    for name, color in _COLORS.items()
+} | {
+    f"{name}C{channels}": Encoding(np.dtype(code), channels)
+    for name, code in _TYPES.items()
+    for channels in (1, 3, 4)
+}
 """Every encoding by its name in messages."""
 
 
@@ -185,7 +181,7 @@ def add_layer_from_image(
         MessageError: the image is not of the size of the map, or as in `from_image`.
         GeometryError: the bounds are invalid.
     """
-    image, order = _sized_pixels(grid_map, message)
+    image, order = to_pixels(message, grid_map.size)
     pixels.add_layer_from_image(
         grid_map, image, layer, lower, upper, alpha_threshold=alpha_threshold, order=order
     )
@@ -205,7 +201,7 @@ def add_color_layer_from_image(
     Raises:
         MessageError: the image is not of the size of the map, or as in `from_image`.
     """
-    image, order = _sized_pixels(grid_map, message)
+    image, order = to_pixels(message, grid_map.size)
     pixels.add_color_layer_from_image(
         grid_map, image, layer, alpha_threshold=alpha_threshold, order=order
     )
@@ -220,42 +216,42 @@ def _encoding_of(name: str) -> Encoding:
     return ENCODINGS[name]
 
 
-def to_pixels(message: "Image") -> tuple[npt.NDArray[Any], Order]:
+def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[Any], Order]:
     """Return the pixels (rows, cols, channels) of an image and the order of its colors.
 
     The pixels are a view of the message's memory, in the byte order of the sender, unless padding
     makes numbers unaligned.
 
+    Args:
+        message: the image.
+        size: rows and columns that it must have; None takes any.
+
     Raises:
-        MessageError: the encoding is unknown, or height, width, step and the number of bytes do not
-            fit each other.
+        MessageError: the encoding is unknown, height, width, step and the number of bytes do not
+            fit each other, or the image has another size.
     """
     kind = _encoding_of(message.encoding)
     for name in ("height", "width"):
         if getattr(message, name) < 1:
             raise MessageError(name, "at least one pixel", getattr(message, name))
-    smallest = message.width * kind.pixel_size
+    pixel = kind.dtype.itemsize * kind.channels
+    smallest = message.width * pixel
     if message.step < smallest:
         expected = f"at least {smallest} bytes ({message.width} pixels of {message.encoding})"
         raise MessageError("step", expected, message.step)
     if len(message.data) != message.step * message.height:
         expected = f"{message.step * message.height} bytes ({message.height} rows of "
         raise MessageError("data", f"{expected}{message.step})", len(message.data))
+    if size not in (None, (message.height, message.width)):
+        expected = f"{size}, as many as the map has rows and columns"
+        raise MessageError("height, width", expected, (message.height, message.width))
     image: npt.NDArray[Any] = np.ndarray(
         (message.height, message.width, kind.channels),
         kind.dtype.newbyteorder(">" if message.is_bigendian else "<"),
         message.data,
-        strides=(message.step, kind.pixel_size, kind.dtype.itemsize),
+        strides=(message.step, pixel, kind.dtype.itemsize),
     )
     return np.require(image, requirements="A"), kind.order
-
-
-def _sized_pixels(grid_map: GridMap, message: "Image") -> tuple[npt.NDArray[Any], Order]:
-    image, order = to_pixels(message)
-    if image.shape[:2] != grid_map.size:
-        expected = f"{grid_map.size}, as many as the map has rows and columns"
-        raise MessageError("height, width", expected, image.shape[:2])
-    return image, order
 
 
 def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> "Image":

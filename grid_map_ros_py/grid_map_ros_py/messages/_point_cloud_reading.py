@@ -29,9 +29,7 @@ COLOR_LAYER = "color"
 COLOR_SIZE = 4
 """Bytes of a packed color."""
 
-TYPES: Mapping[int, "np.dtype[Any]"] = MappingProxyType(
-    dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), start=1))
-)
+TYPES = dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), 1))
 """Types of numbers by their `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
 
 _NONE: Mapping[str, str] = MappingProxyType({})
@@ -97,7 +95,11 @@ def from_point_cloud(
             "no resolution, length or position beside it",
             onto,
         )
-        result = rasterize(points, _target(onto, frame_id), **options)
+        if isinstance(onto, GridGeometry):
+            onto = GridMap.from_geometry(onto)
+        elif onto.frame_id and frame_id != onto.frame_id:
+            raise MessageError("header.frame_id", f"that of the map, {onto.frame_id!r}", frame_id)
+        result = rasterize(points, onto, **options)
         result.frame_id, result.timestamp = frame_id, timestamp
         return result
     if resolution is None:
@@ -152,11 +154,23 @@ def read_columns(
         MessageError: as in `from_point_cloud`.
     """
     check_layout(message)
-    axes = [_one_number(message, name) for name in AXES]
-    chosen = _chosen(message, fields)
+    known = {field.name: (index, field) for index, field in enumerate(message.fields)}
+    if fields is None:
+        chosen = [f.name for f in message.fields if f.name not in AXES and f.count <= 1]
+    else:
+        chosen = list(dict.fromkeys((fields,) if isinstance(fields, str) else fields))
+    for name in (*AXES, *chosen):
+        if name not in known:
+            raise MessageError("fields", f"one called {name!r}", [*known])
+        index, field = known[name]
+        if field.count > 1:
+            raise MessageError(f"fields[{index}].count", f"1 for {name!r}", field.count)
+        if name in COLOR_FIELDS and TYPES[field.datatype].itemsize != COLOR_SIZE:
+            expected = "UINT32 or FLOAT32 for packed colors"
+            raise MessageError(f"fields[{index}].datatype", expected, field.datatype)
     names = layer_names(message)
-    columns = {names[field.name]: _view(message, field) for field in chosen}
-    return _positions(message, axes), columns
+    columns = {names[name]: _view(message, known[name][1]) for name in chosen}
+    return _positions(message, [known[name][1] for name in AXES]), columns
 
 
 def layer_names(message: "PointCloud2") -> dict[str, str]:
@@ -172,12 +186,12 @@ def check_layout(message: "PointCloud2") -> None:
     """Raise `MessageError` unless all fields and points are inside the data of a cloud."""
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
+    width, height, step = message.width, message.height, message.point_step
     for index, field in enumerate(message.fields):
-        _check_field(f"fields[{index}]", field, message.point_step)
+        _check_field(f"fields[{index}]", field, step)
     names = Counter(field.name for field in message.fields)
     if repeated := [name for name, times in names.items() if times > 1]:
         raise MessageError("fields", "every name once", repeated)
-    width, height, step = message.width, message.height, message.point_step
     if message.row_step < width * step:
         expected = f"at least {width * step} ({width} points of {step} bytes)"
         raise MessageError("row_step", expected, message.row_step)
@@ -196,29 +210,6 @@ def _check_field(path: str, field: "PointField", point_step: int) -> None:
     if end > point_step:
         expected = f"at least {end}, where field {field.name!r} ({path}) ends"
         raise MessageError("point_step", expected, point_step)
-
-
-def _one_number(message: "PointCloud2", name: str) -> "PointField":
-    """Return the field of that name, which must have one number per point."""
-    for index, field in enumerate(message.fields):
-        if field.name == name:
-            if field.count > 1:
-                raise MessageError(f"fields[{index}].count", f"1 for {name!r}", field.count)
-            return field
-    raise MessageError("fields", f"one called {name!r}", [field.name for field in message.fields])
-
-
-def _chosen(message: "PointCloud2", names: Iterable[str] | None) -> "list[PointField]":
-    if names is None:
-        others = [field for field in message.fields if field.name not in AXES and field.count <= 1]
-    else:
-        unique = dict.fromkeys((names,) if isinstance(names, str) else names)
-        others = [_one_number(message, name) for name in unique]
-    for field in others:
-        if field.name in COLOR_FIELDS and TYPES[field.datatype].itemsize != COLOR_SIZE:
-            path = f"fields[{message.fields.index(field)}].datatype"
-            raise MessageError(path, "UINT32 or FLOAT32 for packed colors", field.datatype)
-    return others
 
 
 def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
@@ -248,11 +239,3 @@ def _view(
     steps = (message.row_step, message.point_step, *(dtype.itemsize for _ in shape))
     values = np.ndarray((*rows, *shape), dtype, message.data, first.offset, steps)
     return values.reshape(-1, *shape)
-
-
-def _target(onto: GridMap | GridGeometry, frame_id: str) -> GridMap:
-    if isinstance(onto, GridGeometry):
-        return GridMap.from_geometry(onto)
-    if onto.frame_id and frame_id != onto.frame_id:
-        raise MessageError("header.frame_id", f"that of the map, {onto.frame_id!r}", frame_id)
-    return onto
