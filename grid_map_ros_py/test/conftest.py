@@ -6,7 +6,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from types import ModuleType
 
+import nav2_stand_in
 import pytest
 
 from grid_map_core_py.testing import register_profiles
@@ -30,6 +32,13 @@ def start() -> Iterator[Start]:
             return process
 
         yield start_script
+
+
+@pytest.fixture
+def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replace nav2's messages by stand-ins; test_optional_messages.py uses the real ones."""
+    monkeypatch.setitem(sys.modules, "nav2_msgs", ModuleType("nav2_msgs"))
+    monkeypatch.setitem(sys.modules, "nav2_msgs.msg", nav2_stand_in)
 
 
 def arguments(**parameters: object) -> list[str]:

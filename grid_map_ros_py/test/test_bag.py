@@ -378,22 +378,6 @@ def test_database_has_the_tables_and_rows_of_rosbag2(tmp_path):
         assert yaml.safe_load(metadata) == stored["rosbag2_bagfile_information"]
 
 
-def test_definition_equals_the_recordings_except_comments():
-    summary = mcap_reader.make_reader((DATA / "cpp_tutorial_outputs.mcap").open("rb")).get_summary()
-    (recorded_one,) = (s for s in summary.schemas.values() if s.name == GRID_MAP_TYPE)
-
-    def parts(definition: str) -> dict[str, list[list[str]]]:
-        first, *nested = definition.split("=" * 80 + "\n")
-        named = {"": first} | dict(part.removeprefix("MSG: ").split("\n", 1) for part in nested)
-        lines = {
-            name: [x.partition("#")[0].split() for x in text.splitlines()]
-            for name, text in named.items()
-        }
-        return {name: [line for line in found if line] for name, found in lines.items()}
-
-    assert parts(DEFINITION) == parts(recorded_one.data.decode())
-
-
 def test_type_hash_equals_the_one_rosbags_computes():
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     store.register(typesys.get_types_from_msg(DEFINITION, GRID_MAP_TYPE))

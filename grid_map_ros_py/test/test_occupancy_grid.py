@@ -14,7 +14,13 @@ from wire import over_the_wire, set_field
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError
 from grid_map_core_py.testing import grid_maps
-from grid_map_ros_py import MessageError, from_occupancy_grid, to_occupancy_grid
+from grid_map_ros_py import (
+    MessageError,
+    from_costmap,
+    from_occupancy_grid,
+    to_costmap,
+    to_occupancy_grid,
+)
 
 
 def to_grid(described: dict[str, Any]) -> OccupancyGrid:
@@ -124,18 +130,6 @@ def test_bound_that_is_no_number_is_refused(bound: Any) -> None:
         to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0.0, bound)
 
 
-@pytest.mark.parametrize("resolution", [1e-60, 1e60])
-def test_resolution_that_float32_cannot_hold_is_refused(resolution: float) -> None:
-    grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
-    with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
-        to_occupancy_grid(grid_map, "e", 0.0, 1.0)
-
-
-def test_unknown_layer_is_named() -> None:
-    with pytest.raises(LayerNotFoundError, match="'slope'; available: elevation"):
-        to_occupancy_grid(GridMap((1, 1), 1.0, layers=["elevation"]), "slope", 0, 1)
-
-
 def test_values_beyond_the_scale_stay_as_they_are() -> None:
     message = to_occupancy_grid(GridMap((2, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
     message.data = array.array("b", [-1, -128, 101, 127])
@@ -144,43 +138,73 @@ def test_values_beyond_the_scale_stay_as_they_are() -> None:
     )
 
 
-MALFORMED = {
-    "no cells along x": ("info.width", 0, "info.width: expected at least one cell, got 0"),
-    "no cells along y": ("info.height", 0, "info.height: expected at least one cell, got 0"),
-    "too many cells": ("info.width", 2**31 - 1, "data: expected 4294967294 values"),
-    "more cells than any map": ("info.width", 2**32 - 1, "info: expected a grid of finite size"),
-    "too little data": ("data", array.array("b", [0]), "data: expected 6 values .*got 1"),
-    "too much data": ("data", array.array("b", [0] * 7), "data: expected 6 values .*got 7"),
-    "resolution zero": ("info.resolution", 0.0, "info.resolution: expected a positive.*got 0.0"),
-    "resolution nan": ("info.resolution", math.nan, "info.resolution: expected a positive.*nan"),
-    "origin nan": ("info.origin.position.x", math.nan, r"info\.origin\.position\.x: .*got nan"),
-    "rotated": (
-        "info.origin.orientation",
-        Quaternion(z=1.0, w=0.0),
-        r"info\.origin\.orientation: expected the identity.*got \(0.0, 0.0, 1.0, 0.0\)",
+# --- errors of occupancy grids and costmaps alike -------------------------------------------------
+
+GRIDS: dict[str, tuple[Any, Any, list[str]]] = {
+    "occupancy grid": (
+        lambda grid_map: to_occupancy_grid(grid_map, "e", 0, 1),
+        from_occupancy_grid,
+        ["info", "width", "height"],
     ),
-    "before the epoch": ("header.stamp.sec", -1, r"header\.stamp\.sec: expected no negative"),
+    "costmap": (
+        lambda grid_map: to_costmap(grid_map, "e"),
+        from_costmap,
+        ["metadata", "size_x", "size_y"],
+    ),
+}
+alike = pytest.mark.parametrize(("write", "read", "names"), GRIDS.values(), ids=GRIDS)
+pytestmark = pytest.mark.usefixtures("nav2")
+
+MALFORMED = {
+    "no cells along x": ("{0}.{1}", 0, "{0}.{1}: expected at least one cell, got 0"),
+    "no cells along y": ("{0}.{2}", 0, "{0}.{2}: expected at least one cell, got 0"),
+    "too many cells": ("{0}.{1}", 2**31 - 1, "data: expected 4294967294 values"),
+    "more cells than any map": ("{0}.{1}", 2**32 - 1, "{0}: expected a grid of finite size"),
+    "too little data": ("data", 1, "data: expected 6 values .*got 1"),
+    "too much data": ("data", 7, "data: expected 6 values .*got 7"),
+    "resolution zero": ("{0}.resolution", 0.0, "{0}.resolution: expected a positive.*got 0.0"),
+    "resolution nan": ("{0}.resolution", math.nan, "{0}.resolution: expected a positive.*nan"),
+    "origin nan": ("{0}.origin.position.x", math.nan, "{0}.origin.position.x: .*got nan"),
+    "rotated": (
+        "{0}.origin.orientation",
+        Quaternion(z=1.0, w=0.0),
+        r"{0}.origin.orientation: expected the identity.*got \(0.0, 0.0, 1.0, 0.0\)",
+    ),
+    "before the epoch": ("header.stamp.sec", -1, "header.stamp.sec: expected no negative"),
 }
 
 
+@alike
 @pytest.mark.parametrize("kind", MALFORMED)
-def test_malformed_grid_gets_one_error_that_names_the_field(kind: str) -> None:
+def test_malformed_grid_gets_one_error_that_names_the_field(
+    write: Any, read: Any, names: list[str], kind: str
+) -> None:
     path, value, text = MALFORMED[kind]
-    message = to_occupancy_grid(GridMap((3, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
-    set_field(message, path, value)
-    with pytest.raises(MessageError, match=text):
-        from_occupancy_grid(message, "occ")
+    message = write(GridMap((3, 2), 1.0, layers={"e": 0.0}))
+    if path == "data":
+        value = array.array(message.data.typecode, [0] * value)
+    set_field(message, path.format(*names), value)
+    with pytest.raises(MessageError, match=text.format(*names)):
+        read(message, "layer")
 
 
-@pytest.mark.parametrize("resolution", [1e-60, 1e300])
-def test_resolution_beyond_float32_is_refused(resolution: float) -> None:
-    message = to_occupancy_grid(GridMap((2, 2), 1.0, layers={"e": 0.0}), "e", 0, 1)
-    message.info.resolution = resolution
-    with pytest.raises(MessageError, match="info: expected a grid of finite size and place"):
-        from_occupancy_grid(message, "e")
+@alike
+@pytest.mark.parametrize("resolution", [1e-60, 1e60])
+def test_resolution_that_float32_cannot_hold_is_refused(
+    write: Any, read: Any, names: list[str], resolution: float
+) -> None:
+    grid_map = GridMap((resolution, resolution), resolution, layers={"e": 0.0})
+    with pytest.raises(MessageError, match=r"resolution: expected .* that float32 can hold"):
+        write(grid_map)
+    message = write(GridMap((2, 2), 1.0, layers={"e": 0.0}))
+    set_field(message, f"{names[0]}.resolution", resolution)
+    with pytest.raises(MessageError, match=f"{names[0]}: expected a grid of finite size and place"):
+        read(message, "layer")
 
 
-def test_layer_needs_a_name() -> None:
-    message = to_occupancy_grid(GridMap((1, 1), 1.0, layers={"e": 0.0}), "e", 0, 1)
+@alike
+def test_layers_need_a_known_name(write: Any, read: Any, names: object) -> None:  # noqa: ARG001
+    with pytest.raises(LayerNotFoundError, match="'e'; available: slope"):
+        write(GridMap((1, 1), 1.0, layers=["slope"]))
     with pytest.raises(GridMapError, match="non-empty string"):
-        from_occupancy_grid(message, "")
+        read(write(GridMap((1, 1), 1.0, layers={"e": 0.0})), "")
