@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes, big_endian
 from test_grid_map import maps, sample_map
-from test_grid_map_malformed import MALFORMED
 from test_multi_array import row_major
 
 from grid_map_core_py import GridMap, LayerNotFoundError, OutOfMapError
@@ -156,18 +155,6 @@ def test_received_map_is_checked_on_access() -> None:
 
 
 # --- bad messages ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("kind", MALFORMED)
-def test_malformed_message_gets_the_error_of_from_message(kind: str) -> None:
-    spoil, *_ = MALFORMED[kind]
-    message = to_message(sample_map())
-    spoil(message)
-    with pytest.raises(MessageError) as expected:
-        from_message(message)
-    with pytest.raises(MessageError) as error:
-        from_serialized_message(serialize_message(message))
-    assert str(error.value) == str(expected.value)
 
 
 def test_truncated_bytes_are_refused() -> None:
