@@ -10,25 +10,23 @@ import argparse
 import array
 import copy
 import dataclasses
+import itertools
 import random
 import sys
 import time
 import tracemalloc
 import warnings
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import fuzz_files
 import nav2_stand_in
 import numpy as np
 import octomap_stand_in
-from geometry_msgs.msg import PolygonStamped
-from nav_msgs.msg import GridCells, OccupancyGrid, Odometry
-from sensor_msgs.msg import Image, PointCloud2
+from nav_msgs.msg import Odometry
 
 from grid_map_core_py import GridMap, Polygon
 from grid_map_core_py.errors import GridMapError
-from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     from_costmap,
     from_grid_cells,
@@ -63,8 +61,7 @@ FLOATS = [0.0, -0.0, -1.0, 1e-320, 1e-30, 0.1, 3.0, 1e9, 1e300, np.inf, -np.inf,
 TEXTS = ["", "x", "y", "elevation", "rgb", "mono16", "32FC1", "OcTree", "row_index", "é" * 40]
 
 
-@dataclasses.dataclass(frozen=True)
-class Target:
+class Target(NamedTuple):
     """A reader with intact input."""
 
     name: str
@@ -88,9 +85,10 @@ def _octrees() -> tuple[Any, ...]:
     # Small leaves beside the origin.
     corner = (7, *([0] * 11))
     leaves = {(*corner, 1): True, (*corner, 2, 5): False, (*corner, 2, 6, 0, 3): True}
+    data = octomap_stand_in.write_full(
+        leaves, lambda occupied: np.float32(occupied - 0.5).tobytes()
+    )
     binary = octomap_stand_in.message(octomap_stand_in.write_binary(leaves))
-    payload: Callable[[bool], bytes] = lambda occupied: np.float32(occupied - 0.5).tobytes()  # noqa: E731
-    data = octomap_stand_in.write_full(leaves, payload)
     return binary, octomap_stand_in.message(data, binary=False)
 
 
@@ -117,75 +115,47 @@ def _read_pose(odometry: Odometry) -> Any:
     return pose
 
 
+def _read_cloud(cloud: Any) -> GridMap:
+    read_points(cloud)
+    return from_point_cloud(cloud, resolution=0.1)
+
+
+def _read_costmap(message: Any) -> Any:
+    return from_costmap(message, "cost"), from_costmap(nav2_stand_in.PyCostmap2D(message), "cost")
+
+
 def targets() -> list[Target]:
     """Return all readers of messages and files."""
     grid_map = world()
-    messages: list[tuple[str, type, tuple[Any, ...], Callable[[Any], Any]]] = [
-        ("GridMap", GridMapMessage, (to_message(grid_map),), from_message),
+    images = [to_image(grid_map, "elevation", code) for code in ("mono16", "rgba8", "64FC1")]
+    occupancies = to_occupancy_grid(grid_map, "elevation", 0.0, 1.0)
+    cells = to_grid_cells(grid_map, "elevation", -np.inf, np.inf)
+    polygon = to_polygon(Polygon([(0, 0), (1, 0), (1, 1), (0.2, 0.9)]))
+    messages: list[tuple[tuple[Any, ...], Callable[[Any], Any]]] = [
+        ((to_message(grid_map),), from_message),
+        ((to_point_cloud(grid_map, "elevation"),), _read_cloud),
+        ((occupancies,), lambda message: from_occupancy_grid(message, "elevation")),
+        ((cells,), lambda message: from_grid_cells(message, "elevation")),
         (
-            "PointCloud2",
-            PointCloud2,
-            (to_point_cloud(grid_map, "elevation"),),
-            lambda cloud: (read_points(cloud), from_point_cloud(cloud, resolution=0.1))[1],
-        ),
-        (
-            "OccupancyGrid",
-            OccupancyGrid,
-            (to_occupancy_grid(grid_map, "elevation", 0.0, 1.0),),
-            lambda message: from_occupancy_grid(message, "elevation"),
-        ),
-        (
-            "GridCells",
-            GridCells,
-            (to_grid_cells(grid_map, "elevation", -np.inf, np.inf),),
-            lambda message: from_grid_cells(message, "elevation"),
-        ),
-        (
-            "Image",
-            Image,
-            (
-                to_color_image(grid_map, "color", "bgra8"),
-                *(to_image(grid_map, "elevation", code) for code in ("mono16", "rgba8", "64FC1")),
-            ),
+            (to_color_image(grid_map, "color", "bgra8"), *images),
             lambda message: from_image(message, "elevation", 0.1),
         ),
-        (
-            "PolygonStamped",
-            PolygonStamped,
-            (to_polygon(Polygon([(0, 0), (1, 0), (1, 1), (0.2, 0.9)])),),
-            from_polygon,
-        ),
-        ("Odometry", Odometry, (_odometry(),), _read_pose),
+        ((polygon,), from_polygon),
+        ((_odometry(),), _read_pose),
     ]
     result = []
-    for name, kind, seeds, read in messages:
-        result.append(Target(name, seeds, read))
-        data = tuple(serialize(seed) for seed in seeds)
-        result.append(
-            Target(f"{name} in CDR", data, lambda d, kind=kind, read=read: read(view(d, kind)))
-        )
-    result.append(
-        Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message)
-    )
-    result.append(
-        Target(
-            "Costmap",
-            (_costmap(),),
-            lambda message: (
-                from_costmap(message, "cost"),
-                from_costmap(nav2_stand_in.PyCostmap2D(message), "cost"),
-            ),
-        )
-    )
-    result.append(
-        Target(
-            "Octomap",
-            _octrees(),
-            lambda message: (octomap_to_points(message), from_octomap(message)),
-        )
-    )
-    result += [Target(*files) for files in fuzz_files.targets()]
-    return result
+    for seeds, read in messages:
+        kind = type(seeds[0])
+        result.append(Target(kind.__name__, seeds, read))
+        from_bytes = lambda data, kind=kind, read=read: read(view(data, kind))  # noqa: E731
+        result.append(Target(f"{kind.__name__} in CDR", tuple(map(serialize, seeds)), from_bytes))
+    return [
+        *result,
+        Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message),
+        Target("Costmap", (_costmap(),), _read_costmap),
+        Target("Octomap", _octrees(), lambda tree: (octomap_to_points(tree), from_octomap(tree))),
+        *(Target(*files) for files in fuzz_files.targets()),
+    ]
 
 
 # --- damage ---------------------------------------------------------------------------------------
@@ -237,13 +207,11 @@ def _damage_message(message: Any, generator: random.Random) -> None:
     value = getattr(message, name)
     if hasattr(value, "get_fields_and_field_types") or dataclasses.is_dataclass(value):
         _damage_message(value, generator)
-    elif isinstance(value, list) and value and not isinstance(value[0], str):
-        if generator.random() < 0.7:
+    elif isinstance(value, list):
+        if value and not isinstance(value[0], str) and generator.random() < 0.7:
             _damage_message(generator.choice(value), generator)
         else:
             setattr(message, name, _damaged_list(value, generator))
-    elif isinstance(value, list):
-        setattr(message, name, _damaged_list(value, generator))
     elif isinstance(value, array.array):
         setattr(message, name, _damaged_array(value, generator))
     elif isinstance(value, np.ndarray):
@@ -305,7 +273,9 @@ def fuzz(target: Target, seconds: float, seed: int) -> dict[str, int]:
     """
     counts = {"refused": 0, "read": 0}
     end = time.monotonic() + seconds
-    for number in _numbers(end):
+    for number in itertools.count():
+        if time.monotonic() >= end:
+            break
         generator = random.Random(f"{seed} {target.name} {number}")
         value = damaged(generator.choice(target.seeds), generator)
         try:
@@ -314,13 +284,6 @@ def fuzz(target: Target, seconds: float, seed: int) -> dict[str, int]:
             repeat = f"fuzz(target {target.name!r}, seed {seed}), number {number}"
             raise AssertionError(f"{repeat}: {type(error).__name__}: {error}") from error
     return counts
-
-
-def _numbers(end: float) -> Iterator[int]:
-    number = 0
-    while time.monotonic() < end:
-        yield number
-        number += 1
 
 
 def _outcome(target: Target, value: Any) -> str:

@@ -3,7 +3,7 @@
 """Damaged files as input for `fuzz.py`: bags of both storages, `.npz` files, YAML of images."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +22,41 @@ FOLDER = tempfile.TemporaryDirectory()
 def targets() -> list[tuple[str, tuple[bytes, ...], Callable[[bytes], Any]]]:
     """Return names, intact files as bytes, and functions that read such bytes as a file."""
     folder = Path(FOLDER.name)
-    return [
-        ("MCAP", _mcaps(folder), _through(folder / "damaged", _maps)),
-        ("sqlite3", _databases(folder), _through(folder / "damaged", _maps)),
-        ("metadata.yaml", _metadata(folder), _through(folder / "bag" / "metadata.yaml", _bag)),
-        ("npz", _archives(folder), _through(folder / "damaged", load_npz)),
-        ("map.yaml", *_images(folder / "images")),
-        ("PNG", *_pictures(folder / "pictures")),
+    mcaps = [DATA / "cpp_tutorial_outputs.mcap"]
+    for index, options in enumerate(({}, {"use_chunking": False}, {"enable_crcs": False})):
+        mcaps.append(write_mcap(folder / f"{index}.mcap", [1, 2], **options))
+    for compression in ("none", "lz4", "zstd"):
+        save_to_bag(numbered_map(1), folder / compression, TOPIC, compression=compression)
+        mcaps.append(folder / compression / f"{compression}_0.mcap")
+    write_bag(folder / "database", [1, 2], "sqlite3")
+    databases = folder / "database/database.db3", DATA / "cpp_move_sqlite/cpp_move_sqlite_0.db3"
+    for compress in (False, True):
+        save_npz(numbered_map(1), folder / f"{compress}.npz", compress=compress)
+    values = np.arange(20.0).reshape(4, 5)
+    images = save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), folder / "images")
+    values[0, 0] = np.nan
+    pictures = folder / "pictures"
+    save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), pictures)
+    readers: list[tuple[str, Iterable[Path], Path, Callable[[Path], Any]]] = [
+        ("MCAP", mcaps, folder / "damaged", _maps),
+        ("sqlite3", databases, folder / "damaged", _maps),
+        ("metadata.yaml", [folder / "none/metadata.yaml"], folder / "none/metadata.yaml", _bag),
+        ("npz", folder.glob("*.npz"), folder / "damaged", load_npz),
+        ("map.yaml", [images], images, load_images),
+        ("PNG", [pictures / "a.png"], pictures / "a.png", lambda _: load_images(pictures)),
     ]
+    return [
+        (name, tuple(file.read_bytes() for file in files), _through(target, read))
+        for name, files, target, read in readers
+    ]
+
+
+def _maps(file: Path) -> tuple[GridMap, ...]:
+    return tuple(bag_maps(file, TOPIC))
+
+
+def _bag(metadata: Path) -> tuple[GridMap, ...]:
+    return _maps(metadata.parent)
 
 
 def _through(file: Path, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
@@ -45,53 +72,3 @@ def _through(file: Path, read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
             raise
 
     return write_and_read
-
-
-def _maps(file: Path) -> tuple[GridMap, ...]:
-    return tuple(bag_maps(file, TOPIC))
-
-
-def _bag(metadata: Path) -> tuple[GridMap, ...]:
-    return _maps(metadata.parent)
-
-
-def _mcaps(folder: Path) -> tuple[bytes, ...]:
-    options: list[dict[str, Any]] = [{}, {"use_chunking": False}, {"enable_crcs": False}]
-    files = [write_mcap(folder / "file.mcap", [1, 2], **chosen).read_bytes() for chosen in options]
-    for compression in ("none", "lz4", "zstd"):
-        save_to_bag(numbered_map(1), folder / "bag", TOPIC, compression=compression)
-        files.append((folder / "bag" / "bag_0.mcap").read_bytes())
-    return *files, (DATA / "cpp_tutorial_outputs.mcap").read_bytes()
-
-
-def _databases(folder: Path) -> tuple[bytes, ...]:
-    bag = write_bag(folder / "database", [1, 2], "sqlite3")
-    recording = DATA / "cpp_move_sqlite" / "cpp_move_sqlite_0.db3"
-    return (bag / "database.db3").read_bytes(), recording.read_bytes()
-
-
-def _metadata(folder: Path) -> tuple[bytes, ...]:
-    return ((folder / "bag" / "metadata.yaml").read_bytes(),)
-
-
-def _archives(folder: Path) -> tuple[bytes, ...]:
-    files = []
-    for compress in (False, True):
-        save_npz(numbered_map(1), folder / "map.npz", compress=compress)
-        files.append((folder / "map.npz").read_bytes())
-    return tuple(files)
-
-
-def _images(folder: Path) -> tuple[tuple[bytes, ...], Callable[[bytes], Any]]:
-    values = np.arange(20.0).reshape(4, 5)
-    file = save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), folder)
-    return (file.read_bytes(),), _through(file, load_images)
-
-
-def _pictures(folder: Path) -> tuple[tuple[bytes, ...], Callable[[bytes], Any]]:
-    values = np.arange(20.0).reshape(4, 5)
-    values[0, 0] = np.nan
-    save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), folder)
-    file = folder / "a.png"
-    data = file.read_bytes()
-    return (data,), _through(file, lambda _: load_images(folder))
