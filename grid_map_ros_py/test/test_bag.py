@@ -340,42 +340,33 @@ def test_file_has_the_records_that_rosbag2_writes(bag):
 def test_database_has_the_tables_and_rows_of_rosbag2(tmp_path):
     save_to_bag(map(numbered_map, (3, 1)), tmp_path / "bag", TOPIC, storage="sqlite3")
     recording = DATA / "cpp_move_sqlite" / "cpp_move_sqlite_0.db3"
+    equal = f"""
+        SELECT type, name, tbl_name FROM sqlite_master ORDER BY name;
+        SELECT entry.name, info.* FROM sqlite_master AS entry,
+            pragma_table_xinfo(entry.name) AS info ORDER BY entry.name, cid;
+        SELECT * FROM schema;
+        SELECT name, type, serialization_format, type_description_hash FROM topics
+            WHERE name = '{TOPIC}';
+        SELECT topic_type, encoding, type_description_hash FROM message_definitions
+            WHERE topic_type = '{GRID_MAP_TYPE}';
+        SELECT metadata_version FROM metadata ORDER BY id DESC LIMIT 1
+    """
+    profiles = f"SELECT offered_qos_profiles FROM topics WHERE name = '{TOPIC}'"
+    metadata = "SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1"
     with (
         closing(sqlite3.connect(tmp_path / "bag" / "bag_0.db3")) as ours,
         closing(sqlite3.connect(f"file:{recording}?mode=ro", uri=True)) as theirs,
     ):
-
-        def columns(database):
-            tables = "SELECT type, name, tbl_name FROM sqlite_master ORDER BY name"
-            found = database.execute(tables).fetchall()
-            return found, [
-                database.execute(f"PRAGMA table_xinfo({row[1]})").fetchall() for row in found
-            ]
-
-        def rows(database, query):
-            return database.execute(query).fetchall()
-
-        assert columns(ours) == columns(theirs)
-        assert rows(ours, "SELECT * FROM schema") == rows(theirs, "SELECT * FROM schema")
-        topic = (
-            "SELECT name, type, serialization_format, type_description_hash FROM topics "
-            f"WHERE name = '{TOPIC}'"
-        )
-        assert rows(ours, topic) == rows(theirs, topic)
-        profiles = f"SELECT offered_qos_profiles FROM topics WHERE name = '{TOPIC}'"
-        ((actual,),), ((expected,),) = rows(ours, profiles), rows(theirs, profiles)
-        assert yaml.safe_load(actual) == yaml.safe_load(expected)
-        definition = (
-            "SELECT topic_type, encoding, type_description_hash FROM message_definitions "
-            f"WHERE topic_type = '{GRID_MAP_TYPE}'"
-        )
-        assert rows(ours, definition) == rows(theirs, definition)
-        last = "SELECT metadata_version, metadata FROM metadata ORDER BY id DESC LIMIT 1"
-        ((version, metadata),), ((model_version, model),) = rows(ours, last), rows(theirs, last)
-        assert version == model_version
-        assert yaml.safe_load(metadata).keys() == yaml.safe_load(model).keys()
-        stored = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
-        assert yaml.safe_load(metadata) == stored["rosbag2_bagfile_information"]
+        for query in equal.split(";"):
+            assert ours.execute(query).fetchall() == theirs.execute(query).fetchall()
+        texts = {
+            query: [yaml.safe_load(one.execute(query).fetchone()[0]) for one in (ours, theirs)]
+            for query in (profiles, metadata)
+        }
+    assert texts[profiles][0] == texts[profiles][1]
+    assert texts[metadata][0].keys() == texts[metadata][1].keys()
+    stored = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
+    assert texts[metadata][0] == stored["rosbag2_bagfile_information"]
 
 
 def test_type_hash_equals_the_one_rosbags_computes():

@@ -99,10 +99,19 @@ def assert_refused_without_memory(path: Path, reason: str) -> None:
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("size", [2**40, 2**64 - 1, LARGEST_CHUNK + 1])
-def test_chunk_of_an_absurd_size_is_refused(path, size):
-    with_chunk(path, b"", b"", size)
-    assert_refused_without_memory(path, f"claims to hold {size} bytes, which is absurd")
+@pytest.mark.parametrize(
+    ("chunk", "reason"),
+    [
+        *(
+            ((b"", b"", size), f"claims to hold {size} bytes, which is absurd")
+            for size in (2**40, 2**64 - 1, LARGEST_CHUNK + 1)
+        ),
+        ((b"xz", b"", 0), "its compression 'xz' is not known"),
+        ((b"", b"abc", 3, zlib.crc32(b"abd")), "checksum of a chunk is wrong"),
+    ],
+)
+def test_invalid_chunk_is_refused_without_taking_memory(path, chunk, reason):
+    assert_refused_without_memory(with_chunk(path, *chunk), reason)
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
@@ -116,16 +125,6 @@ def test_decompression_stops_at_the_claimed_size(path, compression):
     packed = package.compress(bytes(100_000_000))
     with_chunk(path, compression.encode(), packed, 1000)
     assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")
-
-
-def test_unknown_compression_is_refused(path):
-    with_chunk(path, b"xz", b"", 0)
-    assert_refused_without_memory(path, "its compression 'xz' is not known")
-
-
-def test_wrong_checksum_is_found(path):
-    with_chunk(path, b"", b"abc", 3, checksum=zlib.crc32(b"abd"))
-    assert_refused_without_memory(path, "checksum of a chunk is wrong")
 
 
 @pytest.mark.parametrize("length", [2**31, 2**63, 2**64 - 1])
