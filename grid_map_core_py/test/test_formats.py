@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, MissingPackageError
-from grid_map_core_py.files import Format, _formats, find_format, formats, load, options_of, save
+from grid_map_core_py.files import Format, _formats, find_format, formats, load, save
 from grid_map_core_py.testing import assert_maps_equal
 
 
@@ -66,14 +66,6 @@ def test_yaml_files_are_distinguished_by_content():
     for path, expected in (("ours", "images"), ("nav", "map_server")):
         assert find_format(Path(path)).name == expected
         assert find_format(Path(path, "map.yaml")).name == expected
-
-
-def test_all_formats_describe_themselves():
-    for name, one in formats().items():
-        assert name == one.name
-        assert one.description
-        assert one.load or one.save
-        assert one.load is None or "layers" in options_of(one.load)
 
 
 @pytest.mark.parametrize(
