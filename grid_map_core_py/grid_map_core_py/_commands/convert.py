@@ -5,21 +5,20 @@
 import argparse
 from collections.abc import Iterator
 
-from ..commands._arguments import add_choice_of_map, add_destination, add_layers, add_source
+from ..commands._arguments import add_destination, add_layers, add_source
 from ..commands._maps import Destination, TimedMap, open_records
 from ..commands._progress import ProgressBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
-    add_source(parser)
+    add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     add_layers(parser, "convert this layer, instead of all")
     parser.add_argument(
         "--frame", help="coordinate frame of the map (default: frame of the source)"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    add_choice_of_map(parser, "all, if the destination is a bag, else the last one")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show versions, missing or broken packages, and contradicting settings of ROS and DDS."""
+"""Show versions, missing or broken packages, and the settings of ROS and DDS."""
 
 import argparse
 import json
@@ -8,10 +8,6 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 from ..commands._arguments import add_json
 from ..commands._output import print_json, print_table
@@ -76,32 +72,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the findings; return 1 if a package or a setting does not work."""
-    packages, problems = examined([*PACKAGES]), [*contradictions()]
+    """Print the findings; return 1 if a package does not work."""
+    packages = examined([*PACKAGES])
     failures = [
         name
         for name, (status, _) in packages.items()
         if status == "broken" or (status == "missing" and name in REQUIRED)
     ]
-    failures += [name for name, _ in problems]
     beginnings = ("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_", "AMENT_PREFIX_PATH")
-    settings = {
-        name: os.environ[name] for name in sorted(os.environ) if name.startswith(beginnings)
-    }
+    settings = sorted(pair for pair in os.environ.items() if pair[0].startswith(beginnings))
     version = platform.python_version()
     if options.json:
         keys = "status", "text", "gives", "remedy"
-        facts: dict[str, Any] = {
-            "ok": not failures,
-            "python": {"version": version, "executable": sys.executable},
-            "packages": {
-                name: dict(zip(keys, (*packages[name], *PACKAGES[name]), strict=True))
-                for name in packages
-            },
-            "settings": settings,
-            "problems": [{"setting": name, "problem": text} for name, text in problems],
-        }
-        print_json(facts)
+        print_json(
+            {
+                "ok": not failures,
+                "python": {"version": version, "executable": sys.executable},
+                "packages": {
+                    name: dict(zip(keys, (*found, *PACKAGES[name]), strict=True))
+                    for name, found in packages.items()
+                },
+                "settings": dict(settings),
+            }
+        )
         return bool(failures)
     print(f"Python {version} at {sys.executable}")
     rows = []
@@ -110,9 +103,7 @@ def run(options: argparse.Namespace) -> int:
         advice = f"{gives} ({remedy}){': ' if text else ''}{text}"
         rows.append((status, name, text if status == "ok" else advice))
     print_table(rows)
-    print_table([("", name, value) for name, value in settings.items()] or [("no ROS settings",)])
-    for name, text in problems:
-        print(f"wrong: {name}: {text}")
+    print_table([("", *pair) for pair in settings] or [("no ROS settings",)])
     print(f"To repair: {', '.join(failures)}" if failures else "All that is installed works.")
     return bool(failures)
 
@@ -132,32 +123,3 @@ def examined(modules: list[str]) -> dict[str, tuple[str, str]]:
             died = f"importing it ends Python with exit code {done.returncode}"
             found[rest[len(answers)]] = ("broken", died)
     return found
-
-
-def contradictions() -> Iterator[tuple[str, str]]:
-    """Yield settings that cannot work or contradict one another, and the reason."""
-    value = os.environ.get
-    prefixes = [Path(one) for one in value("AMENT_PREFIX_PATH", "").split(":") if one]
-    for prefix in (one for one in prefixes if not one.is_dir()):
-        yield "AMENT_PREFIX_PATH", f"there is no folder {prefix}; source the workspace again"
-    middleware = value("RMW_IMPLEMENTATION")
-    if middleware and not any((one / "lib" / f"lib{middleware}.so").exists() for one in prefixes):
-        yield "RMW_IMPLEMENTATION", f"{middleware} is not installed"
-    allowed = {
-        "ROS_DISTRO": ("jazzy",),
-        "ROS_DOMAIN_ID": (*map(str, range(233)),),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": ("OFF", "LOCALHOST", "SUBNET", "SYSTEM_DEFAULT"),
-    }
-    for name in (one for one in allowed if value(one) and value(one) not in allowed[one]):
-        values = allowed[name]
-        expected = ", ".join(values) if len(values) < 9 else f"{values[0]} to {values[-1]}"
-        yield name, f"expected {expected}, got {value(name)}"
-    reach = value("ROS_AUTOMATIC_DISCOVERY_RANGE")
-    if value("ROS_LOCALHOST_ONLY") == "1" and reach not in (None, "", "LOCALHOST"):
-        yield "ROS_LOCALHOST_ONLY", f"overrules ROS_AUTOMATIC_DISCOVERY_RANGE, which is {reach}"
-    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-        try:
-            if path := value(name):
-                ElementTree.parse(path)
-        except (OSError, ElementTree.ParseError) as error:
-            yield name, f"{path} cannot be read: {error}"

@@ -6,7 +6,7 @@ import argparse
 from datetime import UTC, datetime
 from typing import Any
 
-from ..commands._arguments import add_choice_of_map, add_json, add_source
+from ..commands._arguments import add_json, add_source
 from ..commands._maps import describe
 from ..commands._output import byte_count, coordinate, number, print_json, print_table, shown
 
@@ -17,7 +17,6 @@ SECOND = 1_000_000_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
-    add_choice_of_map(parser)
     add_json(parser)
 
 

@@ -5,10 +5,9 @@
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from ..commands._arguments import add_choice_of_map, add_json, add_layers, add_source
-from ..commands._errors import UsageError
+from ..commands._arguments import add_json, add_layers, add_source
 from ..commands._maps import read_map
-from ..commands._output import can_print, number, print_json, print_table, shown
+from ..commands._output import UsageError, can_print, number, print_json, print_table, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +21,6 @@ WIDTH = 40
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
-    add_choice_of_map(parser)
     add_layers(parser, "show this layer, instead of all")
     parser.add_argument(
         "--bins", type=int, default=16, help="number of bins of the histograms (%(default)s)"

@@ -13,7 +13,6 @@ wrong arguments, 130 after Ctrl-C, 143 after SIGTERM, 141 if the reader of the o
 """
 
 from ._arguments import (
-    add_choice_of_map,
     add_destination,
     add_json,
     add_layers,
@@ -21,10 +20,19 @@ from ._arguments import (
     complete_layers,
     completed,
 )
-from ._errors import CommandError, UsageError
 from ._main import main
 from ._maps import Destination, check_free, describe, open_records, read_map
-from ._output import byte_count, coordinate, message, number, print_json, print_table, shown
+from ._output import (
+    CommandError,
+    UsageError,
+    byte_count,
+    coordinate,
+    message,
+    number,
+    print_json,
+    print_table,
+    shown,
+)
 from ._progress import ProgressBar
 
 __all__ = [
@@ -32,7 +40,6 @@ __all__ = [
     "Destination",
     "ProgressBar",
     "UsageError",
-    "add_choice_of_map",
     "add_destination",
     "add_json",
     "add_layers",

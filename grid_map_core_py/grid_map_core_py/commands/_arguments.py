@@ -8,26 +8,28 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-SOURCES = "file or folder of any format, or - for .npz from a pipe"
+_FORMAT = "name of the format, if the name of the file does not tell it"
 
 
-def add_source(parser: argparse.ArgumentParser, help: str = SOURCES) -> None:  # noqa: A002
-    """Add the file to read, and how to read it."""
-    parser.add_argument("source", help=help)
+def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
+    """Add the file to read, how to read it, and which map of a bag to take.
+
+    Args:
+        parser: of the command.
+        which: the map of a bag without `--index`, for the help.
+    """
+    parser.add_argument("source", help="file or folder of any format, or - for .npz from a pipe")
     group = parser.add_argument_group("reading")
-    completed(
-        group.add_argument("--from", dest="from_format", metavar="FORMAT", help=_FORMAT),
-        complete_formats,
-    )
-    group.add_argument(
-        "--resolution", type=float, help="clouds, meshes, height images: side of a cell [m]"
-    )
-    group.add_argument(
-        "--black", type=float, help="height images, read or written: height of black [m]"
-    )
-    group.add_argument(
-        "--white", type=float, help="height images, read or written: height of white [m]"
-    )
+    name = group.add_argument("--from", dest="from_format", metavar="FORMAT", help=_FORMAT)
+    completed(name, complete_formats)
+    for option, text in (
+        ("--resolution", "clouds, meshes, height images: side of a cell [m]"),
+        ("--black", "height images, read or written: height of black [m]"),
+        ("--white", "height images, read or written: height of white [m]"),
+        ("--min-height", "clouds: smallest height of points that are used [m]"),
+        ("--max-height", "clouds: largest height of points that are used [m]"),
+    ):
+        group.add_argument(option, type=float, help=text)
     group.add_argument(
         "--height-layer", metavar="NAME", help="name of the layer of heights (elevation)"
     )
@@ -43,16 +45,6 @@ def add_source(parser: argparse.ArgumentParser, help: str = SOURCES) -> None:  #
         choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
         help="clouds: reduction of the heights in a cell (max)",
     )
-    group.add_argument(
-        "--min-height", type=float, help="clouds: smallest height of points that are used [m]"
-    )
-    group.add_argument(
-        "--max-height", type=float, help="clouds: largest height of points that are used [m]"
-    )
-
-
-def add_choice_of_map(parser: argparse.ArgumentParser, which: str = "the last one") -> None:
-    """Add which map of a bag to take."""
     group = parser.add_argument_group("bags")
     topic = group.add_argument("--topic", help="topic of the maps, if the bag has several")
     completed(topic, complete_topics)
@@ -78,10 +70,8 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     )
     group = parser.add_argument_group("writing")
     group.add_argument("-f", "--force", action="store_true", help="replace existing files")
-    completed(
-        group.add_argument("--to", metavar="FORMAT", help=_FORMAT),
-        partial(complete_formats, writes=True),
-    )
+    name = group.add_argument("--to", metavar="FORMAT", help=_FORMAT)
+    completed(name, partial(complete_formats, writes=True))
     group.add_argument(
         "--compress", action="store_const", const=True, help="bags, npz, GeoTIFF: compress the file"
     )
@@ -104,8 +94,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the choice of JSON."""
     parser.add_argument("--json", action="store_true", help="print JSON")
 
-
-_FORMAT = "name of the format, if the name of the file does not tell it"
 
 # --- completion -----------------------------------------------------------------------------------
 

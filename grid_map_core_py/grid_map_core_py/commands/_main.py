@@ -17,8 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..errors import GridMapError
-from ._errors import CommandError, UsageError
-from ._output import message
+from ._output import CommandError, UsageError, message
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"

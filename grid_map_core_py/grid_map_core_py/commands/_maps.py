@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ..errors import GridMapError
-from ._errors import CommandError, UsageError
-from ._output import message
+from ._output import CommandError, UsageError, message
 
 if TYPE_CHECKING:
     from ..files import Format, MapRecord
@@ -83,7 +82,7 @@ def _choose(
 
 
 def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
-    """Return the map that the arguments of `add_source` and `add_choice_of_map` name.
+    """Return the map that the arguments of `add_source` name.
 
     Args:
         options: the arguments.
@@ -102,7 +101,7 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
     """Return the format, the size and the facts of the source, as JSON has them.
 
     Args:
-        options: the arguments of `add_source` and `add_choice_of_map`.
+        options: the arguments of `add_source`.
 
     Raises:
         UsageError: an option is for other formats.
@@ -144,7 +143,7 @@ def open_records(
     map.
 
     Args:
-        options: the arguments of `add_source` and `add_choice_of_map`.
+        options: the arguments of `add_source`.
         destination: where the maps go.
         layers: names of the layers to read; None means all.
 

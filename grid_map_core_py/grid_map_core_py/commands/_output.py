@@ -1,10 +1,20 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tables, JSON and messages, as the command line prints them."""
+"""Tables, JSON, messages and errors, as the command line prints them."""
 
 import json
 import sys
 from collections.abc import Sequence
+
+from ..errors import GridMapError
+
+
+class CommandError(GridMapError):
+    """A command failed: exit code 1."""
+
+
+class UsageError(CommandError):
+    """The arguments are invalid, independent of the files: exit code 2."""
 
 
 def message(text: str) -> None:

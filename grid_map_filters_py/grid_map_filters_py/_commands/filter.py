@@ -12,7 +12,6 @@ from grid_map_core_py.commands import (
     Destination,
     ProgressBar,
     UsageError,
-    add_choice_of_map,
     add_destination,
     add_json,
     add_source,
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     parser.add_argument("chain", help="parameter file with the chain, or - for standard input")
-    add_source(parser)
+    add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     parser.add_argument(
         "--name", default="filters", help="parameter that holds the chain (%(default)s)"
@@ -41,7 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--timing", action="store_true", help="print how long each filter took")
     add_json(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
-    add_choice_of_map(parser, "all, if the destination is a bag, else the last one")
     parser.add_argument(
         "--keep-going", action="store_true", help="leave out maps that cannot be filtered"
     )

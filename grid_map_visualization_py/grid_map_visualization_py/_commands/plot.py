@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from grid_map_core_py.commands import (
     CommandError,
     UsageError,
-    add_choice_of_map,
     add_source,
     check_free,
     complete_layers,
@@ -37,7 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser)
     parser.add_argument("picture", type=Path, help=f"file that ends in {', '.join(ENDINGS)}")
     parser.add_argument("-f", "--force", action="store_true", help="replace existing files")
-    add_choice_of_map(parser)
     add_style(parser)
 
 

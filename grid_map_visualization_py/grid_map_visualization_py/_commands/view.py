@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from grid_map_core_py.commands import (
     CommandError,
     UsageError,
-    add_choice_of_map,
     add_source,
     complete_layers,
     completed,
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
-    add_choice_of_map(parser)
     add = parser.add_argument
     text = "layer of the heights (elevation, or the first layer)"
     completed(add("--layer", help=text), complete_layers)
