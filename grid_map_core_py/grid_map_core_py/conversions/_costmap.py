@@ -3,8 +3,7 @@
 """Costs of navigation: one byte per cell, 255 for unknown cells.
 
 A codec turns values of a layer into costs and back. `CostTable` uses the costs of ROS 1's
-costmap_2d and nav2 (free, inscribed, lethal, unknown), `CostRange` maps a
-range of values to 0..254, as the nav2 costmap messages of the C++ library have it. With either,
+costmap_2d and nav2, `CostRange` those of the nav2 costmap messages of the C++ library. With either,
 NaN becomes 255, never free.
 """
 
@@ -80,14 +79,7 @@ class CostTable:
         object.__setattr__(self, "_values", values)
 
     def to_costs(self, values: ArrayLike) -> Costs:
-        """Return the cost whose value is nearest.
-
-        Args:
-            values: (...); below `free` is free, above `lethal` is lethal.
-
-        Returns:
-            (...) uint8; 255 for NaN and for `unknown`.
-        """
+        """Return the nearest costs (...) uint8 of values (...); 255 for NaN and for `unknown`."""
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
@@ -137,22 +129,17 @@ class CostRange:
             raise GeometryError(f"expected two different finite float32 numbers, got {self}")
 
     def to_costs(self, values: ArrayLike) -> Costs:
-        """Return `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`.
+        """Return the costs (...) uint8 of values (...); 255 for NaN.
 
-        Computed in float32, as in the C++ library.
-
-        Args:
-            values: (...), any numbers.
-
-        Returns:
-            (...) uint8; 255 for NaN.
+        They are `trunc(254 * clamp((value - data_min) / (data_max - data_min), 0, 1))`, computed in
+        float32 as in the C++ library.
         """
         return elementwise(self._costs, np.uint8, as_numbers(values, "values"))
 
     def to_values(self, costs: ArrayLike) -> Layer:
         """Return the smallest value (...) float32 of each cost (...); NaN for 255."""
-        step = float(self._extent) / LETHAL
-        table = np.append(self.data_min + step * np.arange(UNKNOWN), np.nan).astype(np.float32)
+        known = self.data_min + float(self._extent) / LETHAL * np.arange(UNKNOWN)
+        table = np.append(known, np.nan).astype(np.float32)
         return elementwise(table.take, np.float32, _as_costs(costs))
 
     @property

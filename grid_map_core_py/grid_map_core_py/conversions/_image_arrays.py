@@ -120,7 +120,20 @@ def to_color_image(
     pixel = _pixel_type(dtype, "dtype")
     _check(channels in (3, 4), "channels", "3 or 4", channels)
     _check_order(order)
-    return _paint(grid_map, layer, pixel, channels, lambda values: _unpack(values, pixel, order))
+
+    def colors(values: Layer) -> list[npt.NDArray[Any]]:
+        missing, painted = np.isnan(values), []
+        for color in color_value_to_bytes(values):
+            channel = color.astype(pixel)
+            if pixel.kind == "f":
+                channel /= 255
+            else:
+                channel *= _LARGEST[pixel.name] // 255
+            channel[missing] = np.nan if pixel.kind == "f" else 0
+            painted.append(channel)
+        return painted if order == "rgb" else painted[::-1]
+
+    return _paint(grid_map, layer, pixel, channels, colors)
 
 
 def _paint(
@@ -184,20 +197,6 @@ def _range(
         sensible = np.isfinite(last - first) and not is_flat
     _check(sensible, "lower, upper", "two different finite float32 numbers", (low, high))
     return first, last
-
-
-def _unpack(values: Layer, pixel: np.dtype[Any], order: Order) -> list[npt.NDArray[Any]]:
-    missing = np.isnan(values)
-    channels = []
-    for color in color_value_to_bytes(values):
-        channel = color.astype(pixel)
-        if pixel.kind == "f":
-            channel /= 255
-        else:
-            channel *= _LARGEST[pixel.name] // 255
-        channel[missing] = np.nan if pixel.kind == "f" else 0
-        channels.append(channel)
-    return channels if order == "rgb" else channels[::-1]
 
 
 # --- from images to layers ------------------------------------------------------------------------
@@ -286,8 +285,16 @@ def add_color_layer_from_image(
         GeometryError: the image is not of the size of the map, or it or the order are invalid.
     """
     _check_order(order)
+
+    def values_of(part: Image) -> Layer:
+        channels = part[..., :3] if order == "rgb" else part[..., 2::-1]
+        if part.dtype == np.uint16:
+            channels = (channels // 257).astype(np.uint8)
+        red, green, blue = (channels[..., min(n, channels.shape[2] - 1)] for n in range(3))
+        return color_channels_to_value(red, green, blue)
+
     pixels = _as_image(image, grid_map.size)
-    grid_map.set_unwrapped(layer, _read(pixels, lambda part: _pack(part, order), alpha_threshold))
+    grid_map.set_unwrapped(layer, _read(pixels, values_of, alpha_threshold))
 
 
 def _read_gray(
@@ -326,14 +333,6 @@ def _read(pixels: Image, values_of: Callable[[Image], Layer], alpha_threshold: f
             if channels == 4:
                 values[part][block[..., 3] < threshold] = np.nan
     return values
-
-
-def _pack(pixels: Image, order: Order) -> Layer:
-    channels = pixels[..., :3] if order == "rgb" else pixels[..., 2::-1]
-    if pixels.dtype == np.uint16:
-        channels = (channels // 257).astype(np.uint8)
-    red, green, blue = (channels[..., min(index, channels.shape[2] - 1)] for index in range(3))
-    return color_channels_to_value(red, green, blue)
 
 
 # --- resolution -----------------------------------------------------------------------------------

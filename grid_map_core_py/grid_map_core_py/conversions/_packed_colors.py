@@ -121,15 +121,12 @@ def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
 
 def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
     """Return the bits of colors in [0, 255]; fractions are cut off."""
-    red, green, blue = (_clamped(channel).astype(np.uint32) for channel in channels)
-    bits: npt.NDArray[np.uint32] = join_channels(red, green, blue)
+    clamped = []
+    for channel in channels:
+        if channel.dtype != np.uint8:
+            # Not every integer type holds 255.
+            floats = channel if channel.dtype.kind == "f" else channel.astype(np.float64)
+            channel = np.clip(floats, 0, 255)
+        clamped.append(channel.astype(np.uint32))
+    bits: npt.NDArray[np.uint32] = join_channels(*clamped)
     return bits
-
-
-def _clamped(channel: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    if channel.dtype == np.uint8:
-        return channel
-    if channel.dtype.kind != "f":
-        # Not every integer type holds 255.
-        channel = channel.astype(np.float64)
-    return np.asarray(np.clip(channel, 0, 255))

@@ -18,8 +18,7 @@ from ._image_files import load_height_image, save_height_image
 from ._image_folder import load_images, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import load_npz, save_npz
-from ._shared import map_facts, storage_errors
-from ._yaml_files import load_yaml
+from ._shared import load_yaml, map_facts, storage_errors
 
 __all__ = [
     "Fields",

@@ -36,8 +36,7 @@ from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
 from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
-from ._shared import StoredMap, storage_errors
-from ._yaml_files import load_yaml
+from ._shared import StoredMap, load_yaml, storage_errors
 
 YAML_NAME = "map.yaml"
 VERSION = 1

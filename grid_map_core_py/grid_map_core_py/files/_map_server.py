@@ -34,8 +34,7 @@ from ..map._layer_names import select_layers
 from ..plugins._parameters import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import storage_errors
-from ._yaml_files import load_yaml
+from ._shared import load_yaml, storage_errors
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
