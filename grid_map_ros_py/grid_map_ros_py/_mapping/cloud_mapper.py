@@ -18,7 +18,7 @@ from grid_map_core_py.plugins import check
 
 from ..messages._cdr import view
 from ..messages._packages import messages_of
-from ..messages._point_cloud_reading import read_columns
+from ..messages._point_cloud import read_columns
 from ..messages._time import from_stamp
 from .poses import Placement, Poses, transformed
 

@@ -24,8 +24,13 @@ from ._image import (
 from ._multi_array import from_multi_array, set_array, to_multi_array
 from ._occupancy_grid import from_occupancy_grid, occupancies, to_occupancy_grid
 from ._octomap import from_octomap, load_octomap, octomap_to_points
-from ._point_cloud import to_flat_point_cloud, to_point_cloud
-from ._point_cloud_reading import from_point_cloud, read_columns, read_points
+from ._point_cloud import (
+    from_point_cloud,
+    read_columns,
+    read_points,
+    to_flat_point_cloud,
+    to_point_cloud,
+)
 from ._polygon import (
     from_polygon,
     to_line_marker,

@@ -1,29 +1,48 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""`sensor_msgs/PointCloud2` and grid maps."""
+"""`sensor_msgs/PointCloud2` and grid maps, and clouds as arrays.
+
+Clouds that are read may have fields of any of the eight number types, anywhere in the point and
+with gaps; rows may be padded, too. Only big-endian clouds are refused.
+"""
 
 import array
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Mask, slices
+from grid_map_core_py.conversions import COLOR_FIELDS, COLOR_LAYER, from_points, rasterize
 from grid_map_core_py.map import select_layers
+from grid_map_core_py.plugins import check, mismatch
 
 from ..errors import MessageError
 from ._multi_array import set_array
 from ._packages import messages_of
-from ._time import to_header
+from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
-    from sensor_msgs.msg import PointCloud2
+    from sensor_msgs.msg import PointCloud2, PointField
 
 AXES = ("x", "y", "z")
 FLAT_LAYER = "flat"
 FLOAT = np.dtype("<f4")
 BLOCK = 8192
+COLOR_SIZE = 4
+"""Bytes of a packed color."""
+
+TYPES = dict(enumerate(map(np.dtype, ("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8")), 1))
+"""Types of numbers by their `PointField.datatype`: INT8, UINT8, ... FLOAT64."""
+
+_NONE: Mapping[str, str] = MappingProxyType({})
+
+
+# --- from maps to clouds --------------------------------------------------------------------------
 
 
 def to_point_cloud(
@@ -134,3 +153,212 @@ def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> "
     )
     set_array(message, data)
     return message
+
+
+# --- from clouds to maps --------------------------------------------------------------------------
+
+
+def from_point_cloud(
+    message: "PointCloud2",
+    layer: str = "elevation",
+    resolution: float | None = None,
+    reduction: str = "max",
+    *,
+    length: npt.ArrayLike | None = None,
+    position: npt.ArrayLike | None = None,
+    onto: GridMap | GridGeometry | None = None,
+    more_layers: Mapping[str, str] = _NONE,
+    fields: Iterable[str] | None = None,
+    field_reductions: Mapping[str, str] = _NONE,
+    min_height: float = -np.inf,
+    max_height: float = np.inf,
+) -> GridMap:
+    """Return a map whose cells hold heights and other fields of the points in them.
+
+    The whole message is checked before anything is allocated. Points with a coordinate that is not
+    finite, and those beside the map, are left out. The map has the frame and the time of the cloud.
+
+    Args:
+        message: the cloud, organized or not.
+        layer: name of the layer that holds heights [m].
+        resolution: side of a cell [m].
+        reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
+            `variance` or `count`; see `grid_map_core_py.from_points`.
+        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
+        position: (2,) center of the map [m]; None takes the middle of the extent of the points.
+        onto: in place of these three a geometry, or a map whose other layers the result shares.
+        more_layers: names of further layers made of the heights, each with its reduction.
+        fields: names of the fields that become layers, besides the heights. None takes all that
+            have one number per point. `rgb` or `rgba`, packed colors, become the layer `color`
+            unless the cloud has a field of that name.
+        field_reductions: names of fields whose reduction is not to be `mean`.
+        min_height, max_height: points below or above are left out [m].
+
+    Raises:
+        MessageError: a field of the message contradicts another or is invalid, the cloud lacks
+            a field, or it is in another frame than the map `onto`.
+        ConfigError: a reduction is unknown, or the grid is given twice or not at all.
+        GeometryError: resolution, length or position are invalid.
+        GridMapError: a layer would be made twice, or there are no points to take an extent from.
+    """
+    frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
+    points, columns = read_columns(message, fields)
+    names = layer_names(message)
+    options: dict[str, Any] = {
+        "layers": {layer: reduction, **more_layers},
+        "fields": columns,
+        "field_reductions": {names.get(name, name): r for name, r in field_reductions.items()},
+        "min_height": min_height,
+        "max_height": max_height,
+    }
+    if onto is not None:
+        check(
+            resolution is None and length is None and position is None,
+            "onto",
+            "no resolution, length or position beside it",
+            onto,
+        )
+        if isinstance(onto, GridGeometry):
+            onto = GridMap.from_geometry(onto)
+        elif onto.frame_id and frame_id != onto.frame_id:
+            raise MessageError("header.frame_id", f"that of the map, {onto.frame_id!r}", frame_id)
+        result = rasterize(points, onto, **options)
+        result.frame_id, result.timestamp = frame_id, timestamp
+        return result
+    if resolution is None:
+        raise mismatch("resolution", "a number, or `onto` in its place", None)
+    return from_points(
+        points,
+        resolution,
+        length=length,
+        position=position,
+        frame_id=frame_id,
+        timestamp=timestamp,
+        **options,
+    )
+
+
+def read_points(message: "PointCloud2") -> dict[str, npt.NDArray[Any]]:
+    """Return the fields of a cloud as arrays over its points, row after row.
+
+    The arrays are views of the message's memory, unless rows are padded.
+
+    Args:
+        message: the cloud, organized or not; `array.reshape(message.height, message.width)` has the
+            shape of an organized one.
+
+    Returns:
+        (N,) values by the names of the fields, or (N, count) for a field of `count` numbers per
+        point; a count of 0 stands for 1. NaN as the cloud has it.
+
+    Raises:
+        MessageError: a field of the message contradicts another or is invalid; the error names
+            it, the expected and the actual value.
+    """
+    check_layout(message)
+    return {field.name: _view(message, field) for field in message.fields}
+
+
+def read_columns(
+    message: "PointCloud2", fields: Iterable[str] | None = None
+) -> tuple[npt.NDArray[Any], dict[str, npt.NDArray[Any]]]:
+    """Return the points of a cloud, and the columns for layers other than heights.
+
+    Args:
+        message: the cloud.
+        fields: as in `from_point_cloud`.
+
+    Returns:
+        points: (N, 3) x, y, z [m], float32 or float64; a view of the message if x, y, z are
+            adjacent there.
+        columns: (N,) values of the fields by the names of their layers.
+
+    Raises:
+        MessageError: as in `from_point_cloud`.
+    """
+    check_layout(message)
+    known = {field.name: (index, field) for index, field in enumerate(message.fields)}
+    if fields is None:
+        chosen = [f.name for f in message.fields if f.name not in AXES and f.count <= 1]
+    else:
+        chosen = list(dict.fromkeys((fields,) if isinstance(fields, str) else fields))
+    for name in (*AXES, *chosen):
+        if name not in known:
+            raise MessageError("fields", f"one called {name!r}", [*known])
+        index, field = known[name]
+        if field.count > 1:
+            raise MessageError(f"fields[{index}].count", f"1 for {name!r}", field.count)
+        if name in COLOR_FIELDS and TYPES[field.datatype].itemsize != COLOR_SIZE:
+            expected = "UINT32 or FLOAT32 for packed colors"
+            raise MessageError(f"fields[{index}].datatype", expected, field.datatype)
+    names = layer_names(message)
+    columns = {names[name]: _view(message, known[name][1]) for name in chosen}
+    return _positions(message, [known[name][1] for name in AXES]), columns
+
+
+def layer_names(message: "PointCloud2") -> dict[str, str]:
+    """Return the names of the layers of fields: mostly as the fields."""
+    names = {field.name: field.name for field in message.fields}
+    for color in ("rgb", "rgba"):
+        if color in names and COLOR_LAYER not in names.values():
+            names[color] = COLOR_LAYER
+    return names
+
+
+def check_layout(message: "PointCloud2") -> None:
+    """Raise `MessageError` unless all fields and points are inside the data of a cloud."""
+    if message.is_bigendian:
+        raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
+    width, height, step = message.width, message.height, message.point_step
+    for index, field in enumerate(message.fields):
+        _check_field(f"fields[{index}]", field, step)
+    names = Counter(field.name for field in message.fields)
+    if repeated := [name for name, times in names.items() if times > 1]:
+        raise MessageError("fields", "every name once", repeated)
+    if message.row_step < width * step:
+        expected = f"at least {width * step} ({width} points of {step} bytes)"
+        raise MessageError("row_step", expected, message.row_step)
+    if len(message.data) != height * message.row_step:
+        expected = f"{height * message.row_step} bytes ({height} rows of {message.row_step})"
+        raise MessageError("data", expected, len(message.data))
+
+
+def _check_field(path: str, field: "PointField", point_step: int) -> None:
+    if not field.name:
+        raise MessageError(f"{path}.name", "a name", field.name)
+    if field.datatype not in TYPES:
+        expected = f"{min(TYPES)} to {max(TYPES)} (INT8 to FLOAT64)"
+        raise MessageError(f"{path}.datatype", expected, field.datatype)
+    end = field.offset + max(field.count, 1) * TYPES[field.datatype].itemsize
+    if end > point_step:
+        expected = f"at least {end}, where field {field.name!r} ({path}) ends"
+        raise MessageError("point_step", expected, point_step)
+
+
+def _positions(message: "PointCloud2", axes: "list[PointField]") -> npt.NDArray[Any]:
+    """Return x, y, z as (N, 3)."""
+    x = axes[0]
+    size = TYPES[x.datatype].itemsize
+    side_by_side = all(
+        (axis.datatype, axis.offset) == (x.datatype, x.offset + k * size)
+        for k, axis in enumerate(axes)
+    )
+    if side_by_side and TYPES[x.datatype].kind == "f":
+        return _view(message, x, 3)
+    columns = [_view(message, axis) for axis in axes]
+    dtype = np.result_type(np.float32, *columns)
+    return np.stack(columns, axis=1, dtype=dtype, casting="unsafe")
+
+
+def _view(
+    message: "PointCloud2", first: "PointField", count: int | None = None
+) -> npt.NDArray[Any]:
+    """Return (N,) or (N, count) adjacent numbers of every point, starting at a field."""
+    count = first.count if count is None else count
+    shape = (count,) if count > 1 else ()
+    rows, dtype = (message.height, message.width), TYPES[first.datatype]
+    if not message.height * message.width:
+        return np.empty((0, *shape), dtype)
+    steps = (message.row_step, message.point_step, *(dtype.itemsize for _ in shape))
+    values = np.ndarray((*rows, *shape), dtype, message.data, first.offset, steps)
+    return values.reshape(-1, *shape)
