@@ -49,13 +49,6 @@ def test_row_major_values_are_understood(data_offset: int) -> None:
     np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
 
 
-def test_values_begin_after_the_data_offset() -> None:
-    message = to_multi_array(LAYER)
-    message.layout.data_offset = 2
-    message.data = array.array("f", [7.0, 8.0]) + message.data
-    np.testing.assert_array_equal(from_multi_array(message, (2, 3)), LAYER)
-
-
 @pytest.mark.parametrize("strides", [(0, 0), (2, 1), (2, 6), (6, 2)])
 def test_unset_and_other_valid_strides_are_accepted(strides: tuple[int, int]) -> None:
     message = to_multi_array(LAYER)

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
-from test_cdr import assert_encodes, big_endian
+from test_cdr import assert_encodes
 from test_grid_map import maps, sample_map
 from test_multi_array import row_major
 
-from grid_map_core_py import GridMap, LayerNotFoundError, OutOfMapError
+from grid_map_core_py import GridMap, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
@@ -95,14 +95,6 @@ def test_row_major_and_moved_layers_are_copied() -> None:
     assert moved.start_index == (0, 0)
 
 
-def test_big_endian_bytes_are_read_like_little_endian_ones() -> None:
-    data = big_endian(to_message(sample_map()))
-    assert data != to_serialized_message(sample_map())
-    received = from_serialized_message(data, unwrap=False)
-    assert buffers_equal(received, sample_map())
-    assert received["elevation"].dtype.isnative
-
-
 def test_bytes_at_any_address_are_read() -> None:
     data = b"x" + to_serialized_message(sample_map())
     assert_maps_equal(from_serialized_message(memoryview(data)[1:]), sample_map())
@@ -115,13 +107,6 @@ def test_only_requested_layers_need_memory() -> None:
     layer_size = grid_map[names[0]].nbytes
     assert peak(lambda: from_serialized_message(data, names[:2])) < 2.5 * layer_size
     assert peak(lambda: to_serialized_message(grid_map, names[:2])) < 2.5 * layer_size
-
-
-def test_layers_that_are_not_there_are_named() -> None:
-    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
-        to_serialized_message(sample_map(), ["slope"])
-    with pytest.raises(LayerNotFoundError, match=r"'slope'; available: elevation, variance"):
-        from_serialized_message(to_serialized_message(sample_map()), ["slope"])
 
 
 def test_received_map_has_its_facts_without_decoding() -> None:
@@ -157,20 +142,6 @@ def test_received_map_is_checked_on_access() -> None:
 # --- bad messages ---------------------------------------------------------------------------------
 
 
-def test_truncated_bytes_are_refused() -> None:
-    data = to_serialized_message(sample_map())
-    for length in range(len(data)):
-        with pytest.raises(MessageError):
-            from_serialized_message(data[:length])
-
-
-def test_error_names_the_truncated_part() -> None:
-    data = to_serialized_message(sample_map())
-    with pytest.raises(MessageError) as error:
-        from_serialized_message(data[:-8])
-    assert str(error.value) == ("data[1].data: expected at most 11 values (44 bytes more), got 12")
-
-
 def test_declared_lengths_are_checked_before_allocation() -> None:
     data = to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))
     for place in range(4, len(data) - 4, 4):
@@ -181,14 +152,6 @@ def test_declared_lengths_are_checked_before_allocation() -> None:
                 from_serialized_message(spoilt)
 
         assert peak(read) < 100_000
-
-
-def test_names_that_are_no_text_are_refused_with_their_place() -> None:
-    data = to_serialized_message(sample_map()).replace(b"variance", b"vari\xffnce")
-    with pytest.raises(MessageError, match=r"layers\[1\]: expected a text in UTF-8, got b'vari"):
-        from_serialized_message(data)
-    with pytest.raises(MessageError, match=r"layers\[0\]: expected a text that UTF-8 can hold"):
-        to_serialized_message(GridMap((1.0, 1.0), 0.5, layers=["\ud800"]))
 
 
 def test_huge_grid_without_layers_needs_no_memory() -> None:

@@ -131,17 +131,11 @@ def from_image(
 ) -> GridMap:
     """Return a map with one layer that holds the gray values of an image.
 
-    Frame and time come from the message.
-
     Args:
         message: the image, of any encoding. Rows may be padded and numbers big-endian. Colors
-            become gray by their luma.
-        layer: name of the layer.
-        resolution: side of a pixel [m].
-        lower, upper: values of 0 and of the largest number (1.0 in images of floats). With 0 and 1
-            an image of floats contains the values.
-        position: (2,) center of the map [m].
-        alpha_threshold: pixels with less than this share of full alpha are NaN.
+            become gray by their luma. Frame and time of the map are those of the message.
+        layer, resolution, lower, upper, position, alpha_threshold: as in
+            `grid_map_core_py.from_image`.
 
     Raises:
         MessageError: a field of the message contradicts another or is invalid.
