@@ -10,12 +10,11 @@ runs a chain on a topic; it alone needs ROS.
 
 from grid_map_core_py.commands import ProgressBar
 
-from ._chain import FilterChain, Step
+from ._chain import FilterChain, Step, StepTimes
 from ._config import StepConfig
 from ._filter import Filter, FilterWarning, in_map_order, warn
 from ._offline import Failure, Filtered, filter_maps
 from ._registry import FILTERS
-from ._step_times import StepTimes
 from .errors import ExpressionError, FilterConfigError, FilterError
 from .expression import Expression
 

@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A sequence of filters."""
+"""A sequence of filters, and the durations of its steps."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -33,6 +33,89 @@ class Step:
 
 StepObserver = Callable[[Step, float], None]
 """Function that is called after every step, with the step and its duration [s]."""
+
+
+@dataclass
+class StepTime:
+    """Durations of one step [ms]: of the last map, the longest one, and the sum over all maps."""
+
+    config: StepConfig
+    runs: int = 0
+    last: float = 0.0
+    longest: float = 0.0
+    total: float = 0.0
+
+    @property
+    def mean(self) -> float:
+        """Mean over all maps [ms]."""
+        return self.total / self.runs if self.runs else 0.0
+
+
+class StepTimes:
+    """Collects the durations of the steps of a chain over many maps; prints as a table.
+
+    It is an observer of chains. Iterating gives a `StepTime` for each step that has run, in the
+    order of the chain.
+
+    Example:
+        >>> from grid_map_core_py import GridMap
+        >>> from grid_map_filters_py import FilterChain
+        >>> times = StepTimes()
+        >>> chain = FilterChain.from_config([{
+        ...     "name": "twice", "type": "gridMapFilters/MathExpressionFilter",
+        ...     "params": {"expression": "2 * height", "output_layer": "height"}}])
+        >>> for height in range(3):
+        ...     _ = chain(GridMap((1, 1), 0.5, layers={"height": height}), times)
+        >>> [(time.config.name, time.runs, time.mean > 0) for time in times]
+        [('twice', 3, True)]
+    """
+
+    def __init__(self) -> None:
+        self._times: dict[tuple[int, str], StepTime] = {}
+
+    def __call__(self, step: Step, seconds: float) -> None:
+        """Add the duration of a step."""
+        config = step.config
+        time = self._times.setdefault((config.number, config.name), StepTime(config))
+        time.last = 1e3 * seconds
+        time.runs += 1
+        time.longest = max(time.longest, time.last)
+        time.total += time.last
+
+    def __iter__(self) -> Iterator[StepTime]:
+        return (self._times[key] for key in sorted(self._times))
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    @property
+    def last(self) -> float:
+        """Sum of the last durations of all steps [ms]."""
+        return sum(time.last for time in self)
+
+    @property
+    def mean(self) -> float:
+        """Sum of the mean durations of all steps [ms]."""
+        return sum(time.mean for time in self)
+
+    def __str__(self) -> str:
+        total = sum(time.total for time in self)
+        rows = [["step", "type", "maps", "last ms", "mean ms", "max ms", "share"]]
+        for step in self:
+            milliseconds = (f"{value:.3f}" for value in (step.last, step.mean, step.longest))
+            share = f"{step.total / total:.0%}" if total else ""
+            rows.append([step.config.name, step.config.type, str(step.runs), *milliseconds, share])
+        rows.append(["sum", "", "", f"{self.last:.3f}", f"{self.mean:.3f}", "", ""])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        # Texts are aligned to the left, numbers to the right.
+        lines = (
+            "  ".join(
+                cell.ljust(width) if column < 2 else cell.rjust(width)
+                for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+            )
+            for row in rows
+        )
+        return "\n".join(line.rstrip() for line in lines)
 
 
 class FilterChain:
@@ -102,8 +185,10 @@ class FilterChain:
         result, start, own = self._run(grid_map, observer, warnings)
         if start != (0, 0):
             return result.with_start_index(start)
+        # Two layers with one address must not share an array.
+        arrays = {name: own.pop(_address(result[name]), None) for name in result}
         return result.with_layers(
-            {name: own[name] if name in own else result[name].copy("F") for name in result}
+            {name: result[name].copy("F") if a is None else a for name, a in arrays.items()}
         )
 
     def without_copies(
@@ -124,18 +209,21 @@ class FilterChain:
 
     def _run(
         self, grid_map: GridMap, observer: StepObserver | None, warnings: list[str] | None
-    ) -> tuple[GridMap, Size, dict[str, Layer]]:
-        """Return the read-only result, its start index, and the arrays of layers that it owns."""
+    ) -> tuple[GridMap, Size, dict[int, Layer]]:
+        """Return the read-only result, its start index, and the arrays behind it that are its own.
+
+        These are found by the address of their data.
+        """
         moved = grid_map.start_index != (0, 0)
         result = grid_map.with_start_index((0, 0)) if moved else grid_map
-        own = {name: result[name] for name in result} if moved else {}
+        own = _own_arrays(result, {}) if moved else {}
         for step in self.steps:
             given = _read_only(result)
             begin = time.perf_counter()
             result = _filtered(step, given, warnings)
             if observer is not None:
                 observer(step, time.perf_counter() - begin)
-            own = _own_layers(result, given, own)
+            own = _own_arrays(result, own)
         keeps_start = result.size == grid_map.size and not any(
             isinstance(step.filter, BufferNormalizer) for step in self.steps
         )
@@ -188,24 +276,23 @@ def _read_only(grid_map: GridMap) -> GridMap:
     return grid_map.with_layers(views)
 
 
-def _own_layers(result: GridMap, given: GridMap, own: dict[str, Layer]) -> dict[str, Layer]:
-    """Return the arrays behind the layers of a result that are not shared with other objects.
+def _own_arrays(result: GridMap, known: dict[int, Layer]) -> dict[int, Layer]:
+    """Return the arrays of layers that nothing else refers to, by the address of their data.
 
     Args:
-        result: output of a filter.
-        given: its read-only input.
-        own: the same for the input.
+        result: output of a filter. It may write into the layers that the filter has made.
+        known: the same for the input of the filter, of which it got read-only views.
     """
-    behind = {id(given[name]): own.get(name) for name in given}
-    found = {}
-    for name in result:
-        layer = result[name]
-        array = behind.get(id(layer), layer if layer.flags.writeable else None)
-        # Otherwise two layers could share one array.
-        behind[id(layer)] = None
-        if array is not None:
-            found[name] = array
-    return found
+    layers = {_address(result[name]): result[name] for name in result}
+    return {
+        address: layer if layer.flags.writeable else known[address]
+        for address, layer in layers.items()
+        if layer.flags.writeable or address in known
+    }
+
+
+def _address(layer: Layer) -> int:
+    return int(layer.__array_interface__["data"][0])
 
 
 def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> GridMap:

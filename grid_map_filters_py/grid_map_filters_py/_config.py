@@ -47,21 +47,17 @@ def parse_steps(config: object) -> list[StepConfig]:
     elif isinstance(config, Sequence) and not isinstance(config, str):
         entries = list(config)
     else:
-        raise FilterConfigError(
-            f"filters: expected filter1 .. filterN or a list, got {_found(config)}"
-        )
+        raise _unexpected("filters", "filter1 .. filterN or a list", config)
     if not entries:
         raise FilterConfigError("filters: expected at least one filter, got none")
-    steps: dict[str, StepConfig] = {}
-    for number, entry in enumerate(entries, start=1):
-        step = _step(number, entry)
-        if step.name in steps:
+    steps, numbers = [_step(*entry) for entry in enumerate(entries, start=1)], dict[str, int]()
+    for step in steps:
+        first = numbers.setdefault(step.name, step.number)
+        if first != step.number:
             raise FilterConfigError(
-                f"filter {number}: the name {step.name!r} is already that of "
-                f"filter {steps[step.name].number}"
+                f"filter {step.number}: the name {step.name!r} is already that of filter {first}"
             )
-        steps[step.name] = step
-    return list(steps.values())
+    return steps
 
 
 def read_chain(path: str | Path, name: str) -> object:
@@ -79,7 +75,7 @@ def read_chain(path: str | Path, name: str) -> object:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
     if not isinstance(content, Mapping):
-        raise FilterConfigError(f"{path}: expected a YAML mapping, got {_found(content)}")
+        raise _unexpected(path, "a YAML mapping", content)
     try:
         nodes = {node: params for node, params in _ros_parameters(content) if name in params}
     except ConfigError as error:
@@ -158,36 +154,30 @@ def _numbered(config: Mapping[object, object]) -> list[object]:
 
 
 def _step(number: int, entry: object) -> StepConfig:
+    place = f"filter {number}"
     if not isinstance(entry, Mapping):
-        raise FilterConfigError(
-            f"filter {number}: expected name, type and params, got {_found(entry)}"
-        )
+        raise _unexpected(place, "name, type and params", entry)
     for key in entry:
         if key not in ("name", "type", "params"):
-            raise FilterConfigError(
-                f"filter {number}: unknown entry {key!r}; expected name, type and params"
-            )
-    name, type_name = (_text(number, entry, key) for key in ("name", "type"))
+            text = f"{place}: unknown entry {key!r}; expected name, type and params"
+            raise FilterConfigError(text)
+    name, type_name = (_text(place, key, entry.get(key)) for key in ("name", "type"))
     params = entry.get("params")
-    if params is not None and not isinstance(params, Mapping):
-        raise FilterConfigError(
-            f"filter {number} {name!r}: params: expected a mapping, got {_found(params)}"
-        )
+    if not isinstance(params, Mapping | None):
+        raise _unexpected(f"{place} {name!r}: params", "a mapping", params)
     try:
         return StepConfig(number, name, type_name, flat(params or {}))
     except FilterConfigError as error:
-        raise FilterConfigError(f"filter {number} {name!r}: {error}") from None
+        raise FilterConfigError(f"{place} {name!r}: {error}") from None
 
 
-def _text(number: int, entry: Mapping[object, object], key: str) -> str:
-    value = entry.get(key)
+def _text(place: str, key: str, value: object) -> str:
     if not isinstance(value, str) or not value:
         hint = " (quote it)" if isinstance(value, bool | int | float) else ""
-        raise FilterConfigError(
-            f"filter {number}: {key}: expected a string{hint}, got {_found(value)}"
-        )
+        raise _unexpected(f"{place}: {key}", f"a string{hint}", value)
     return value
 
 
-def _found(value: object) -> str:
-    return "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+def _unexpected(place: object, expected: str, value: object) -> FilterConfigError:
+    found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+    return FilterConfigError(f"{place}: expected {expected}, got {found}")

@@ -22,11 +22,11 @@ from grid_map_filters_py import (
     FilterWarning,
     Step,
     StepConfig,
+    StepTimes,
     warn,
 )
 from grid_map_filters_py._chain import OPENCV_KEEPS_READ_ONLY
 from grid_map_filters_py._config import nested
-from grid_map_filters_py._step_times import StepTimes
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
 MATH = "gridMapFilters/MathExpressionFilter"

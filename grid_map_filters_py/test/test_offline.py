@@ -10,9 +10,14 @@ import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_filters_py import FilterChain, FilterError, ProgressBar
-from grid_map_filters_py._offline import Failure, filter_maps
-from grid_map_filters_py._step_times import StepTimes
+from grid_map_filters_py import (
+    Failure,
+    FilterChain,
+    FilterError,
+    ProgressBar,
+    StepTimes,
+    filter_maps,
+)
 
 TWICE = {"expression": "2 * height", "output_layer": "height"}
 CHAIN = FilterChain.from_config(

@@ -20,9 +20,8 @@ from grid_map_core_py.commands import (
     print_json,
 )
 
-from .._chain import FilterChain
+from .._chain import FilterChain, StepTimes
 from .._offline import Failure, filter_maps
-from .._step_times import StepTimes
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap

@@ -36,8 +36,7 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._chain import FilterChain
-from .._step_times import StepTimes
+from .._chain import FilterChain, StepTimes
 
 
 @dataclass
