@@ -3,11 +3,13 @@
 """Medians of the finite values in square windows.
 
 They are exact: values are only compared. Windows are gathered and sorted, but where medians of most
-cells are wanted, small windows go through a sorting network, which is two to five times as fast.
+cells are wanted, two ways are up to five times as fast: small windows go through a sorting network,
+and large windows of neighbors sort what they share only once.
 """
 
-import math
 from collections.abc import Iterator
+from itertools import product
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,8 +24,11 @@ Ranks = npt.NDArray[np.int32]
 _SCATTERED = 0.3
 """Share of all cells up to which sorting single windows is fastest."""
 
-_LARGEST_NETWORK = 25
-"""Values of a window up to which a network is faster than sorting."""
+_LARGEST_NETWORK = 5
+"""Side of a window up to which a network is faster than sorting."""
+
+_LARGEST_SINGLE = 11
+"""Side of a window up to which sorting single windows is faster than sharing."""
 
 _PIECE = 2**16
 """Values that are sorted at a time."""
@@ -47,18 +52,14 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
     # Wider squares contain no further cells.
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
-    padded, known = _padded(layer.T, half_width), np.isfinite(layer.T).view(np.uint8)
-    counts = cv2.boxFilter(
-        known, cv2.CV_32S, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT
-    )
-    # The rank of the upper median among the sorted values of each window.
-    ranks = np.right_shift(counts, 1, out=counts)
-    windows = sliding_window_view(padded, (side, side))
-    if side * side > _LARGEST_NETWORK or np.count_nonzero(cells) <= _SCATTERED * cells.size:
-        _put_medians_of_single_windows(output.T, windows, ranks, cells.T)
-    else:
-        medians = _without_infinity(_medians_by_network(windows, ranks))
-        cv2.copyTo(medians, cells.T.view(np.uint8), output.T)
+    padded, wanted = _padded(layer.T, half_width), cells.T
+    is_scattered = np.count_nonzero(cells) <= _SCATTERED * cells.size
+    if is_scattered or _LARGEST_NETWORK < side <= _LARGEST_SINGLE:
+        _put_medians_of_single_windows(output.T, padded, side, wanted)
+        return
+    median = _medians_by_network if side <= _LARGEST_NETWORK else _medians_of_large_windows
+    medians = median(padded, side)[: len(wanted), : wanted.shape[1]]
+    cv2.copyTo(_without_infinity(medians), wanted.view(np.uint8), output.T)
 
 
 def _without_infinity(medians: Values) -> Values:
@@ -78,29 +79,78 @@ def _padded(values: Values, half_width: int) -> Values:
     return np.asarray(padded, dtype=np.float32)
 
 
-def _put_medians_of_single_windows(
-    output: Values, windows: Values, ranks: Ranks, cells: Mask
-) -> None:
-    size = math.prod(windows.shape[2:])
+def _ranks(weights: npt.NDArray[Any], side: int) -> Ranks:
+    """Return half the sums of the weights in the windows, which are inside of the array."""
+    sums = np.asarray(
+        cv2.boxFilter(weights.view(np.uint8), cv2.CV_32S, (side, side), normalize=False), np.int32
+    )
+    inner = slice(side // 2, -(side // 2) or None)
+    return np.right_shift(sums, 1, out=sums)[inner, inner]
+
+
+def _put_medians_of_single_windows(output: Values, padded: Values, side: int, cells: Mask) -> None:
+    # The rank of the upper median among the sorted values of each window.
+    ranks, windows = _ranks(np.isfinite(padded), side), sliding_window_view(padded, (side, side))
     rows, columns = np.divmod(np.flatnonzero(cells), cells.shape[1])
-    for piece in slices(rows.size, _PIECE // size):
+    for piece in slices(rows.size, _PIECE // side**2):
         at = rows[piece], columns[piece]
-        values = windows[at].reshape(-1, size)
+        values = windows[at].reshape(-1, side**2)
         values.sort(axis=1)
         output[at] = _without_infinity(values[np.arange(len(values)), ranks[at]])
 
 
-def _medians_by_network(windows: Values, ranks: Ranks) -> Values:
+def _medians_by_network(padded: Values, side: int) -> Values:
+    ranks = _ranks(np.isfinite(padded), side)
     medians = np.empty(ranks.shape, np.float32)
-    windows = np.moveaxis(windows, (2, 3), (0, 1))
+    windows = np.moveaxis(sliding_window_view(padded, (side, side)), (2, 3), (0, 1))
     for lines in slices(len(ranks), _NETWORK_PIECE // ranks.shape[1]):
-        values = windows[:, :, lines].copy().reshape(math.prod(windows.shape[:2]), -1)
+        values = windows[:, :, lines].copy().reshape(side**2, -1)
         rows, flat_ranks = _sorted(values), ranks[lines].ravel()
         picked = np.empty_like(rows[0])
         for rank in range(int(flat_ranks.min()), int(flat_ranks.max()) + 1):
             np.copyto(picked, rows[rank], where=flat_ranks == rank)
         medians[lines] = picked.reshape(medians[lines].shape)
     return medians
+
+
+def _medians_of_large_windows(padded: Values, side: int) -> Values:
+    """Sort the square that the windows of 2 x 2 cells share, then each with one row and column.
+
+    Of the square, only values of middle rank can be medians. There are few if half of the missing
+    values sort to the front, so that all medians have about the same rank.
+
+    Returns:
+        An array with even numbers of rows and columns; the last ones may have no meaning.
+    """
+    padded = np.pad(padded, (0, 1), constant_values=np.inf)
+    in_front = np.isinf(padded)
+    in_front[::2, ::2] = in_front[1::2, 1::2] = False
+    ranks = _ranks(np.isfinite(padded) + 2 * in_front.view(np.uint8), side)
+    padded[in_front] = -np.inf
+    height, width = len(ranks) // 2, ranks.shape[1] // 2
+    medians = np.empty((2 * height, 2 * width), np.float32)
+    rows = sliding_window_view(padded, side, axis=1)
+    columns = sliding_window_view(padded[1:], side - 1, axis=0)
+    shared = sliding_window_view(padded[1:, 1:], (side - 1, side - 1))[::2, ::2]
+    count = _PIECE // side**2
+    for block in product(slices(height, count // width), slices(width, count)):
+        middle = shared[block].reshape(-1, (side - 1) ** 2)
+        middle.sort(axis=1)
+        for i, j in product((0, 1), repeat=2):
+            y, x = (slice(2 * part.start, 2 * part.stop, 2) for part in block)
+            at = _shifted(y, i), _shifted(x, j)
+            rank = ranks[at].ravel()
+            lowest = max(int(rank.min()) - (2 * side - 1), 0)
+            near = middle[:, lowest : int(rank.max()) + 1]
+            parts = near, rows[_shifted(y, i * side), at[1]], columns[y, _shifted(x, j * side)]
+            values = np.concatenate([part.reshape(rank.size, -1) for part in parts], axis=1)
+            values.sort(axis=1)
+            medians[at] = values[np.arange(rank.size), rank - lowest].reshape(medians[at].shape)
+    return medians
+
+
+def _shifted(part: slice, by: int) -> slice:
+    return slice(part.start + by, part.stop + by, part.step)
 
 
 def _sorted(values: Values) -> list[Values]:
