@@ -230,7 +230,7 @@ def test_points_and_meshes_become_maps(command):
 WRONG = {
     "info nowhere": (1, "nowhere: cannot be read: No such file"),
     "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
-    "info chain.yaml": (1, "chain.yaml: cannot be read: image: expected"),
+    "info chain.yaml": (1, "chain.yaml: cannot be read: missing parameter 'image'"),
     "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
     "info -": (1, "standard input: cannot be read"),
     "inspect site.npz --index 1": (2, "--index is for"),
