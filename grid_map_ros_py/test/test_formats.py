@@ -63,7 +63,6 @@ def test_bags_are_loaded_and_saved_by_name():
     with BagReader("new") as bag:
         assert (bag.topic, len(bag)) == ("/site", 1)
     save(a_map(1), "lite", storage="sqlite3")
-    assert Path("lite/lite_0.db3").exists()
     assert load("lite/lite_0.db3").timestamp == SECOND
 
 
@@ -106,6 +105,17 @@ def test_convert_keeps_all_maps_times_and_start_indices(command):
             assert (actual.layers, actual.frame_id) == (("elevation",), "site")
             assert actual.start_index == (3, 1)
             np.testing.assert_array_equal(actual["elevation"], a_map(second)["elevation"])
+
+
+def test_convert_writes_bags_of_both_storages(command):
+    assert command("convert survey lite --storage sqlite3")[0] == 0
+    assert command("convert lite/lite_0.db3 again --storage mcap")[0] == 0
+    for path in ("lite/lite_0.db3", "again/again_0.mcap"):
+        with BagReader(path) as bag, BagReader("survey") as source:
+            assert [record[:2] for record in bag] == [record[:2] for record in source]
+    code, _, error = command("convert survey small --storage sqlite3 --compress")
+    assert (code, error.count("Traceback")) == (1, 0)
+    assert error.endswith("small: compression of sqlite3: expected 'none', got 'zstd'\n")
 
 
 def test_one_map_is_the_last_or_the_chosen_one(command):

@@ -62,16 +62,18 @@ def test_failing_loader_prints_one_message(tmp_path, damage, parameters, message
     assert_fails(start_node(LOADER, *arguments(file_path=bag, **parameters)), message)
 
 
-def test_saver_saves_one_map_and_ends(tmp_path):
+@pytest.mark.parametrize(("storage", "ending"), [("mcap", ".mcap"), ("sqlite3", ".db3")])
+def test_saver_saves_one_map_and_ends(tmp_path, storage, ending):
+    given = {"file_path": tmp_path / "bag", "bag_topic": "/saved", "storage": storage}
     with peer() as publisher:
-        saver = start_node(SAVER, *arguments(file_path=tmp_path / "bag", bag_topic="/saved"))
+        saver = start_node(SAVER, *arguments(**given))
         try:
             publisher.publish(TOPIC, to_message(numbered_map(5)))
             assert saver.wait() == 0, saver.text
         finally:
             saver.kill()
     assert "saved GridMap(4 x 5 cells" in saver.text
-    assert_maps_equal(load_from_bag(tmp_path / "bag", "/saved"), numbered_map(5))
+    assert_maps_equal(load_from_bag(tmp_path / "bag" / f"bag_0{ending}", "/saved"), numbered_map(5))
 
 
 def saved(bag: Path) -> int:

@@ -110,7 +110,7 @@ class BagWriter:
         compressions = ("none",) if storage == "sqlite3" else COMPRESSIONS
         for name, value, known in (
             ("storage", storage, STORAGES),
-            ("compression", compression, compressions),
+            (f"compression of {storage}", compression, compressions),
         ):
             if value not in known:
                 expected = " or ".join(map(repr, known))
