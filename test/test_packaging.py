@@ -74,7 +74,9 @@ WITHOUT_ROS = {
         from grid_map_core_py import GridMap
         from grid_map_visualization_py import colors, surface
         from grid_map_visualization_py.pictures import save_picture
-        save_picture(GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0}), "elevation", "map.png")
+        grid_map = GridMap((1.0, 1.0), 0.1, layers={"elevation": 1.0})
+        for style in ("flat", "surface", "relief"):
+            save_picture(grid_map, "elevation", "map.png", style=style)
     """,
     "grid_map_demos_py": """
         from grid_map_demos_py.iterator_benchmark import main

@@ -9,6 +9,7 @@ stay vertical, as with a camera that looks level and is shifted instead of tilte
 Lengths are counted in cells. Ground coordinates are (x, y) from the center of the first cell.
 """
 
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy import ndimage
 from .colors import Colors
 
 Floats: TypeAlias = npt.NDArray[np.floating]
+
+_sampled = partial(ndimage.map_coordinates, order=1, mode="nearest")
 
 MAX_SIDE = 1500
 """Rows and columns to which larger maps are thinned out."""
@@ -141,8 +144,3 @@ def _light(heights: Floats, sun_azimuth: float) -> Floats:
     tint = _SKYLIGHT + (_SUNLIGHT - _SKYLIGHT) * share
     light: Floats = tint * (0.42 * skylight + 0.60 * sunlight)[..., None]
     return light
-
-
-def _sampled(values: Floats, places: Floats) -> Floats:
-    sampled: Floats = ndimage.map_coordinates(values, places, order=1, mode="nearest")
-    return sampled

@@ -301,16 +301,14 @@ def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) ->
 
 def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
     """Return normals (..., 3) of an upright image of heights; NaN where unknown."""
+    z = heights.astype(np.float64)
     with np.errstate(invalid="ignore"):
-        down, right = (_differences(heights, axis) / resolution for axis in (0, 1))
+        # Central differences, one-sided at the border, zero along a single cell.
+        down, right = (
+            (np.gradient(z, axis=axis) if z.shape[axis] > 1 else 0 * z) / resolution
+            for axis in (0, 1)
+        )
     return np.stack([-right, down, np.ones_like(down)], axis=-1)
-
-
-def _differences(heights: Layer, axis: int) -> npt.NDArray[np.float64]:
-    """Return central differences, one-sided at the border, zero along a single cell."""
-    if heights.shape[axis] < 2:
-        return np.where(np.isfinite(heights), 0.0, np.nan)
-    return np.asarray(np.gradient(heights.astype(np.float64), axis=axis))
 
 
 def _upright(values: Layer) -> Layer:

@@ -4,10 +4,10 @@
 
 import sys
 
+import messages
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap, GridMapError
@@ -17,14 +17,12 @@ from grid_map_visualization_py import create
 
 
 def drawn(grid_map: GridMap, **params: object) -> Marker:
-    params = {"layer": "elevation", **params}
-    visualization = create("contours", {"type": "contours", "params": params})
-    return deserialize_message(visualization(grid_map), Marker)
+    return messages.drawn("contours", grid_map, **{"layer": "elevation", **params})
 
 
 def pieces(marker: Marker) -> np.ndarray:
     """Return (N, 2, 3) start and end of every segment of a line."""
-    return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 2, 3)
+    return messages.points_of(marker).reshape(-1, 2, 3)
 
 
 def slope() -> GridMap:

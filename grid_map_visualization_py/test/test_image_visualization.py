@@ -5,18 +5,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from rclpy.serialization import deserialize_message, serialize_message
+from messages import drawn
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_visualization_py import create
 from grid_map_visualization_py.colors import MISSING
-
-
-def drawn(grid_map: GridMap, **params: object) -> Image:
-    message = create("image", {"type": "image", "params": params})(grid_map)
-    return deserialize_message(serialize_message(message), Image)
 
 
 def pixels(message: Image) -> np.ndarray:
@@ -27,7 +21,7 @@ def pixels(message: Image) -> np.ndarray:
 @settings(max_examples=40)
 @given(grid_maps(max_side=6))
 def test_every_pixel_is_the_cell_at_its_place(grid_map):
-    message = drawn(grid_map, layer="elevation", color_map="gray", encoding="rgba8")
+    message = drawn("image", grid_map, layer="elevation", color_map="gray", encoding="rgba8")
     image, values = pixels(message), grid_map.unwrapped("elevation")
     assert image.shape == (*grid_map.size, 4)
     assert message.step == 4 * message.width
@@ -42,7 +36,7 @@ def test_upper_left_pixel_has_the_largest_x_and_y():
     params = {"layer": "a", "color_map": "gray", "lower": 0, "upper": 5}
     expected = [[0, 51, 102], [153, MISSING, 255]]
     for m in (grid_map, moved_in_buffer(grid_map, (1, 2))):
-        message = drawn(m, **params)
+        message = drawn("image", m, **params)
         np.testing.assert_allclose(pixels(message)[..., 1], expected, atol=1)
     assert (message.encoding, message.header.frame_id) == ("rgb8", "odom")
     assert (message.height, message.width, message.step) == (2, 3, 9)
@@ -60,6 +54,6 @@ def test_upper_left_pixel_has_the_largest_x_and_y():
 def test_packed_colors_in_the_order_of_the_encoding(encoding, expected):
     layer = np.array([[color_vector_to_value((1, 2, 3)), np.nan]])
     grid_map = GridMap((1, 2), 1.0, layers={"color": layer})
-    message = drawn(grid_map, layer="color", color_mode="color", encoding=encoding)
+    message = drawn("image", grid_map, layer="color", color_mode="color", encoding=encoding)
     assert pixels(message).tolist() == [expected]
     assert message.encoding == encoding

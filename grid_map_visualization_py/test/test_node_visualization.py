@@ -3,11 +3,8 @@
 """The node `grid_map_visualization` as a process, over DDS."""
 
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
-import yaml
 from cpp_outputs import FOLDER, recorded
 from nav_msgs.msg import GridCells, OccupancyGrid
 from sensor_msgs.msg import PointCloud2
@@ -15,7 +12,7 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import testing, to_message
+from grid_map_ros_py import to_message
 from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, Process, running, running_node, start_node
 
@@ -46,12 +43,6 @@ TUTORIAL = {
 }
 
 
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    with testing.peer() as other:
-        yield other
-
-
 def forget(peer: Peer) -> None:
     for messages in peer.received.values():
         messages.clear()
@@ -60,22 +51,6 @@ def forget(peer: Peer) -> None:
 def is_watched(peer: Peer, topic: str = "/grid_map") -> bool:
     """Return whether the node subscribes to the map."""
     return peer.node.count_subscribers(topic) > 0
-
-
-@pytest.fixture
-def parameters(tmp_path: Path) -> Callable[..., list[str]]:
-    """Return a function that writes a parameter file and returns the arguments that load it."""
-
-    def write(**parameters: object) -> list[str]:
-        path = tmp_path / "parameters.yaml"
-        path.write_text(yaml.safe_dump({"grid_map_visualization": {"ros__parameters": parameters}}))
-        return arguments(path)
-
-    return write
-
-
-def arguments(parameter_file: Path) -> list[str]:
-    return ["--ros-args", "--params-file", str(parameter_file)]
 
 
 def two_outputs(**parameters: object) -> dict[str, object]:
@@ -103,7 +78,7 @@ def cells_of(grid: OccupancyGrid) -> set[int]:
 
 def test_parameter_file_of_the_cpp_node_gives_its_outputs(peer):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
-    with running_node(MODULE, *arguments(FOLDER / "tutorial.yaml")):
+    with running_node(MODULE, "--ros-args", "--params-file", str(FOLDER / "tutorial.yaml")):
         for name, message_type in TUTORIAL.items():
             peer.listen(name, message_type)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
@@ -114,8 +89,8 @@ def test_parameter_file_of_the_cpp_node_gives_its_outputs(peer):
         assert peer.received[name][0] == recorded(f"cpp_tutorial/{name}", message_type), name
 
 
-def test_node_subscribes_while_outputs_have_subscribers(peer, parameters):
-    with running_node(MODULE, *parameters(**two_outputs(grid_map_topic="/terrain"))):
+def test_node_subscribes_while_outputs_have_subscribers(peer, arguments):
+    with running_node(MODULE, *arguments(**two_outputs(grid_map_topic="/terrain"))):
         peer.wait_until(lambda: peer.node.count_publishers("region"), "the outputs")
         assert not is_watched(peer, "/terrain")
         (output,) = peer.node.get_publishers_info_by_topic("region")
@@ -144,13 +119,13 @@ def test_node_subscribes_while_outputs_have_subscribers(peer, parameters):
 
 
 @pytest.mark.parametrize("transient_local", [True, False])
-def test_late_listener_gets_the_map_published_before(peer, parameters, transient_local):
+def test_late_listener_gets_the_map_published_before(peer, arguments, transient_local):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
     # The periodic check is too late here.
     late = two_outputs(transient_local=True, activity_check_rate=0.01)
     qos = map_qos(transient_local=transient_local)
-    with running_node(MODULE, *parameters(**late)):
+    with running_node(MODULE, *arguments(**late)):
         peer.listen("region", Marker, qos)
         peer.expect("region")
         # The other output has not been made yet.
@@ -163,10 +138,10 @@ def test_late_listener_gets_the_map_published_before(peer, parameters, transient
         peer.expect("grid")
 
 
-def test_subscribers_are_noticed_without_middleware_events(peer, parameters):
+def test_subscribers_are_noticed_without_middleware_events(peer, arguments):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
-    often = parameters(**two_outputs(transient_local=True, activity_check_rate=10))
+    often = arguments(**two_outputs(transient_local=True, activity_check_rate=10))
     with running(Process([sys.executable, "-c", WITHOUT_EVENTS, *often])):
         region = peer.listen("region", Marker)
         peer.expect("region")
@@ -177,10 +152,10 @@ def test_subscribers_are_noticed_without_middleware_events(peer, parameters):
         peer.wait_until(lambda: not is_watched(peer), "the node to unsubscribe")
 
 
-def test_map_is_published_once_per_listener(peer, parameters):
+def test_map_is_published_once_per_listener(peer, arguments):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
-    often = parameters(**two_outputs(transient_local=True, activity_check_rate=20))
+    often = arguments(**two_outputs(transient_local=True, activity_check_rate=20))
     with running(Process([sys.executable, "-c", WITHOUT_EVENTS, *often])):
         peer.listen("region", Marker)
         peer.expect("region")
@@ -193,10 +168,10 @@ def test_map_is_published_once_per_listener(peer, parameters):
     assert len(peer.received["region"]) == 1
 
 
-def test_outputs_without_listeners_are_not_made(peer, parameters):
+def test_outputs_without_listeners_are_not_made(peer, arguments):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     order = two_outputs(grid_map_visualizations=["grid", "region"])
-    with running_node(MODULE, *parameters(**order)) as node:
+    with running_node(MODULE, *arguments(**order)) as node:
         peer.listen("region", Marker)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
         # The other output would warn about this map.
@@ -205,11 +180,11 @@ def test_outputs_without_listeners_are_not_made(peer, parameters):
     assert len(node.lines) == 1, node.text
 
 
-def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters):
+def test_failing_outputs_are_reported_once_and_others_continue(peer, arguments):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     unshowable = elevation_map(0.5, layer="height")
     malformed = [malformed_map(resolution) for resolution in (-1.0, -2.0, -1.0)]
-    with running(Process([sys.executable, "-c", TALKATIVE, *parameters(**two_outputs())])) as node:
+    with running(Process([sys.executable, "-c", TALKATIVE, *arguments(**two_outputs())])) as node:
         peer.listen("region", Marker)
         peer.listen("grid", OccupancyGrid)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
@@ -229,10 +204,8 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, parameters)
     assert "info.resolution: expected a positive finite number, got -2.0" in problems[2]
 
 
-def test_empty_list_of_visualizations_is_no_error(peer, tmp_path):
-    path = tmp_path / "parameters.yaml"
-    path.write_text("grid_map_visualization: {ros__parameters: {grid_map_visualizations: []}}\n")
-    with running_node(MODULE, *arguments(path)):
+def test_empty_list_of_visualizations_is_no_error(peer, arguments):
+    with running_node(MODULE, *arguments(grid_map_visualizations=[])):
         names = peer.node.get_node_names
         peer.wait_until(lambda: "grid_map_visualization" in names(), "the node")
 
@@ -256,8 +229,8 @@ def test_empty_list_of_visualizations_is_no_error(peer, tmp_path):
         ({"grid_map_topic": "{terrain}"}, ["'grid_map_topic'", "topic", "'{terrain}'"]),
     ],
 )
-def test_misconfigured_node_ends_with_exit_code_1_and_one_message(parameters, wrong, words):
-    process = start_node(MODULE, *parameters(**two_outputs(**wrong)))
+def test_misconfigured_node_ends_with_exit_code_1_and_one_message(arguments, wrong, words):
+    process = start_node(MODULE, *arguments(**two_outputs(**wrong)))
     assert process.wait() == 1, process.text
     assert "Traceback" not in process.text
     assert len(process.lines) == 1, process.text

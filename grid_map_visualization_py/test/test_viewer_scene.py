@@ -83,27 +83,22 @@ def test_only_the_layers_that_are_shown_are_needed():
 
 
 def test_surface_reaches_the_browser_unchanged(hill):
-    settings = Settings(height_layer="elevation", opacity=0.5, shaded=False)
-    scene = make_scene(hill, settings)
+    scene = make_scene(hill, Settings(height_layer="elevation", opacity=0.5, shaded=False))
     document, (vertices, colors, faces) = read_glb(scene.glb)
     mesh = Surface(hill, "elevation").mesh(Coloring())
     np.testing.assert_array_equal(vertices, mesh.vertices)
     np.testing.assert_array_equal(faces.reshape(-1, 3), mesh.faces)
     assert (colors[:, 3] == 0xFFFF).all()
-    (material,) = document["materials"]
-    assert material["alphaMode"] == "BLEND"
-    assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 0.5]
-    assert material["extensions"] == {"KHR_materials_unlit": {}}
-    assert document["extensionsUsed"] == ["KHR_materials_unlit"]
     bounds = document["accessors"][0]
     np.testing.assert_array_equal(bounds["min"], mesh.vertices.min(axis=0))
     np.testing.assert_array_equal(bounds["max"], mesh.vertices.max(axis=0))
-
-
-def test_opaque_shaded_surface_needs_no_gltf_extension(hill):
-    document, _ = read_glb(make_scene(hill, Settings(height_layer="elevation")).glb)
     (material,) = document["materials"]
-    assert {"alphaMode", "extensions"}.isdisjoint(material)
+    assert material["alphaMode"] == "BLEND"
+    assert material["pbrMetallicRoughness"]["baseColorFactor"] == [1, 1, 1, 0.5]
+    assert document["extensionsUsed"] == [*material["extensions"]] == ["KHR_materials_unlit"]
+    # An opaque shaded surface needs neither.
+    document, _ = read_glb(make_scene(hill, Settings(height_layer="elevation")).glb)
+    assert {"alphaMode", "extensions"}.isdisjoint(*document["materials"])
     assert "extensionsUsed" not in document
 
 

@@ -3,11 +3,14 @@
 """Visualizations built from parameter files."""
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
+import grid_map_visualization_py
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, LayerNotFoundError
 from grid_map_visualization_py import VISUALIZATIONS, create
@@ -69,68 +72,68 @@ def test_parameters_may_be_left_out(config):
     assert create("a", config) == MapRegionVisualization()
 
 
+def missing_words(config: dict[str, object], words: str) -> list[str]:
+    """Return those words that the error about a visualization lacks."""
+    with pytest.raises(ConfigError) as caught:
+        create("my_output", config)
+    assert "\n" not in str(caught.value)
+    every = ["visualization 'my_output'", *words.split("; ")]
+    return [word for word in every if word not in str(caught.value)]
+
+
 @pytest.mark.parametrize(
     ("config", "words"),
     [
-        ({}, ["type", "expected one of", "vectors", "got nothing"]),
-        ({"type": 3}, ["type", "got 3"]),
-        ({"type": "vector"}, ["'vector'", "unknown type", "did you mean vectors?"]),
-        ({"type": "vectors", "parms": {}}, ["unknown entry 'parms'", "type, params"]),
-        ({"type": "map_region", "params": 1}, ["params", "got 1"]),
-        ({"type": "vectors"}, ["vectors", "missing", "'layer_prefix'"]),
-        ({"type": "map_region", "params": {"width": 1}}, ["'width'", "color, line_width"]),
-        ({"type": "map_region", "params": {"color": "red"}}, ["'color'", "integer", "'red'"]),
-        ({"type": "map_region", "params": {"color": -1}}, ["'color'", "16777215", "-1"]),
-        ({"type": "map_region", "params": {"color": 2**24}}, ["'color'", "16777216"]),
-        ({"type": "vectors", "params": {**VECTORS, "color": -1}}, ["'color'", "-1"]),
-        ({"type": "point_cloud", "params": {"layer": 1}}, ["'layer'", "string", "1"]),
-        ({"type": "flat_point_cloud", "params": {"height": math.nan}}, ["'height'", "nan"]),
-        *(
-            ({"type": "map_region", "params": {"line_width": width}}, ["'line_width'", str(width)])
-            for width in (0.0, -1.0, math.nan, math.inf)
-        ),
-        ({"type": "vectors", "params": {**VECTORS, "line_width": -1}}, ["'line_width'", "-1.0"]),
-        ({"type": "vectors", "params": {**VECTORS, "scale": math.nan}}, ["'scale'", "nan"]),
-        ({"type": "vectors", "params": {**VECTORS, "scale": math.inf}}, ["'scale'", "inf"]),
-        (
-            {"type": "grid_cells", "params": {"layer": "a", "upper_threshold": math.nan}},
-            ["'upper_threshold'", "at least lower_threshold (-inf)", "nan"],
-        ),
-        ({"type": "surface", "params": {"color_mode": "rainbow"}}, ["'color_mode'", "'intensity'"]),
-        ({"type": "surface", "params": {"color_map": "virids"}}, ["'color_map'", "mean viridis"]),
-        ({"type": "surface", "params": {"opacity": 1.5}}, ["'opacity'", "0 to 1", "1.5"]),
-        ({"type": "surface", "params": {"color": -1}}, ["'color'", "16777215", "-1"]),
-        ({"type": "surface", "params": {"max_cells": 8}}, ["'max_cells'", "at least 9", "8"]),
-        (
-            {"type": "surface", "params": {"lower": 2, "upper": 1}},
-            ["'upper'", "lower (2.0)", "1.0"],
-        ),
-        ({"type": "image", "params": {}}, ["missing", "'layer'"]),
-        (
-            {"type": "image", "params": {"layer": "a", "encoding": "mono8"}},
-            ["'encoding'", "'bgra8'"],
-        ),
-        ({"type": "image", "params": {"layer": "a", "lower": math.inf}}, ["'lower'", "inf"]),
-        ({"type": "contours", "params": {"layer": "a", "interval": 0}}, ["'interval'", "0.0"]),
-        ({"type": "contours", "params": {"layer": "a", "levels": [math.nan]}}, ["'levels'", "nan"]),
-        ({"type": "contours", "params": {"layer": "a", "levels": 3}}, ["'levels'", "a list", "3"]),
-        ({"type": "contours", "params": {"layer": "a", "line_width": 0}}, ["'line_width'", "0.0"]),
-        (
-            {"type": "occupancy_grid", "params": {"layer": "a", "data_min": 1}},
-            ["data_min, data_max", "different", "1.0"],
-        ),
-        (
-            {"type": "occupancy_grid", "params": {"layer": "a", "data_max": math.inf}},
-            ["data_min, data_max", "finite", "inf"],
-        ),
+        ({}, "type; expected one of; vectors; got nothing"),
+        ({"type": 3}, "type; got 3"),
+        ({"type": "vector"}, "'vector'; unknown type; did you mean vectors?"),
+        ({"type": "vectors", "parms": {}}, "unknown entry 'parms'; type, params"),
+        ({"type": "map_region", "params": 1}, "params; got 1"),
+        ({"type": "vectors"}, "vectors; missing; 'layer_prefix'"),
     ],
 )
-def test_every_mistake_is_one_error_naming_visualization_and_cause(config, words):
-    with pytest.raises(ConfigError) as caught:
-        create("my_output", config)
-    for word in ["visualization 'my_output'", *words]:
-        assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_wrong_entry_of_a_visualization_is_one_error(config, words):
+    assert missing_words(config, words) == []
+
+
+@pytest.mark.parametrize(
+    ("type_name", "params", "words"),
+    [
+        ("map_region", {"width": 1}, "'width'; color, line_width"),
+        ("map_region", {"color": "red"}, "'color'; integer; 'red'"),
+        ("map_region", {"color": -1}, "'color'; 16777215; -1"),
+        ("map_region", {"color": 2**24}, "'color'; 16777216"),
+        ("vectors", {**VECTORS, "color": -1}, "'color'; -1"),
+        ("point_cloud", {"layer": 1}, "'layer'; string; 1"),
+        ("flat_point_cloud", {"height": math.nan}, "'height'; nan"),
+        *(
+            ("map_region", {"line_width": width}, f"'line_width'; {width}")
+            for width in (0.0, -1.0, math.nan, math.inf)
+        ),
+        ("vectors", {**VECTORS, "line_width": -1}, "'line_width'; -1.0"),
+        ("vectors", {**VECTORS, "scale": math.nan}, "'scale'; nan"),
+        ("vectors", {**VECTORS, "scale": math.inf}, "'scale'; inf"),
+        ("grid_cells", {"layer": "a", "upper_threshold": math.nan}, "lower_threshold (-inf); nan"),
+        ("surface", {"color_mode": "rainbow"}, "'color_mode'; 'intensity'"),
+        ("surface", {"color_map": "virids"}, "'color_map'; mean viridis"),
+        ("surface", {"opacity": 1.5}, "'opacity'; 0 to 1; 1.5"),
+        ("surface", {"color": -1}, "'color'; 16777215; -1"),
+        ("surface", {"max_cells": 8}, "'max_cells'; at least 9; 8"),
+        ("surface", {"lower": 2, "upper": 1}, "'upper'; lower (2.0); 1.0"),
+        ("image", {}, "missing; 'layer'"),
+        ("image", {"layer": "a", "encoding": "mono8"}, "'encoding'; 'bgra8'"),
+        ("image", {"layer": "a", "lower": math.inf}, "'lower'; inf"),
+        ("contours", {"layer": "a", "interval": 0}, "'interval'; 0.0"),
+        ("contours", {"layer": "a", "levels": [math.nan]}, "'levels'; nan"),
+        ("contours", {"layer": "a", "levels": 3}, "'levels'; a list; 3"),
+        ("contours", {"layer": "a", "line_width": 0}, "'line_width'; 0.0"),
+        ("occupancy_grid", {"layer": "a", "data_min": 1}, "data_min, data_max; different; 1.0"),
+        ("occupancy_grid", {"layer": "a", "data_max": math.inf}, "data_min, data_max; inf"),
+    ],
+)
+def test_wrong_parameter_is_one_error_that_names_it(type_name, params, words):
+    config = {"type": type_name, "params": params}
+    assert missing_words(config, f"'{type_name}'; {words}") == []
 
 
 @pytest.mark.parametrize(
@@ -183,3 +186,16 @@ class Plugin:
     assert create("a", {"type": "sparkles", "params": {"size": 1}}).size == 1.0
     with pytest.raises(ConfigError, match="did you mean sparkles"):
         create("a", {"type": "sparkle"})
+
+
+def test_visualizations_load_on_first_use():
+    code = """
+import sys
+import grid_map_visualization_py as visualization
+assert not [name for name in sys.modules if name.endswith("_msgs")]
+assert "surface" in visualization.VISUALIZATIONS.types
+assert "visualization_msgs" in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    with pytest.raises(AttributeError, match="no attribute 'creat'"):
+        _ = grid_map_visualization_py.creat

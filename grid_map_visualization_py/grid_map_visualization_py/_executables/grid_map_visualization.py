@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_visualization`: converts maps to messages that RViz and Foxglove show."""
 
-from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -49,17 +50,30 @@ class GridMapVisualizationNode(Node):
         self._map: GridMap | None = None
         about = "rate at which the node counts subscribers [Hz], for middleware without events"
         rate = read_positive(self, "activity_check_rate", 2.0, description=about)
-        self._outputs = [
-            Output(self, name, visualization, self._follow_subscribers)
-            for name, visualization in _read_visualizations(self).items()
-        ]
+        self._log = LogThrottle(self.get_logger())
+        self._outputs = _read_outputs(self)
+        for output in self._outputs:
+            events = PublisherEventCallbacks(matched=partial(self._match, output))
+            output.publisher = self.create_publisher(
+                output.visualization.message_type, output.name, map_qos(), event_callbacks=events
+            )
         # Events tell when subscribers come and go; the timer is for lost events.
         steady_timer(self, 1 / rate, self._follow_subscribers)
         names = ", ".join(output.name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {self._topic} as {names}, while there are subscribers")
 
+    def _match(self, output: "Output", status: Any) -> None:
+        # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough
+        # for a late subscriber, because RViz by default asks for a volatile topic.
+        output.is_due |= status.total_count_change > 0
+        self._follow_subscribers()
+
     def _follow_subscribers(self) -> None:
-        is_needed = sum(output.count_subscribers() for output in self._outputs) > 0
+        for output in self._outputs:
+            before = output.subscribers
+            output.subscribers = output.publisher.get_subscription_count()
+            output.is_due |= output.subscribers > before
+        is_needed = any(output.subscribers for output in self._outputs)
         if is_needed and self._subscription is None:
             self._subscription = MapSubscription(self, self._topic, self._receive, qos=self._qos)
         elif not is_needed and self._subscription is not None:
@@ -74,66 +88,39 @@ class GridMapVisualizationNode(Node):
         self._publish_due()
 
     def _publish_due(self) -> None:
-        if self._map is not None:
-            for output in self._outputs:
-                output.publish_if_due(self._map)
+        for output in self._outputs:
+            if self._map is None or not (output.is_due and output.subscribers):
+                continue
+            output.is_due = False
+            try:
+                message = output.visualization(self._map)
+            except Exception as error:  # Plugins may raise anything, and the other outputs go on.
+                cause = str(error) if isinstance(error, GridMapError) else repr(error)
+                self._log.warning(f"visualization {output.name!r}: {cause}")
+            else:
+                output.publisher.publish(message)
 
 
+@dataclass
 class Output:
     """A visualization and its publisher.
 
-    Args:
-        node: the node that publishes.
+    Attributes:
         name: name of the visualization, which is also its topic.
         visualization: makes the messages.
-        on_match: called when a subscriber came or went.
-
-    Attributes:
-        name: as above.
+        publisher: publishes them.
+        subscribers: number of subscribers of the topic.
         is_due: the last map has not been published for all subscribers yet.
     """
 
-    def __init__(
-        self, node: Node, name: str, visualization: Visualization, on_match: Callable[[], None]
-    ) -> None:
-        self.name = name
-        self.is_due = False
-        self._subscribers = 0
-        self._visualization = visualization
-        self._on_match = on_match
-        self._log = LogThrottle(node.get_logger())
-        events = PublisherEventCallbacks(matched=self._match)
-        self._publisher = node.create_publisher(
-            visualization.message_type, name, map_qos(), event_callbacks=events
-        )
-
-    def count_subscribers(self) -> int:
-        """Return the number of subscribers; if it has grown, the output becomes due."""
-        before, self._subscribers = self._subscribers, self._publisher.get_subscription_count()
-        self.is_due |= self._subscribers > before
-        return self._subscribers
-
-    def publish_if_due(self, grid_map: GridMap) -> None:
-        """Publish the message of a map if subscribers wait for it."""
-        if not (self.is_due and self._subscribers):
-            return
-        self.is_due = False
-        try:
-            message = self._visualization(grid_map)
-        except Exception as error:  # Plugins may raise anything, and the other outputs go on.
-            cause = str(error) if isinstance(error, GridMapError) else repr(error)
-            self._log.warning(f"visualization {self.name!r}: {cause}")
-        else:
-            self._publisher.publish(message)
-
-    def _match(self, status: Any) -> None:
-        # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough
-        # for a late subscriber, because RViz by default asks for a volatile topic.
-        self.is_due |= status.total_count_change > 0
-        self._on_match()
+    name: str
+    visualization: Visualization
+    publisher: Any = None
+    subscribers: int = 0
+    is_due: bool = False
 
 
-def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
+def _read_outputs(node: Node) -> list[Output]:
     parameter = "grid_map_visualizations"
     about = "names of the visualizations, which are also their topics"
     names = read_parameter(node, parameter, list[str], description=about)
@@ -141,17 +128,17 @@ def _read_visualizations(node: Node) -> Mapping[str, Visualization]:
     about = "log a misconfigured visualization and continue with the others instead of ending"
     skip_invalid = read_parameter(node, "skip_invalid", bool, False, description=about)
     about = "`type` and `params` of the visualization of that name"
-    visualizations = {}
+    outputs = []
     for name in names:
         try:
             check_topic(node, parameter, name)
             config = read_parameter_tree(node, name, description=about)
-            visualizations[name] = create(name, config)
+            outputs.append(Output(name, create(name, config)))
         except GridMapError as error:
             if not skip_invalid:
                 raise
             node.get_logger().error(f"skipped: {error}")
-    return visualizations
+    return outputs
 
 
 def main() -> int:

@@ -5,12 +5,12 @@
 All browsers share the controls; each has its own view.
 """
 
-import contextlib
 import io
 import ipaddress
 import socket
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from itertools import count
 from typing import Any
 
@@ -168,7 +168,7 @@ class Page:
 
     def close(self) -> None:
         """Stop serving the page."""
-        with _silence():
+        with redirect_stdout(io.StringIO()):
             self._server.stop()
 
     def _add(self, scene: Scene, settings: Settings) -> Any:
@@ -237,6 +237,11 @@ class Page:
             )
         )
 
+    def _use_bounds(self, _: Any) -> None:
+        # A browser sends the last change within 50 ms only, and so loses that automatic bounds
+        # were switched off if a bound is typed at once.
+        self._automatic.value = False
+
     def _make_controls(self, first: Settings) -> None:
         gui, coloring = self._server.gui, first.coloring
         gui.configure_theme(show_logo=False, show_share_button=False)
@@ -274,6 +279,8 @@ class Page:
                 "upper": gui.add_number("Upper bound", 1.0, step=0.01),
                 "color": gui.add_rgb("One color", (192, 192, 192)),
             }
+            for name in ("lower", "upper"):
+                self._colors[name].on_update(self._use_bounds)
             self._legend = gui.add_html("")
         with gui.add_folder("Overlays"):
             self._style |= {
@@ -317,7 +324,8 @@ def _serve(host: str, port: int) -> Any:
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         ):
             socket.create_server(address[:2], family=family).close()
-        with _silence():
+        # viser prints, but nodes use the log.
+        with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
             if port not in {0, server.get_port()}:
                 server.stop()
@@ -328,13 +336,6 @@ def _serve(host: str, port: int) -> Any:
             "the parameters 'host' and 'port' choose another address"
         ) from error
     return server
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Suppress what viser prints, because nodes use the log."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:

@@ -19,7 +19,6 @@ from grid_map_core_py.plugins import check
 from .._markers import LineMarker
 
 MOST_LEVELS = 10_000
-REMEDY = "install python3-matplotlib (apt) or contourpy (pip)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,5 +103,6 @@ def _contourpy() -> Any:
     try:
         import contourpy
     except ImportError as error:
-        raise MissingPackageError("contourpy", "contours", REMEDY) from error
+        remedy = "install python3-matplotlib (apt) or contourpy (pip)"
+        raise MissingPackageError("contourpy", "contours", remedy) from error
     return contourpy
