@@ -338,27 +338,28 @@ def test_vertices_are_pairs_of_finite_numbers(vertices):
         Polygon(vertices)
 
 
-def test_wrong_arguments_are_named():
-    with pytest.raises(GeometryError, match="bounding_box: expected at least 1 vertices"):
-        _ = Polygon([]).bounding_box
-    with pytest.raises(GeometryError, match="thicken_line: expected 2 distinct vertices"):
-        Polygon([(1, 1), (1, 1)]).thicken_line(0.1)
-    with pytest.raises(GeometryError, match="thickness: expected a finite number"):
-        Polygon([(1, 1), (1, 2)]).thicken_line(np.nan)
-    with pytest.raises(GeometryError, match="margin: expected a finite number"):
-        SQUARE.offset_inward(np.inf)
-    with pytest.raises(GeometryError, match="radius: expected a finite number >= 0"):
-        Polygon.from_circle((0, 0), -1)
-    with pytest.raises(GeometryError, match="n: expected at least 2 vertices"):
-        Polygon.from_circle((0, 0), 1, 1)
-    with pytest.raises(GeometryError, match="n: expected at least 3 vertices"):
-        Polygon.convex_hull_of_two_circles((0, 0), (1, 0), 1, 2.5)
-    with pytest.raises(GeometryError, match="center2: expected two finite numbers"):
-        Polygon.convex_hull_of_two_circles((0, 0), (1, np.nan), 1)
-    with pytest.raises(GeometryError, match="points: expected x, y"):
-        SQUARE.is_inside([1, 2, 3])
-    with pytest.raises(GeometryError, match="vertices: expected numbers, got None"):
-        Polygon.convex_hull(SQUARE, None)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Polygon([]).bounding_box, "bounding_box: expected at least 1 vertices"),
+        (lambda: Polygon([(1, 1)] * 2).thicken_line(0.1), "thicken_line: expected 2 distinct"),
+        (lambda: Polygon([(1, 1), (1, 2)]).thicken_line(np.nan), "thickness: expected a finite"),
+        (lambda: SQUARE.offset_inward(np.inf), "margin: expected a finite number"),
+        (lambda: Polygon.from_circle((0, 0), -1), "radius: expected a finite number >= 0"),
+        (lambda: Polygon.from_circle((0, 0), 1, 1), "n: expected at least 2 vertices"),
+        (lambda: two_circles((1, 0), 2.5), "n: expected at least 3 vertices"),
+        (lambda: two_circles((1, np.nan), 20), "center2: expected two finite numbers"),
+        (lambda: SQUARE.is_inside([1, 2, 3]), "points: expected x, y"),
+        (lambda: Polygon.convex_hull(SQUARE, None), "vertices: expected numbers, got None"),
+    ],
+)
+def test_wrong_arguments_are_named(call, message):
+    with pytest.raises(GeometryError, match=message):
+        call()
+
+
+def two_circles(center, n):
+    return Polygon.convex_hull_of_two_circles((0, 0), center, 1, n)
 
 
 @pytest.mark.parametrize(("vertices", "count"), [(10, 200_000), (20_000, 100)])

@@ -70,16 +70,6 @@ def test_infinities_are_not_finite_and_nothing_has_no_sum(case):
     )
 
 
-def test_elementwise_functions_equal_numpy():
-    compared = [case for case in CASES if case.get("square") is not None]
-    assert len(compared) == 7
-    for case in compared:
-        values = np.array(case["matrix"], dtype=np.float32)
-        np.testing.assert_array_equal(np.square(values), case["square"])
-        np.testing.assert_array_equal(np.clip(values, -1, 2), case["clamp_-1_2"])
-        assert np.isnan(values).any() == case["hasNaN"]
-
-
 @given(arrays(st.sampled_from([np.float32, np.float64]), array_shapes(), elements=anything))
 def test_reductions_skip_values_that_are_not_finite(values):
     expected = oracle(values)
