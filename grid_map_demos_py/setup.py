@@ -9,6 +9,22 @@ from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_demos_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
+NODES = (
+    "demo_report",
+    "grid_map_to_image_demo",
+    "image_publisher",
+    "image_to_gridmap_demo",
+    "interpolation_demo",
+    "iterators_demo",
+    "move_demo",
+    "normal_filter_comparison_demo",
+    "octomap_to_gridmap_demo",
+    "opencv_demo",
+    "resolution_change_demo",
+    "sdf_demo",
+    "terrain_publisher",
+    "tutorial_demo",
+)
 
 options = {}
 requirements = ["grid_map_filters_py~=0.2.0", "grid_map_visualization_py[pictures]~=0.2.0"]
@@ -54,23 +70,14 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "demo_report = grid_map_demos_py.demo_report_node:main",
-            "filters_demo = grid_map_demos_py.filters_demo:main",
-            "grid_map_to_image_demo = grid_map_demos_py.grid_map_to_image_demo_node:main",
-            "image_publisher = grid_map_demos_py.image_publisher_node:main",
-            "image_to_gridmap_demo = grid_map_demos_py.image_to_gridmap_demo_node:main",
-            "interpolation_demo = grid_map_demos_py.interpolation_demo_node:main",
-            "iterator_benchmark = grid_map_demos_py.iterator_benchmark:main",
-            "iterators_demo = grid_map_demos_py.iterators_demo_node:main",
-            "move_demo = grid_map_demos_py.move_demo_node:main",
-            "normal_filter_comparison_demo = grid_map_demos_py.normal_filter_comparison_demo_node:main",  # noqa: E501
-            "octomap_to_gridmap_demo = grid_map_demos_py.octomap_to_gridmap_demo_node:main",
-            "opencv_demo = grid_map_demos_py.opencv_demo_node:main",
-            "resolution_change_demo = grid_map_demos_py.resolution_change_demo_node:main",
-            "sdf_demo = grid_map_demos_py.sdf_demo_node:main",
-            "simple_demo = grid_map_demos_py.simple_demo_node:main",
-            "terrain_publisher = grid_map_demos_py.terrain_publisher_node:main",
-            "tutorial_demo = grid_map_demos_py.tutorial_demo_node:main",
+            f"filters_demo = {PACKAGE}.filters_demo:main",
+            f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
+            f"simple_demo = {PACKAGE}.simple_demo_node:main",
+            *(
+                # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
+                f"{name} = {PACKAGE}.{name}_node:{name.title().replace('_', '')}Node.main"
+                for name in NODES
+            ),
         ]
     },
 )

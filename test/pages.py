@@ -5,17 +5,12 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from scratch import ROOT
 
-PATTERNS = (
-    "*.md",
-    "docs/**/*.md",
-    "benchmarks/*.md",
-    "grid_map_*/*.md",
-    "grid_map_*/data/*.md",
-)
+PATTERNS = ("*.md", "docs/**/*.md", "benchmarks/*.md", "grid_map_*/*.md", "grid_map_*/data/*.md")
 
 _BLOCK = re.compile(r"^```(\S*) ?([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
@@ -107,20 +102,8 @@ def page(name: str) -> Page:
 
 def table(section: str) -> Iterator[list[str]]:
     """Yield the cells of every row of the tables in a section, without header rows."""
-    for line in section.splitlines():
-        if line.startswith("|---"):
-            continue
-        if line.startswith("|") and not line.startswith(
-            (
-                "| parameter ",
-                "| type ",
-                "| functions ",
-                "| filter ",
-                "| node ",
-                "| demo ",
-                "| format ",
-            )
-        ):
+    for line, following in pairwise([*section.splitlines(), ""]):
+        if line.startswith("|") and not f"{line}{following}".count("|---"):
             yield [cell.strip() for cell in line.strip("|").split("|")]
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zipfile
 from collections.abc import Mapping
+from importlib.metadata import distribution
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -15,6 +16,14 @@ PACKAGES = sorted(path.parent for path in ROOT.glob("*/package.xml"))
 PYTHON_PACKAGES = sorted(path.parent for path in ROOT.glob("*/setup.py"))
 
 BASE_PYTHON = Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}"
+
+
+def executables(package: str) -> dict[str, str]:
+    """Return the module of each executable of a package."""
+    entries = distribution(package).entry_points.select(group="console_scripts")
+    return {entry.name: entry.module for entry in entries}
+
+
 SHELL_PROGRAMS = ("cat", "dirname", "env", "grep", "paste", "sed", "sh", "tr", "uname")
 
 

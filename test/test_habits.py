@@ -1,15 +1,23 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Each check of `make check` detects the mistake that it is meant to detect."""
+"""Rules of style and of public names; every check detects the mistake that it is meant for."""
 
+import ast
+import importlib
+import importlib.util
 import os
+import re
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from pages import PAGES
 
-from scratch import PYTHON_PACKAGES, ROOT, copy_tools, run
+from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, copy_tools, run
+
+# --- `make check` and the count of tests ---------------------------------------------------------
 
 LICENCE = "# Copyright (c) 2026 grid_map_py contributors\n# SPDX-License-Identifier: BSD-3-Clause\n"
 
@@ -104,3 +112,126 @@ def test_suite_without_tests_has_failed(workspace):
     for package in PYTHON_PACKAGES:
         results(workspace, package.name, "")
     assert count(workspace) == (1, f"{len(PYTHON_PACKAGES)} passed, 1 failed, 0 skipped")
+
+
+# --- style: sentences name their subject first, names of tests are short ------------------------
+
+FOLDERS = [*PACKAGES, *(ROOT / name for name in ("benchmarks", "docs", "test", "tools"))]
+WORDS_OF_A_TEST = 10
+
+CLAUSE = r"(?:What|Whether|Who|Of)\s[^\n]*"
+"""A subordinate clause or a genitive where the subject should stand."""
+
+SENTENCE = re.compile(rf"(?:^(?!#)[\s>*|\d.-]*|[.!?:|]\**\s+)({CLAUSE})", re.MULTILINE)
+
+
+def clauses_of_page(prose: str) -> list[str]:
+    """Return the sentences of Markdown that begin with a clause; headings may."""
+    return SENTENCE.findall(prose)
+
+
+def clauses_of_code(source: str) -> list[str]:
+    """Return the docstrings that begin with a clause, those of attributes too."""
+    nodes = (node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Expr))
+    texts = (str(node.value) for node in nodes if isinstance(node, ast.Constant))
+    return [text for text in texts if re.match(CLAUSE, text)]
+
+
+def long_names(source: str) -> list[str]:
+    nodes = ast.walk(ast.parse(source))
+    names = [node.name for node in nodes if isinstance(node, ast.FunctionDef)]
+    tests = (name for name in names if name.startswith("test_"))
+    return [name for name in tests if len(name.split("_")) - 1 > WORDS_OF_A_TEST]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=str)
+def test_no_sentence_of_a_page_begins_with_a_clause(page):
+    assert clauses_of_page(page.prose) == []
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
+def test_docstrings_and_test_names_follow_the_style(folder):
+    for path in sorted(folder.rglob("*.py")):
+        source = path.read_text()
+        assert clauses_of_code(source) == [], path
+        assert long_names(source) == [], path
+
+
+def test_style_checks_can_fail():
+    page = "# What it is\n\nIt is. What it does is\nshown. Of all\n\n- Who asks\n"
+    assert clauses_of_page(page) == ["What it does is", "Of all", "Who asks"]
+    assert clauses_of_code('"""Whether it is."""\nx = 1\n"""Often."""') == ["Whether it is."]
+    name = "test_" + "_".join(["word"] * (WORDS_OF_A_TEST + 1))
+    assert long_names(f"def {name}(): pass\ndef test_short(): pass") == [name]
+
+
+# --- public names: in `__all__`, and alone imported by other packages ----------------------------
+
+LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
+"""Packages that are imported; the demos are executables."""
+
+
+def public_modules(package: Path) -> Iterator[str]:
+    """Yield the modules and rooms of a package in whose dotted name no part is private."""
+    for path in sorted((package / package.name).rglob("*.py")):
+        parts = path.relative_to(package).with_suffix("").parts
+        parts = parts[:-1] if parts[-1] == "__init__" else parts
+        if not any(part.startswith("_") for part in parts):
+            yield ".".join(parts)
+
+
+def names_not_exported(source: str, package: str) -> list[str]:
+    """Return what code of `package` imports from sibling packages past their `__all__`."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.ImportFrom) or node.level or node.module is None:
+            continue
+        root = node.module.partition(".")[0]
+        if root == package or root not in {path.name for path in PYTHON_PACKAGES}:
+            continue
+        exported = getattr(importlib.import_module(node.module), "__all__", ())
+        for name in (alias.name for alias in node.names):
+            full = f"{node.module}.{name}"
+            if name not in exported and (name.startswith("_") or not is_module(full)):
+                found.append(full)
+    return found
+
+
+def is_module(name: str) -> bool:
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:  # its parent is a module, not a package
+        return False
+
+
+@pytest.mark.parametrize("package", LIBRARIES, ids=lambda path: path.name)
+def test_public_modules_have_all(package):
+    for name in public_modules(package):
+        module = importlib.import_module(name)
+        exported = getattr(module, "__all__", None)
+        assert exported, f"{name}: list its public names in __all__, or let its name begin with _"
+        assert [name for name in exported if name.startswith("_")] == []
+        assert [name for name in exported if not hasattr(module, name)] == []
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=lambda path: path.name)
+def test_packages_import_exported_names_of_siblings(package):
+    sources = sorted((package / package.name).rglob("*.py"))
+    found = {path.name: names_not_exported(path.read_text(), package.name) for path in sources}
+    assert {name: names for name, names in found.items() if names} == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "found"),
+    [
+        ("from grid_map_core_py import GridMap", []),
+        ("from grid_map_core_py import testing", []),
+        ("from grid_map_core_py.errors import GridMapError", []),
+        ("from grid_map_ros_py.messages._time import to_time", []),
+        ("from grid_map_core_py.errors import Any", ["grid_map_core_py.errors.Any"]),
+        ("from grid_map_core_py.errors import _text", ["grid_map_core_py.errors._text"]),
+        ("from grid_map_core_py.map import _geometry", ["grid_map_core_py.map._geometry"]),
+    ],
+)
+def test_import_past_all_of_sibling_is_found(code, found):
+    assert names_not_exported(code, "grid_map_ros_py") == found

@@ -243,10 +243,12 @@ def test_demo_republishes_the_octomap_of_a_service(with_messages, expected):
     assert listener_of_octomaps.text == f"world {OCTOMAP['binary']}\n"
 
 
-def test_missing_octomap_msgs_is_named(tmp_path):
+@pytest.mark.parametrize("module", [NODE, DEMO])
+def test_missing_octomap_msgs_is_named(tmp_path, module):
     (tmp_path / "octomap_msgs.py").write_text("raise ImportError")
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
-    process = node({"PYTHONPATH": path})
+    process = node({"PYTHONPATH": path}, module)
     assert process.wait() == 1
-    (line,) = process.text.strip().splitlines()
-    assert "octomap_to_grid_map needs the package 'octomap_msgs', which is not installed: " in line
+    (line,) = process.lines
+    name = module.rpartition(".")[2].removesuffix("_node")
+    assert f"{name} needs the package 'octomap_msgs', which is not installed: " in line

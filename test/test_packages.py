@@ -1,9 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Manifests, versions and message types of the packages are consistent."""
+"""Manifests, versions, message types, READMEs and changelogs of the packages are consistent."""
 
 import ast
-import importlib
+import importlib.util
 import json
 import re
 import sys
@@ -11,9 +11,12 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from pages import page
 
+from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
-from scratch import PACKAGES, PYTHON_PACKAGES, ROOT
+from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
+from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables
 
 ROSDEP_KEYS = {
     "contourpy": "python3-matplotlib",  # matplotlib depends on contourpy
@@ -30,6 +33,9 @@ ROSDEP_KEYS = {
 
 OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
 """Optional modules, imported on use; if one is missing, an error names the remedy."""
+
+
+LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
 
 
 def by_name(path: Path) -> str:
@@ -58,6 +64,10 @@ def keys(modules: set[str], package: Path) -> set[str]:
     return {ROSDEP_KEYS.get(module, module) for module in modules - helpers - {package.name}}
 
 
+def words(package, file: str) -> set[str]:
+    return set(re.findall(r"[\w-]+", (package / file).read_text()))
+
+
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
 def test_package_declares_what_it_imports_and_nothing_else(package):
     used, used_by_tests = (
@@ -72,13 +82,14 @@ def test_package_declares_what_it_imports_and_nothing_else(package):
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
-def test_every_declared_executable_is_installed(package):
-    entries = re.findall(r'"(\w+) = (\w+)\.([\w.]+):main"', (package / "setup.py").read_text())
-    for executable, owner, module in entries:
-        assert owner == package.name
-        assert (package / owner / f"{module.replace('.', '/')}.py").exists()
-        installed = ROOT / "install" / package.name / "lib" / package.name / executable
+def test_executables_are_installed_and_in_readme_and_changelog(package):
+    for name, module in executables(package.name).items():
+        assert importlib.util.find_spec(module).origin.startswith(
+            str(ROOT / "install" / package.name)
+        )
+        installed = ROOT / "install" / package.name / "lib" / package.name / name
         assert installed.stat().st_mode & 0o111
+        assert name in words(package, "README.md") & words(package, "CHANGELOG.rst")
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=by_name)
@@ -123,3 +134,43 @@ PLACE = "frame_id: string, position_x: double, position_y: double"
 def test_services_have_the_fields_of_cpp_in_order(message, fields):
     found = message.get_fields_and_field_types()
     assert ", ".join(f"{name}: {kind}" for name, kind in found.items()) == fields
+
+
+# --- README and CHANGELOG -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=by_name)
+def test_changelog_has_the_form_that_release_tools_read(package):
+    text = (package / "CHANGELOG.rst").read_text()
+    first, title, last, _, *lines = text.splitlines()
+    assert title == f"Changelog for package {package.name}"
+    assert first == last == "^" * len(title)
+    sections = re.split(r"^(.+)\n(-+)\n", "\n".join(lines), flags=re.MULTILINE)[1:]
+    headings, underlines, items = sections[0::3], sections[1::3], sections[2::3]
+    assert headings[0] == "Forthcoming"
+    assert all(re.fullmatch(r"\d+\.\d+\.\d+ \(\d{4}-\d\d-\d\d\)", each) for each in headings[1:])
+    assert [len(each) for each in headings] == [len(each) for each in underlines]
+    assert all(re.fullmatch(r"\* .+\n((\* |  ).+\n?)*", each.rstrip() + "\n") for each in items)
+
+
+def test_pages_of_packages_list_messages_filters_and_visualizations():
+    interfaces, filters, visualizations = (
+        next(path for path in PACKAGES if path.name == name)
+        for name in ("grid_map_msgs", "grid_map_filters_py", "grid_map_visualization_py")
+    )
+    names = {path.stem for folder in ("msg", "srv") for path in (interfaces / folder).iterdir()}
+    assert len(names) == 6
+    assert names <= words(interfaces, "README.md") & words(interfaces, "CHANGELOG.rst")
+    short = {name.partition("/")[2].removesuffix("Filter") for name in FILTERS}
+    assert short - words(filters, "CHANGELOG.rst") == set()
+    assert VISUALIZATIONS.keys() - words(visualizations, "CHANGELOG.rst") == set()
+
+
+@pytest.mark.parametrize("package", LIBRARIES, ids=by_name)
+def test_readme_and_architecture_name_every_room(package):
+    paths = (package / package.name).iterdir()
+    rooms = {path.stem for path in paths if path.stem[0].isalpha() and path.stem != "py"}
+    assert len(rooms) > 2
+    assert rooms - words(package, "README.md") == set()
+    tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
+    assert rooms == {*re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)}

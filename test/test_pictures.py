@@ -3,6 +3,7 @@
 """The pictures of the documentation are small, shown on their pages, and drawn by their scripts."""
 
 import sys
+from xml.etree import ElementTree
 
 import pytest
 
@@ -44,3 +45,51 @@ def test_pictures_are_small_shown_and_drawn_by_their_script(
         assert f"{link})" in (ROOT / page.format(path.stem)).read_text()
     sizes = [path.stat().st_size for path in stored]
     assert (max(sizes) < each, sum(sizes) < total) == (True, True)
+
+
+# --- figures of the page about conventions: how cells lie -----------------------------------------
+
+CELL = 36
+"""Side of a cell in the figure of moves [px]."""
+
+
+def places(figure: str, word: str) -> list[tuple[float, float]]:
+    """Return the place of a word: right and down from the upper left corner of a figure."""
+    texts = ElementTree.parse(IMAGES / "conventions" / f"{figure}.svg").iter(
+        "{http://www.w3.org/2000/svg}text"
+    )
+    return [(float(text.get("x")), float(text.get("y"))) for text in texts if text.text == word]
+
+
+def test_the_first_cell_is_where_x_and_y_are_largest():
+    ((right, down),) = places("axes", "0, 0")
+    assert places("axes", "0, 1") == [(right + 45, down)]
+    assert places("axes", "1, 0") == [(right, down + 45)]
+    ((x_right, x_down),), ((y_right, y_down),) = places("axes", "x"), places("axes", "y")
+    assert (y_right < x_right, x_down < y_down) == (True, True)
+
+
+@pytest.mark.parametrize("letter", "ABDEGH")
+def test_move_keeps_data_in_place_and_new_position_shifts_it(letter):
+    before, moved, shifted = (
+        (right - origin[0], down - origin[1])
+        for (right, down), origin in zip(places("move", letter), places("move", "x"), strict=True)
+    )
+    assert moved == before
+    assert shifted == (before[0] - CELL, before[1] - CELL)
+
+
+def test_cells_outside_are_dropped_and_new_cells_are_empty():
+    for letter in "CFIJKL":
+        assert len(places("move", letter)) == 2
+        assert places("buffer", letter) == []
+    assert len(places("move", "NaN")) == 6
+
+
+def test_letters_are_at_their_buffer_index():
+    numbers = {str(number): places("buffer", str(number)) for number in range(4)}
+    for letter in "ABDEGH":
+        (right, down), (seen_right, seen_down) = places("buffer", letter)
+        row = next(n for n, found in numbers.items() if (down in {y for _, y in found}))
+        column = next(n for n, found in numbers.items() if (right in {x for x, _ in found}))
+        assert places("buffer", f"{row}, {column}") == [(seen_right, seen_down + 16)]

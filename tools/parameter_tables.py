@@ -28,7 +28,7 @@ import typing
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal
@@ -41,6 +41,7 @@ from grid_map_core_py.errors import MissingPackageError
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
 from grid_map_ros_py.nodes import _parameters as parameters
+from grid_map_ros_py.nodes import _spin
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -115,19 +116,15 @@ def attributes(cls: type) -> dict[str, str]:
 @cache
 def rows_of_node(executable: str) -> list[Row]:
     """Return a row per parameter of a node, in the order in which it reads them."""
-    module = import_module(module_of(executable))
+    given = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.get(executable, {}).items()]
+    words = ["--ros-args", "--log-level", "fatal", *(w for entry in given for w in ("-p", entry))]
+    entries = entry_points(group="console_scripts", name=executable)
+    if not entries:
+        raise SystemExit(f"{executable} is no executable, filter or visualization")
     _read.clear()
-    with patch.object(module, "run", lambda create: create_and_destroy(create, executable)):
-        module.main()
+    with patch.object(sys, "argv", [executable, *words]):
+        next(iter(entries)).load()()
     return list(_read.values())
-
-
-def module_of(executable: str) -> str:
-    """Return the module of an executable, from the packages' entry points."""
-    for path in ROOT.glob("grid_map_*_py/setup.py"):
-        if found := re.search(rf'"{executable} = ([\w.]+):main"', path.read_text()):
-            return found[1]
-    raise SystemExit(f"{executable} is no executable, filter or visualization")
 
 
 _read: dict[str, Row] = {}
@@ -147,15 +144,8 @@ def record_tree(node: Node, prefix: str, *, description: str = "", **rest: bool)
     return _read_parameter_tree(node, prefix, description=description, **rest)
 
 
-# No executable has been imported yet.
-for room in (nodes, parameters):
-    room.read_parameter, room.read_parameter_tree = record, record_tree  # type: ignore[assignment]
-
-
-def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:
-    given = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.get(executable, {}).items()]
-    words = [word for entry in given for word in ("-p", entry)]
-    rclpy.init(args=["--ros-args", "--log-level", "fatal", *words])
+def create_and_destroy(create_node: Callable[[], Node]) -> int:
+    rclpy.init()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             create_node().destroy_node()
@@ -164,6 +154,12 @@ def create_and_destroy(create_node: Callable[[], Node], executable: str) -> int:
     finally:
         rclpy.shutdown()
     return 0
+
+
+# No executable has been imported yet.
+for room in (nodes, parameters):
+    room.read_parameter, room.read_parameter_tree = record, record_tree  # type: ignore[assignment]
+nodes.run = _spin.run = create_and_destroy  # type: ignore[assignment]
 
 
 # --- cells of the tables --------------------------------------------------------------------------

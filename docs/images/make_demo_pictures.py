@@ -27,7 +27,7 @@ from grid_map_demos_py import normal_filter_comparison_demo_node as comparison
 from grid_map_demos_py import opencv_demo_node as opencv
 from grid_map_demos_py import sdf_demo_node as sdf
 from grid_map_demos_py import tutorial_demo_node as tutorial
-from grid_map_demos_py.star import HEIGHT, star_map
+from grid_map_demos_py.parts import HEIGHT, star_map
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
 from grid_map_visualization_py.pictures import plot

@@ -14,7 +14,6 @@ from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
@@ -25,16 +24,10 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import (
-    MapSubscription,
-    map_qos,
-    read_parameter,
-    read_positive,
-    run,
-)
+from grid_map_ros_py.nodes import MapSubscription, map_qos
 from grid_map_visualization_py.pictures import save_picture
 
-from .share import user_path
+from .demo import Demo
 
 INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
@@ -55,19 +48,19 @@ class IncompleteDemoError(NodeFailedError):
     """A topic of the demo has delivered too few messages."""
 
 
-class DemoReportNode(Node):
+class DemoReportNode(Demo):
     """Subscribes to all topics of the demo, and ends after enough messages."""
 
+    NODE_NAME = "grid_map_demo_report"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_demo_report")
+        super().__init__()
         about = "folder of the pictures"
-        folder = read_parameter(self, "output_directory", str, "demo_output", description=about)
-        self._directory = user_path(folder)
+        self._directory = self.read_path("output_directory", "demo_output", about)
         # Fail now instead of after a minute of collecting.
         with storage_errors(self._directory, "made a folder"):
             self._directory.mkdir(parents=True, exist_ok=True)
-        about = "number of messages to wait for on every topic"
-        self._needed = read_parameter(self, "messages", int, 3, description=about)
+        self._needed = self.read("messages", 3, "number of messages to wait for on every topic")
         check(self._needed >= 1, "messages", "at least 1", self._needed)
         self._counts = dict.fromkeys([INPUT, OUTPUT, DIAGNOSTICS, *SHOWN], 0)
         self._times: dict[str, list[float]] = {}
@@ -79,7 +72,7 @@ class DemoReportNode(Node):
             self.create_subscription(message_type, topic, count, map_qos(), raw=True)
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
-        self._timeout = read_positive(self, "timeout", 60.0, description="maximum time to wait [s]")
+        self._timeout = self.read_positive("timeout", 60.0, "maximum time to wait [s]")
         self.create_timer(self._timeout, self._give_up)
 
     def _on_raw(self, topic: str, _message: bytes) -> None:
@@ -192,10 +185,5 @@ def report(
     return "\n\n".join(sections)
 
 
-def main() -> int:
-    """Run the node until it has reported; return the exit code."""
-    return run(DemoReportNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(DemoReportNode.main())

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
 from grid_map_core_py import GridMap
@@ -22,9 +21,9 @@ from grid_map_core_py.files import new_file, storage_errors
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import MapSubscription, read_parameter, read_topic, run
+from grid_map_ros_py.nodes import MapSubscription
 
-from .share import user_path
+from .demo import Demo
 
 DTYPES = {8: np.uint8, 16: np.uint16}
 
@@ -84,40 +83,41 @@ def encode(image: Image, file: Path) -> bytes:
     return data.tobytes()
 
 
-class GridMapToImageDemoNode(Node):
+class GridMapToImageDemoNode(Demo):
     """Saves the first map that it receives."""
 
+    NODE_NAME = "grid_map_to_image_demo"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_to_image_demo")
-        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the map")
+        super().__init__()
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
         about = "image file in an existing folder; its ending sets the format"
-        file = read_parameter(self, "file", str, "~/.ros/grid_map.png", description=about)
-        self._file = user_path(file)
+        self._file = self.read_path("file", "~/.ros/grid_map.png", about)
         self._picture = self._read_picture()
         self._check_file()
         self._subscription = MapSubscription(self, topic, self._receive)
         self.get_logger().info(f"saves {self._picture.layer!r} of {topic} to {self._file}")
 
     def _read_picture(self) -> Picture:
-        layer = read_parameter(self, "layer", str, "elevation", description="layer that is saved")
-        bits = read_parameter(self, "bits", int, 8, description="8 or 16 bits per channel")
+        layer = self.read("layer", "elevation", "layer that is saved")
+        bits = self.read("bits", 8, "8 or 16 bits per channel")
         check(bits in DTYPES, "bits", "8 or 16", bits)
         about = "the layer holds packed colors; true by default only for `color`"
-        is_color = read_parameter(self, "is_color", bool, layer == COLOR_LAYER, description=about)
+        is_color = self.read("is_color", layer == COLOR_LAYER, about)
         about = "cells without a value are transparent instead of black"
-        transparent = read_parameter(self, "use_transparency", bool, False, description=about)
+        is_transparent = self.read("use_transparency", False, about)
+        # A bound that is not given is NaN.
+        low = self.read("lower", math.nan, "value of black; nan for the smallest")
+        high = self.read("upper", math.nan, "value of white; nan for the largest")
+        lower, upper = (None if math.isnan(bound) else bound for bound in (low, high))
         return Picture(
             layer=layer,
             bits=bits,
             is_color=is_color,
-            is_transparent=transparent,
-            lower=self._read_bound("lower", "value of black; nan for the smallest"),
-            upper=self._read_bound("upper", "value of white; nan for the largest"),
+            is_transparent=is_transparent,
+            lower=lower,
+            upper=upper,
         )
-
-    def _read_bound(self, name: str, description: str) -> float | None:
-        bound = read_parameter(self, name, float, math.nan, description=description)
-        return None if math.isnan(bound) else bound
 
     def _check_file(self) -> None:
         """Raise `ConfigError` for an unusable file before the first map."""
@@ -144,10 +144,5 @@ class GridMapToImageDemoNode(Node):
         try_shutdown()
 
 
-def main() -> int:
-    """Run the node until it has saved a map or is told to stop; return the exit code."""
-    return run(GridMapToImageDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(GridMapToImageDemoNode.main())

@@ -12,22 +12,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import conversions as core
 from grid_map_core_py.errors import ConfigError
 from grid_map_ros_py.messages import ENCODINGS, set_array
-from grid_map_ros_py.nodes import (
-    LogThrottle,
-    map_qos,
-    read_parameter,
-    read_positive,
-    read_topic,
-    run,
-)
+from grid_map_ros_py.nodes import LogThrottle, map_qos
 
-from .share import share, user_path
+from .demo import Demo
 
 NAMES = (
     *("mono8", "bgr8", "bgra8", "mono16", "bgr16", "bgra16"),
@@ -77,19 +69,19 @@ def to_message(pixels: core.Image) -> Image:
     return message
 
 
-class ImagePublisherNode(Node):
+class ImagePublisherNode(Demo):
     """Node that publishes an image file."""
 
+    NODE_NAME = "image_publisher"
+
     def __init__(self) -> None:
-        super().__init__("image_publisher")
+        super().__init__()
         self._log = LogThrottle(self.get_logger())
         about = "image file; empty for the terrain in this package"
-        path = read_parameter(self, "image_path", str, "", description=about)
-        topic = read_topic(self, "topic", "image", description="topic of the image")
-        about = "coordinate frame of the image"
-        self._frame_id = read_parameter(self, "frame_id", str, "map", description=about)
-        rate = read_positive(self, "publish_rate", 0.5, description="images per second [Hz]")
-        self._path = user_path(path) if path else share("data", "terrain.png")
+        self._path = self.read_path("image_path", "", about, data="terrain.png")
+        topic = self.read_topic("topic", "image", "topic of the image")
+        self._frame_id = self.read("frame_id", "map", "coordinate frame of the image")
+        rate = self.read_positive("publish_rate", 0.5, "images per second [Hz]")
         self._publisher = self.create_publisher(Image, topic, map_qos())
         self._publish(read_image(self._path))
         self.create_timer(1.0 / rate, self._publish_again)
@@ -109,10 +101,5 @@ class ImagePublisherNode(Node):
         self._publisher.publish(message)
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(ImagePublisherNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(ImagePublisherNode.main())

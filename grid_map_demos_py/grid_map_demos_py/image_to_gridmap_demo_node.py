@@ -9,12 +9,10 @@ become cells without a value.
 
 import math
 
-from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
-from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import (
     add_color_layer_from_image,
     add_layer_from_image,
@@ -22,36 +20,31 @@ from grid_map_ros_py import (
     to_serialized_message,
 )
 from grid_map_ros_py.messages import from_stamp
-from grid_map_ros_py.nodes import (
-    LatchedSubscription,
-    map_qos,
-    read_parameter,
-    read_positive,
-    read_topic,
-    run,
-)
+from grid_map_ros_py.nodes import LatchedSubscription
+
+from .demo import Demo
 
 
-class ImageToGridmapDemoNode(Node):
+class ImageToGridmapDemoNode(Demo):
     """Converts every image to a map."""
 
+    NODE_NAME = "image_to_gridmap_demo"
+
     def __init__(self) -> None:
-        super().__init__("image_to_gridmap_demo")
+        super().__init__()
         self._map: GridMap | None = None
-        topic = read_topic(self, "image_topic", "/image", description="topic of the images")
+        topic = self.read_topic("image_topic", "/image", "topic of the images")
         about = "side of a pixel on the ground [m]"
-        self._resolution = read_positive(self, "resolution", 0.03, description=about)
-        about = "height of black pixels [m]"
-        low = read_parameter(self, "min_height", float, 0.0, description=about)
-        about = "height of white pixels [m]"
-        high = read_parameter(self, "max_height", float, 1.0, description=about)
+        self._resolution = self.read_positive("resolution", 0.03, about)
+        low = self.read("min_height", 0.0, "height of black pixels [m]")
+        high = self.read("max_height", 1.0, "height of white pixels [m]")
         check(math.isfinite(low), "min_height", "a finite number", low)
         other = math.isfinite(high) and high != low
         check(other, "max_height", f"a finite number other than min_height, {low}", high)
         self._heights = low, high
         about = "coordinate frame of the map; empty for the frame of the image"
-        self._frame_id = read_parameter(self, "map_frame_id", str, "map", description=about)
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        self._frame_id = self.read("map_frame_id", "map", about)
+        self._publisher = self.map_publisher()
         # Cameras usually publish with best effort.
         self._subscription = LatchedSubscription(
             self, Image, topic, self._receive, hears_best_effort=True
@@ -71,10 +64,5 @@ class ImageToGridmapDemoNode(Node):
         self._publisher.publish(to_serialized_message(self._map))
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(ImageToGridmapDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(ImageToGridmapDemoNode.main())

@@ -14,20 +14,18 @@ Then it prints a table of the errors of all methods in all worlds.
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.map import GridGeometry
-from grid_map_core_py.plugins import check
-from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
+
+from .demo import Demo
 
 Numbers = npt.NDArray[np.float64]
 
@@ -129,27 +127,27 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
             yield f"{name:6} {method_name:18} {mean:11.6f} {largest:11.6f} {microseconds:13.4f}"
 
 
-class InterpolationDemoNode(Node):
+class InterpolationDemoNode(Demo):
     """Publishes a true surface, its samples, and their interpolation."""
 
+    NODE_NAME = "grid_map_interpolation_demo"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_interpolation_demo")
-        world = WORLDS[_read_choice(self, "world", WORLDS, "Sine", "formula of the surface")]
-        method = METHODS[
-            _read_choice(
-                self, "interpolation_type", METHODS, "Nearest", "method of the published map"
-            )
-        ]
-        length = (
-            read_positive(self, "world_size.length", 4.0, description="extent along x [m]"),
-            read_positive(self, "world_size.width", 4.0, description="extent along y [m]"),
+        super().__init__()
+        world = WORLDS[self.read_choice("world", WORLDS, "Sine", "formula of the surface")]
+        about = "method of the published map"
+        method = METHODS[self.read_choice("interpolation_type", METHODS, "Nearest", about)]
+        length = np.array(
+            [
+                self.read_positive("world_size.length", 4.0, "extent along x [m]"),
+                self.read_positive("world_size.width", 4.0, "extent along y [m]"),
+            ]
         )
-        truth = _read_geometry(self, "groundtruth_resolution", length, 0.02, "the truth")
-        data = _read_geometry(self, "interpolation.data_resolution", length, 0.1, "the data")
+        truth = self._read_geometry("groundtruth_resolution", length, 0.02, "the truth")
+        data = self._read_geometry("interpolation.data_resolution", length, 0.1, "the data")
         # The samples cover whole cells; the interpolated map must stay within them.
-        fine = _read_geometry(
-            self, "interpolation.interpolated_resolution", data.length, 0.02, "the interpolated map"
-        )
+        name = "interpolation.interpolated_resolution"
+        fine = self._read_geometry(name, data.length, 0.02, "the interpolated map")
         samples = sampled(world, data)
         result = interpolated(samples, fine, method)
         result["error"] = np.abs(result[LAYER] - sampled(world, fine)[LAYER])
@@ -158,40 +156,22 @@ class InterpolationDemoNode(Node):
         self._publish("interpolated", result)
         print("\n".join(table(data, fine)), flush=True)
 
+    def _read_geometry(self, name: str, length: Numbers, default: float, what: str) -> GridGeometry:
+        resolution = self.read_positive(name, default, f"side of a cell of {what} [m]")
+        geometry = GridGeometry(length, resolution)
+        rows, columns = geometry.size
+        few = 2 * BORDER + 1
+        if min(rows, columns) < few or rows * columns > MOST_CELLS:
+            raise ConfigError(
+                f"parameter {name!r}: expected at least {few} x {few} and at most {MOST_CELLS} "
+                f"cells, got {rows} x {columns}"
+            )
+        return geometry
+
     def _publish(self, topic: str, grid_map: GridMap) -> None:
         grid_map.timestamp = self.get_clock().now().nanoseconds
-        publisher = self.create_publisher(GridMapMessage, topic, map_qos())
-        publisher.publish(to_serialized_message(grid_map))
-
-
-def _read_choice(
-    node: Node, name: str, choices: Iterable[str], default: str, description: str
-) -> str:
-    names = ", ".join(choices)
-    value = read_parameter(node, name, str, default, description=f"{description}: {names}")
-    check(value in choices, name, f"one of {names}", value)
-    return value
-
-
-def _read_geometry(
-    node: Node, name: str, length: Sequence[float] | Numbers, default: float, what: str
-) -> GridGeometry:
-    resolution = read_positive(node, name, default, description=f"side of a cell of {what} [m]")
-    geometry = GridGeometry(np.asarray(length), resolution)
-    rows, columns = geometry.size
-    few = 2 * BORDER + 1
-    if min(rows, columns) < few or rows * columns > MOST_CELLS:
-        raise ConfigError(
-            f"parameter {name!r}: expected at least {few} x {few} and at most {MOST_CELLS} cells, "
-            f"got {rows} x {columns}"
-        )
-    return geometry
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(InterpolationDemoNode)
+        self.map_publisher(topic).publish(to_serialized_message(grid_map))
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(InterpolationDemoNode.main())

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PolygonStamped
-from rclpy.node import Node
 
 from grid_map_core_py import (
     GridMap,
@@ -29,11 +28,11 @@ from grid_map_core_py import (
     submap_cells,
 )
 from grid_map_core_py.arrays import Cells, Positions
-from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_polygon, to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
+from grid_map_ros_py.nodes import map_qos
 
-from .star import VERTICES
+from .demo import Demo
+from .parts import VERTICES
 
 CENTER = (0.0, -0.15)
 STAR = Polygon(VERTICES)
@@ -108,18 +107,19 @@ def square(grid_map: GridMap, center: Positions) -> Polygon:
     return Polygon(center + 0.5 * WINDOW * grid_map.resolution * corners)
 
 
-class IteratorsDemoNode(Node):
+class IteratorsDemoNode(Demo):
     """Publishes the map after every step."""
 
+    NODE_NAME = "grid_map_iterators_demo"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_iterators_demo")
+        super().__init__()
         about = "factor on the speed; 1.0 means 50 cells per second"
-        self._speed = read_positive(self, "speed", 1.0, description=about)
-        about = "start again after the last region"
-        self._repeat = read_parameter(self, "repeat", bool, False, description=about)
+        self._speed = self.read_positive("speed", 1.0, about)
+        self._repeat = self.read("repeat", False, "start again after the last region")
         self._map = make_map()
         self._steps = show_everything(self._map)
-        self._map_publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
+        self._map_publisher = self.map_publisher()
         self._polygon_publisher = self.create_publisher(PolygonStamped, "polygon", map_qos())
         self._timer = self.create_timer(0.0, self._on_timer)
 
@@ -147,10 +147,5 @@ class IteratorsDemoNode(Node):
             self._polygon_publisher.publish(polygon)
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(IteratorsDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(IteratorsDemoNode.main())

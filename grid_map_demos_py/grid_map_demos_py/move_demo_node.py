@@ -7,13 +7,11 @@
 """
 
 import numpy as np
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_positive, run
+
+from .demo import Demo
 
 
 def make_map() -> GridMap:
@@ -28,44 +26,34 @@ def place(seconds: float) -> Positions:
     return 0.03 * seconds * np.array([np.cos(seconds), np.sin(seconds)])
 
 
-class MoveDemoNode(Node):
+class MoveDemoNode(Demo):
     """Moves a map along the spiral and publishes it."""
 
+    NODE_NAME = "move_demo"
+
     def __init__(self) -> None:
-        super().__init__("move_demo")
-        rate = read_positive(self, "publish_rate", 10.0, description="maps per second [Hz]")
+        super().__init__()
         about = "duration of each of the two ways [s]"
-        self._duration = read_positive(self, "duration", 10.0, description=about)
+        self._duration = self.read_positive("duration", 10.0, about)
         self._original = make_map()
         self._uses_move = False
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        self._restart()
-        self.create_timer(1.0 / rate, self._publish)
+        self._end = -np.inf
+        self.publish_maps(10.0)
 
-    def _restart(self) -> None:
-        self._uses_move = not self._uses_move
-        way = "move" if self._uses_move else "position"
-        self.get_logger().info(f"changes the position of the map with `{way}`")
-        self._map = self._original.copy()
-        self._start = self.get_clock().now()
-
-    def _publish(self) -> None:
-        now = self.get_clock().now()
-        seconds = 1e-9 * (now - self._start).nanoseconds
+    def map_at(self, seconds: float) -> GridMap:
+        if seconds > self._end:
+            self._uses_move = not self._uses_move
+            way = "move" if self._uses_move else "position"
+            self.get_logger().info(f"changes the position of the map with `{way}`")
+            self._map = self._original.copy()
+            self._end = seconds + self._duration
+        position = place(seconds - self._end + self._duration)
         if self._uses_move:
-            self._map.move(place(seconds))
+            self._map.move(position)
         else:
-            self._map.position = place(seconds)
-        self._map.timestamp = now.nanoseconds
-        self._publisher.publish(to_serialized_message(self._map))
-        if seconds > self._duration:
-            self._restart()
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(MoveDemoNode)
+            self._map.position = position
+        return self._map
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(MoveDemoNode.main())

@@ -14,18 +14,17 @@ prints a table of the angles on all shapes at the start.
 
 from collections.abc import Callable, Iterator
 
-import cv2
 import numpy as np
 import numpy.typing as npt
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import max_of_finites, mean_of_finites, sum_of_finites
 from grid_map_core_py.plugins import check
 from grid_map_filters_py import FilterChain
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_parameter_tree, run
+from grid_map_ros_py.nodes import read_parameter_tree
+
+from .demo import Demo
+from .parts import weighted_means
 
 Numbers = npt.NDArray[np.float64]
 Surface = tuple[Numbers, Numbers, Numbers]
@@ -117,22 +116,6 @@ def disturb(grid_map: GridMap, noise: float, outliers: float, random: np.random.
     )
 
 
-def weighted_means(layer: Numbers, radius: float, resolution: float) -> Numbers:
-    """Return the weighted mean of the finite values in the disc around each cell, else NaN.
-
-    The weight of a value at the distance d is (radius - d)**2.
-    """
-    reach = int(radius / resolution)
-    steps = resolution * np.arange(-reach, reach + 1)
-    weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
-    is_finite = np.isfinite(layer)
-    sums, total = (
-        cv2.filter2D(values, cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT)
-        for values in (np.where(is_finite, layer, 0.0), is_finite.astype(np.float64))
-    )
-    return np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 1e-12)
-
-
 def add_errors(grid_map: GridMap) -> None:
     """Set the error of each algorithm: 1 minus the cosine of the angle to the true normal.
 
@@ -164,57 +147,43 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
             yield f"{shape:6} {algorithm:10} {mean:11.3f} {largest:11.3f}"
 
 
-class NormalFilterComparisonDemoNode(Node):
+class NormalFilterComparisonDemoNode(Demo):
     """Publishes a surface with its true normals and those of two algorithms."""
 
+    NODE_NAME = "normal_filter_comparison_demo"
+
     def __init__(self) -> None:
-        super().__init__("normal_filter_comparison_demo")
-        about = f"shape of the surface: {', '.join(SHAPES)}"
-        self._shape = read_parameter(self, "shape", str, "wave", description=about)
-        check(self._shape in SHAPES, "shape", f"one of {', '.join(SHAPES)}", self._shape)
-        about = "largest noise, up or down [m]"
-        self._noise = read_parameter(self, "noise_on_map", float, 0.015, description=about)
+        super().__init__()
+        self._shape = self.read_choice("shape", SHAPES, "wave", "shape of the surface")
+        self._noise = self.read("noise_on_map", 0.015, "largest noise, up or down [m]")
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
         about = "share of outliers (infinite heights), 0 to 1"
-        self._outliers = read_parameter(self, "outliers_percentage", float, 0.0, description=about)
+        self._outliers = self.read("outliers_percentage", 0.0, about)
         check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
         about = "name of the parameter with the chain"
-        name = read_parameter(
-            self, "filter_chain_parameter_name", str, "filters", description=about
-        )
+        name = self.read("filter_chain_parameter_name", "filters", about)
         about = "filter chain; by default both algorithms"
         given = read_parameter_tree(self, name, description=about)
         self._chain = FilterChain.from_config(given or FILTERS)
         self._random = np.random.default_rng()
         self._errors = dict.fromkeys(ALGORITHMS.values(), 0.0)
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
         print("\n".join(table(self._chain, self._noise, self._outliers)), flush=True)
-        self.create_timer(0.1, self._publish)
+        self.publish_maps(10.0)
 
-    def _publish(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        grid_map = surface_map(self._shape, 1e-9 * now)
+    def map_at(self, seconds: float) -> GridMap:
+        grid_map = surface_map(self._shape, seconds)
         disturb(grid_map, self._noise, self._outliers, self._random)
         grid_map = self._chain(grid_map)
         add_errors(grid_map)
-        grid_map.timestamp = now
-        self._publisher.publish(to_serialized_message(grid_map))
-        self._report(grid_map)
-
-    def _report(self, grid_map: GridMap) -> None:
         for layer, before in self._errors.items():
             error = np.nan_to_num(sum_of_finites(grid_map[layer]))
             # The running mean of about 20 maps.
             self._errors[layer] = float(before + (error - before) / 20)
         text = ", ".join(f"{layer} = {error:f}" for layer, error in self._errors.items())
         self.get_logger().info(text, throttle_duration_sec=2.0)
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(NormalFilterComparisonDemoNode)
+        return grid_map
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(NormalFilterComparisonDemoNode.main())

@@ -13,16 +13,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
-
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageError
 from grid_map_core_py.plugins import check
-from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_topic, run
+from grid_map_ros_py.nodes import map_qos
 
-from .share import user_path
+from .demo import Demo
 
 PERIOD = 10.0
 """Time between two requests [s]."""
@@ -33,34 +30,34 @@ PATIENCE = 1.0
 REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octomap_path'"
 
 
-class OctomapToGridmapDemoNode(Node):
+class OctomapToGridmapDemoNode(Demo):
     """Converts the octomap of a service or of a file."""
 
+    NODE_NAME = "octomap_to_gridmap_demo"
+
     def __init__(self) -> None:
-        super().__init__("octomap_to_gridmap_demo")
+        super().__init__()
         about = "service that returns an octomap"
-        service = read_topic(self, "octomap_service_topic", "/octomap_binary", description=about)
+        service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
         about = "file of OctoMap (.bt, .ot), read in place of a request"
-        path = read_parameter(self, "octomap_path", str, "", description=about)
-        self._bounds = [self._read_bounds(axis) for axis in "xyz"]
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        if path:
-            self._show(user_path(path))
+        path = self.read_path("octomap_path", "", about)
+        self._low, self._high = zip(*map(self._read_bounds, "xyz"), strict=True)
+        self._publisher = self.map_publisher()
+        if path.name:
+            self._show(path)
         else:
             self._start_asking(service)
 
     def _read_bounds(self, axis: str) -> tuple[float, float]:
-        about = f"voxels with less {axis} are left out [m]; nan for no bound"
-        low = read_parameter(self, f"min_{axis}", float, math.nan, description=about)
-        about = f"voxels with more {axis} are left out [m]; nan for no bound"
-        high = read_parameter(self, f"max_{axis}", float, math.nan, description=about)
+        about = "voxels with {} are left out [m]; nan for no bound"
+        low = self.read(f"min_{axis}", math.nan, about.format(f"less {axis}"))
+        high = self.read(f"max_{axis}", math.nan, about.format(f"more {axis}"))
         check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
         return low, high
 
     def _show(self, path: Path) -> None:
-        low, high = zip(*self._bounds, strict=True)
         try:
-            grid_map = load_octomap(path, min_bound=low, max_bound=high)
+            grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
         except GridMapError as error:
             raise ConfigError(f"octomap {error}") from error
         grid_map.timestamp = self.get_clock().now().nanoseconds
@@ -95,19 +92,15 @@ class OctomapToGridmapDemoNode(Node):
 
     def _receive(self, answer: Any) -> None:
         octomap = answer.result().map
-        low, high = zip(*self._bounds, strict=True)
         try:
-            self._publish(from_octomap(octomap, "elevation", min_bound=low, max_bound=high))
+            self._publish(
+                from_octomap(octomap, "elevation", min_bound=self._low, max_bound=self._high)
+            )
         except GridMapError as error:
             self.get_logger().warning(f"cannot use the octomap: {error}")
         else:
             self._octomap_publisher.publish(octomap)
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(OctomapToGridmapDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(OctomapToGridmapDemoNode.main())

@@ -10,15 +10,12 @@ import math
 
 import cv2
 import numpy as np
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import Image, add_layer_from_image, to_image
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
 
-from .star import HEIGHT, star_map
+from .demo import Demo
+from .parts import HEIGHT, star_map
 
 LARGEST_WIDTH = 200
 """Distance between the centers of the first and the last pixel of the largest kernel."""
@@ -37,34 +34,25 @@ def blur(grid_map: GridMap, image: Image, size: int) -> None:
     add_layer_from_image(grid_map, blurred, "elevation", 0.0, HEIGHT, alpha_threshold=0.3)
 
 
-class OpencvDemoNode(Node):
+class OpencvDemoNode(Demo):
     """Blurs the star and publishes it."""
 
+    NODE_NAME = "opencv_demo"
+
     def __init__(self) -> None:
-        super().__init__("opencv_demo")
+        super().__init__()
         about = "the star has no ground around it: cells without a value are transparent pixels"
-        transparent = read_parameter(self, "use_transparency", bool, False, description=about)
-        rate = read_positive(self, "publish_rate", 25.0, description="maps per second [Hz]")
+        transparent = self.read("use_transparency", False, about)
         self._map = star_map("original", 0.01, has_ground=not transparent)
         # 16 bits distinguish 65536 heights; the fourth channel is alpha.
         channels = 4 if transparent else 1
         self._image = to_image(self._map, "original", np.uint16, channels, 0.0, HEIGHT)
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        rows, columns = self._map.size
-        self.get_logger().info(f"blurs {rows} x {columns} cells on {self._publisher.topic_name}")
-        self.create_timer(1.0 / rate, self._publish)
+        self.publish_maps(25.0)
 
-    def _publish(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        blur(self._map, self._image, kernel_size(1e-9 * now))
-        self._map.timestamp = now
-        self._publisher.publish(to_serialized_message(self._map))
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(OpencvDemoNode)
+    def map_at(self, seconds: float) -> GridMap:
+        blur(self._map, self._image, kernel_size(seconds))
+        return self._map
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(OpencvDemoNode.main())

@@ -12,21 +12,15 @@ import array
 
 import numpy as np
 import numpy.typing as npt
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
 
 from grid_map_core_py import GridMap, SignedDistanceField
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.messages import set_array, to_header
-from grid_map_ros_py.nodes import (
-    MapSubscription,
-    check_topic,
-    map_qos,
-    read_parameter,
-    read_topic,
-    run,
-)
+from grid_map_ros_py.nodes import MapSubscription, map_qos
+
+from .demo import Demo
 
 FIELDS = ("x", "y", "z", "intensity")
 MARGIN = 0.1
@@ -80,21 +74,20 @@ def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
     return message
 
 
-class SdfDemoNode(Node):
+class SdfDemoNode(Demo):
     """Converts every map to three point clouds."""
 
+    NODE_NAME = "grid_map_sdf_demo"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_sdf_demo")
-        about = "layer of the heights"
-        self._layer = read_parameter(self, "elevation_layer", str, "elevation", description=about)
+        super().__init__()
+        self._layer = self.read("elevation_layer", "elevation", "layer of the heights")
         about = "prefix of the topics full_sdf, free_space and occupied_space"
         default = "/grid_map_sdf_demo/signed_distance_field"
-        clouds = read_parameter(self, "pointcloud_topic", str, default, description=about)
-        maps = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
+        clouds = self.read_topic("pointcloud_topic", default, about)
+        maps = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         self._full, self._free, self._occupied = (
-            self.create_publisher(
-                PointCloud2, check_topic(self, "pointcloud_topic", f"{clouds}/{name}"), map_qos()
-            )
+            self.create_publisher(PointCloud2, f"{clouds}/{name}", map_qos())
             for name in ("full_sdf", "free_space", "occupied_space")
         )
         self._subscription = MapSubscription(self, maps, self._receive)
@@ -109,10 +102,5 @@ class SdfDemoNode(Node):
         self._occupied.publish(to_point_cloud(points[~is_free], grid_map))
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(SdfDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(SdfDemoNode.main())

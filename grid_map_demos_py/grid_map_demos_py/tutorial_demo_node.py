@@ -8,14 +8,13 @@ the error once a second.
 """
 
 import numpy as np
-from rclpy.node import Node
 
-from grid_map_core_py import GridMap, cells_to_mask, submap_cells, window_array
+from grid_map_core_py import GridMap, cells_to_mask, submap_cells
 from grid_map_core_py.arrays import Cells, Layer
 from grid_map_core_py.plugins import check
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, read_parameter, read_positive, run
+
+from .demo import Demo
+from .parts import weighted_means
 
 MOST_NOISE = 1e3
 MOST_OUTLIERS = 100_000
@@ -65,27 +64,13 @@ def cells_to_filter(grid_map: GridMap) -> Cells:
     return submap_cells(grid_map, grid_map.get_index(corner), (rows, columns))
 
 
-def weighted_means(grid_map: GridMap, layer: str, cells: Cells, radius: float) -> Layer:
-    """Return the weighted means (N,) of the finite values in the discs around N cells.
-
-    The weight of a value is `(radius - distance)**2`. A mean is NaN if no value is finite.
-    """
-    reach = int(radius / grid_map.resolution)
-    steps = grid_map.resolution * np.arange(-reach, reach + 1)
-    weights = np.maximum(radius - np.hypot(steps[:, None], steps), 0.0) ** 2
-    # The array of all windows is a view of the layer; indexing copies the windows of the cells.
-    windows = window_array(grid_map, layer, "empty", len(steps))[cells]
-    known = np.isfinite(windows)
-    with np.errstate(invalid="ignore"):
-        means = np.tensordot(np.where(known, windows, 0.0), weights) / np.tensordot(known, weights)
-    return means.astype(np.float32)
-
-
 def add_filtered(grid_map: GridMap, cells: Cells, radius: float) -> None:
     """Set `elevation_filtered`, with means in the given cells, and `error`, the absolute error."""
-    grid_map["elevation_filtered"] = grid_map["elevation_noisy"]
-    means = weighted_means(grid_map, "elevation_noisy", cells, radius)
-    grid_map["elevation_filtered"][cells] = means
+    noisy = grid_map["elevation_noisy"]
+    grid_map["elevation_filtered"] = noisy
+    # OpenCV takes a layer as an image, so that no loop over the cells is needed.
+    means = weighted_means(noisy, radius, grid_map.resolution)
+    grid_map["elevation_filtered"][cells] = means[cells]
     # Layers are arrays, so that all of NumPy works on them.
     grid_map["error"] = np.abs(grid_map["elevation_filtered"] - grid_map["elevation"])
 
@@ -96,41 +81,34 @@ def root_mean_square(values: Layer) -> float:
     return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
 
 
-class TutorialDemoNode(Node):
+class TutorialDemoNode(Demo):
     """Publishes the wave with its noisy and filtered layers."""
 
+    NODE_NAME = "grid_map_tutorial_demo"
+
     def __init__(self) -> None:
-        super().__init__("grid_map_tutorial_demo")
-        rate = read_positive(self, "publish_rate", 30.0, description="maps per second [Hz]")
-        about = "largest noise, up or down [m]"
-        self._noise = read_parameter(self, "noise", float, 0.015, description=about)
+        super().__init__()
+        self._noise = self.read("noise", 0.015, "largest noise, up or down [m]")
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise", expected, self._noise)
         about = "number of outliers (infinite heights); about half miss the map"
-        self._outliers = read_parameter(self, "outliers", int, 500, description=about)
+        self._outliers = self.read("outliers", 500, about)
         expected = f"0 or more, at most {MOST_OUTLIERS}"
         check(0 <= self._outliers <= MOST_OUTLIERS, "outliers", expected, self._outliers)
         about = "radius of the disc for the weighted mean [m], at most 1.0"
-        self._radius = read_positive(self, "radius", 0.1, description=about)
+        self._radius = self.read_positive("radius", 0.1, about)
         check(self._radius <= MOST_RADIUS, "radius", f"at most {MOST_RADIUS}", self._radius)
         self._random = np.random.default_rng()
         self._map = make_map()
         self._filtered_cells = cells_to_filter(self._map)
-        self._publisher = self.create_publisher(GridMapMessage, "grid_map", map_qos())
-        self.get_logger().info(f"publishes {self._map} on {self._publisher.topic_name}")
-        self.create_timer(1.0 / rate, self._publish)
+        self.publish_maps(30.0)
 
-    def _publish(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        add_wave(self._map, 1e-9 * now)
+    def map_at(self, seconds: float) -> GridMap:
+        add_wave(self._map, seconds)
         add_noise(self._map, self._noise, self._random)
         add_outliers(self._map, self._outliers, self._random)
         add_filtered(self._map, self._filtered_cells, self._radius)
-        self._map.timestamp = now
-        self._publisher.publish(to_serialized_message(self._map))
-        self._report(self._map["error"])
-
-    def _report(self, error: Layer) -> None:
+        error = self._map["error"]
         is_filtered = cells_to_mask(self._map, self._filtered_cells)
         inside = 1e3 * root_mean_square(error[is_filtered])
         outside = 1e3 * root_mean_square(error[~is_filtered])
@@ -139,12 +117,8 @@ class TutorialDemoNode(Node):
             f"{outside:.1f} mm in the others without their outliers",
             throttle_duration_sec=1.0,
         )
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(TutorialDemoNode)
+        return self._map
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(TutorialDemoNode.main())

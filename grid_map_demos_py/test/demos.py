@@ -1,16 +1,53 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Helpers for the tests of all demos."""
+"""Helpers for the tests of all demos, and the contents of their launch files.
+
+ROS launch has no wheels, so the tests read the XML themselves. Elements, attributes and
+substitutions that the demos do not use fail an assertion instead of being skipped.
+"""
 
 import os
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import yaml
+from geometry_msgs.msg import PolygonStamped
+from nav_msgs.msg import GridCells, OccupancyGrid
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
 from grid_map_ros_py.testing import Process, peer, running_node, wait_until
+
+WORKSPACE = Path(__file__).parents[2]
+PACKAGE = WORKSPACE / "grid_map_demos_py"
+LAUNCH_FILES = {
+    path.name.removesuffix("_launch.xml"): path for path in sorted((PACKAGE / "launch").iterdir())
+}
+"""Launch files by the name of the demo; each demo has a configuration of RViz of its name."""
+
+ATTRIBUTES = {
+    "launch": set(),
+    "arg": {"name", "default", "description"},
+    "node": {"pkg", "exec", "output", "name", "args", "if"},
+    "param": {"from", "name", "value"},
+}
+
+MESSAGES = {
+    "rviz_default_plugins/GridCells": GridCells,
+    "rviz_default_plugins/Image": Image,
+    "rviz_default_plugins/Map": OccupancyGrid,
+    "rviz_default_plugins/Marker": Marker,
+    "rviz_default_plugins/PointCloud2": PointCloud2,
+    "rviz_default_plugins/Polygon": PolygonStamped,
+}
+"""Type of message by display of RViz; every installation of RViz has these displays."""
 
 
 def published(
@@ -61,3 +98,33 @@ def age(process: Process) -> float:
 def parameters(*pairs: str) -> list[str]:
     """Return the arguments of a node that is given parameters, each as `name:=value`."""
     return ["--ros-args", *(word for pair in pairs for word in ("-p", pair))]
+
+
+def launched_nodes(demo: str) -> list[ElementTree.Element]:
+    """Return the nodes of a launch file, with the default arguments filled in.
+
+    Packages are looked up in this workspace. Only the attribute `if` stays as it is.
+    """
+    defaults: dict[str, str] = {}
+    root = ElementTree.parse(LAUNCH_FILES[demo]).getroot()
+    for element in root.iter():
+        assert element.attrib.keys() <= ATTRIBUTES[element.tag]
+        for name, text in element.attrib.items():
+            if name != "if":
+                text = re.sub(r"\$\(var (\w+)\)", lambda found: defaults[found[1]], text)
+                text = re.sub(r"\$\(find-pkg-share (\w+)\)", rf"{WORKSPACE}/\1", text)
+                assert "$" not in text
+                element.set(name, text)
+        if element.tag == "arg":
+            defaults[element.attrib["name"]] = element.attrib["default"]
+    return root.findall("node")
+
+
+def rviz(demo: str) -> Any:
+    return yaml.safe_load((PACKAGE / "rviz" / f"{demo}.rviz").read_text())
+
+
+def rviz_displays(demo: str) -> dict[str, dict[str, Any]]:
+    """Return the displays by topic in the configuration of RViz for a demo."""
+    displays = rviz(demo)["Visualization Manager"]["Displays"]
+    return {display["Topic"]["Value"]: display for display in displays if "Topic" in display}

@@ -7,6 +7,7 @@ import re
 import signal
 import sys
 import uuid
+from contextlib import suppress
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -31,11 +32,9 @@ def living(mark: str) -> list[str]:
     """Return the command lines of the processes that carry a mark in their environment."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
-        try:
+        with suppress(OSError):  # It has ended, or belongs to another user.
             if mark.encode() in (process / "environ").read_bytes():
                 found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
-        except OSError:
-            continue
     return found
 
 
@@ -48,6 +47,14 @@ def start_marked(*arguments: str) -> tuple[Process, str]:
     mark = uuid.uuid4().hex
     command = [sys.executable, "-m", FILTERS_DEMO, *arguments]
     return Process(command, {"GRID_MAP_DEMO_MARK": mark}), mark
+
+
+def ends(demo: Process, mark: str, code: int) -> None:
+    """Interrupt a demo, which must leave no process and no traceback."""
+    demo.send_signal(signal.SIGINT)
+    assert demo.wait() == code, demo.text
+    assert living(mark) == []
+    assert "Traceback" not in demo.text, demo.text
 
 
 def test_simple_demo_publishes_a_moving_wave():
@@ -78,7 +85,6 @@ def test_filters_demo_delivers_topics_pictures_and_a_table(tmp_path):
     demo, mark = start_marked("--report", str(tmp_path))
     assert demo.wait(90) == 0, demo.text
     assert living(mark) == []
-    assert "Traceback" not in demo.text
     assert {path.name for path in tmp_path.iterdir()} == {"elevation.png", "traversability.png"}
     for path in tmp_path.iterdir():
         assert path.read_bytes().startswith(PNG)
@@ -103,10 +109,7 @@ def test_filters_demo_ignores_ros_arguments_and_runs_until_interrupted():
         first.timestamp = second.timestamp
         assert_maps_equal(first, second)
         lives(demo)
-        demo.send_signal(signal.SIGINT)
-        assert demo.wait() == 0
-    assert living(mark) == []
-    assert "Traceback" not in demo.text
+        ends(demo, mark, 0)
 
 
 def test_filters_demo_is_shown_in_the_browser():
@@ -116,31 +119,18 @@ def test_filters_demo_is_shown_in_the_browser():
     wait_until(lambda: pattern.search(demo.text), "the address of the page")
     with urlopen(pattern.search(demo.text)[1], timeout=30) as answer:
         assert b"<html" in answer.read()
-    demo.send_signal(signal.SIGINT)
-    assert demo.wait() == 0
-    assert living(mark) == []
-    assert "Traceback" not in demo.text
+    ends(demo, mark, 0)
 
 
-def interrupt(demo: Process, mark: str, folder: Path) -> None:
-    demo.send_signal(signal.SIGINT)
-    assert demo.wait() == 1, demo.text
-    assert living(mark) == []
-    assert "Traceback" not in demo.text, demo.text
-    assert not list(folder.iterdir())
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
-def test_interrupt_at_start_leaves_no_process_and_no_traceback(tmp_path, count):
+@pytest.mark.parametrize("count", [2, 3, 4, 5, "FilterChain("])
+def test_interrupt_leaves_no_process_and_no_traceback(tmp_path, count):
     demo, mark = start_marked("--report", str(tmp_path))
-    wait_until(lambda: len(pythons(mark)) >= count, f"{count} processes")
-    interrupt(demo, mark, tmp_path)
-
-
-def test_interrupt_at_work_leaves_no_process_and_no_traceback(tmp_path):
-    demo, mark = start_marked("--report", str(tmp_path))
-    wait_until(lambda: "FilterChain(" in demo.text, "the filter chain")
-    interrupt(demo, mark, tmp_path)
+    if isinstance(count, int):
+        wait_until(lambda: len(pythons(mark)) >= count, f"{count} processes")
+    else:
+        wait_until(lambda: count in demo.text, "the filter chain")
+    ends(demo, mark, 1)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("words", [["--reprot", "out"], ["out"], ["--report"]])
@@ -200,6 +190,34 @@ def test_report_lists_cells_layers_times_latency_and_messages():
         "published to filtered 12 ms",
     } <= lines
     assert {"/in 0", "/out 7", "demo_output/a.png"} <= lines
+
+
+START = """
+import os
+from grid_map_demos_py.filters_demo import ProcessGroup
+
+{}
+with ProcessGroup() as processes:
+    processes.start("this", "filters_demo.yaml")
+    print(processes.wait())
+"""
+
+
+@pytest.mark.parametrize(
+    ("preparation", "says"),
+    [
+        # Like process 1 of a container that runs nothing else.
+        ("os.getpid = os.getppid = lambda: 1", True),
+        # The new parent of an orphan is process 1 or a subreaper.
+        ("os.getppid = lambda: 4711", False),
+    ],
+    ids=["in process 1", "without parent"],
+)
+def test_process_without_parent_ends_immediately(preparation, says):
+    process = Process([sys.executable, "-c", START.format(preparation)])
+    assert process.wait() == 0
+    assert process.text.endswith("('this', 0)\n")
+    assert ("The Zen of Python" in process.text) == says
 
 
 def test_failing_node_ends_the_demo(tmp_path):

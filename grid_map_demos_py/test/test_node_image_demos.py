@@ -8,15 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from demos import lives, parameters, published
-from pngs import write_png
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
 from grid_map_core_py import GridMap, color_value_to_vector
 from grid_map_core_py.conversions import to_image
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size
+from grid_map_demos_py.parts import star_map
 from grid_map_demos_py.resolution_change_demo_node import resolution_at
-from grid_map_demos_py.star import star_map
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
 from grid_map_ros_py.messages import from_stamp, to_pixels
@@ -65,8 +64,8 @@ def test_terrain_image_becomes_a_map_of_heights_and_colors():
 
 
 def test_image_file_is_read_again_for_every_message(tmp_path):
-    file = tmp_path / "image.png"
-    write_png(file, np.array([[[1], [65535]]], np.uint16))
+    file = tmp_path / "image.ppm"
+    file.write_bytes(b"P5 2 1 65535\n\0\1\xff\xff")
     given = parameters(f"image_path:={file}", "topic:=/scan", "frame_id:=odom", "publish_rate:=20")
     with peer() as other:
         other.listen("/scan", Image)
@@ -74,7 +73,7 @@ def test_image_file_is_read_again_for_every_message(tmp_path):
             first = other.expect("/scan")
             file.write_bytes(b"")
             other.wait_until(lambda: "expected a format that OpenCV knows" in publisher.text, "log")
-            write_png(file, np.array([[[255, 0, 1]]], np.uint8))
+            file.write_bytes(b"P6 1 1 255\n\xff\0\1")
             other.wait_until(lambda: other.received["/scan"][-1].encoding == "bgr8", "a new image")
             last = other.received["/scan"][-1]
     assert (first.encoding, first.header.frame_id) == ("mono16", "odom")

@@ -4,14 +4,13 @@
 
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import pytest
-from demos import lives
-from launch_files import LAUNCH_FILES, MESSAGES, LaunchedNode, read_launch_file, rviz_displays
+from ament_index_python.packages import get_package_prefix
+from demos import LAUNCH_FILES, MESSAGES, launched_nodes, lives, rviz_displays
 
 from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Process, environment, peer, reserve_domain
@@ -20,19 +19,22 @@ RARE = {"/polygon"}
 """Topics with one message every half a minute, too rare to wait for."""
 
 
-def command(node: LaunchedNode) -> list[str]:
-    """Return the command line by which ROS launch would start a node."""
-    options = [("--params-file", str(path)) for path in node.parameter_files]
-    options += [("-p", f"{name}:={value}") for name, value in node.parameters.items()]
-    options += [("-r", f"__node:={node.name}")] if node.name else []
+def command(node: Element) -> list[str]:
+    """Return the command line by which ROS launch starts a node."""
+    package, executable = node.get("pkg"), node.get("exec")
+    options = [("-r", f"__node:={node.get('name')}")] if node.get("name") else []
+    for parameter in node.iter("param"):
+        file, name, value = map(parameter.get, ("from", "name", "value"))
+        options.append(("--params-file", file) if file else ("-p", f"{name}:={value}"))
     words = [word for option in options for word in option]
-    return [sys.executable, "-m", node.module, *node.arguments, "--ros-args", *words]
+    path = f"{get_package_prefix(package)}/lib/{package}/{executable}"
+    return [path, *node.get("args", "").split(), "--ros-args", *words]
 
 
 @contextmanager
-def launched(path: Path, domain: int) -> Iterator[None]:
+def launched(demo: str, domain: int) -> Iterator[None]:
     """Start the nodes; they must live for 3 s, and end without complaints when interrupted."""
-    nodes = [node for node in read_launch_file(path) if node.package != "rviz2"]
+    nodes = [node for node in launched_nodes(demo) if node.get("pkg") != "rviz2"]
     processes = [Process(command(node), environment(domain)) for node in nodes]
     try:
         yield
@@ -50,9 +52,9 @@ def launched(path: Path, domain: int) -> Iterator[None]:
 
 
 @contextmanager
-def publishes_everything_that_rviz_shows(path: Path) -> Iterator[None]:
+def publishes_everything_that_rviz_shows(demo: str) -> Iterator[None]:
     """Start a launch file in its own domain; at the end every topic must have brought a message."""
-    displays = rviz_displays(path.name.removesuffix("_launch.xml"))
+    displays = rviz_displays(demo)
     topics = {topic: MESSAGES[displays[topic]["Class"]] for topic in displays.keys() - RARE}
     assert topics
     domain, lock = reserve_domain()
@@ -63,19 +65,15 @@ def publishes_everything_that_rviz_shows(path: Path) -> Iterator[None]:
             other.node.create_subscription(
                 message_type, topic, received.append, map_qos(), raw=True
             )
-        with launched(path, domain):
+        with launched(demo, domain):
             yield
             for topic in topics:
                 other.expect(topic)
 
 
 # Two at a time, because a demo is idle for most of its 3 s.
-@pytest.mark.parametrize(
-    "paths",
-    [LAUNCH_FILES[k : k + 2] for k in range(0, len(LAUNCH_FILES), 2)],
-    ids=lambda paths: "+".join(path.name.removesuffix("_launch.xml") for path in paths),
-)
-def test_launch_files_publish_everything_that_rviz_shows(paths):
+@pytest.mark.parametrize("demos", zip(*[iter(LAUNCH_FILES)] * 2, strict=True), ids="+".join)
+def test_launch_files_publish_everything_that_rviz_shows(demos):
     with ExitStack() as stack:
-        for path in paths:
-            stack.enter_context(publishes_everything_that_rviz_shows(path))
+        for demo in demos:
+            stack.enter_context(publishes_everything_that_rviz_shows(demo))

@@ -14,7 +14,6 @@ from grid_map_demos_py.normal_filter_comparison_demo_node import (
     disturb,
     surface_map,
     table,
-    weighted_means,
 )
 from grid_map_filters_py import FilterChain
 
@@ -50,24 +49,6 @@ def test_only_the_wave_moves():
         if (surface_map(shape, 0.0)["elevation"] != surface_map(shape, 1.0)["elevation"]).any()
     ]
     assert moving == ["wave"]
-
-
-def test_a_mean_weighs_the_finite_neighbors_by_their_distance():
-    random = np.random.default_rng(5)
-    layer = random.uniform(size=(9, 11))
-    layer[random.uniform(size=layer.shape) < 0.3] = np.inf
-    layer[:4, :4] = np.inf
-    means = weighted_means(layer, 0.05, 0.02)
-    for row, column in np.ndindex(layer.shape):
-        total, weights = 0.0, 0.0
-        for other_row, other_column in np.ndindex(layer.shape):
-            distance = 0.02 * np.hypot(row - other_row, column - other_column)
-            if distance < 0.05 and np.isfinite(layer[other_row, other_column]):
-                total += (0.05 - distance) ** 2 * layer[other_row, other_column]
-                weights += (0.05 - distance) ** 2
-        expected = total / weights if weights else np.nan
-        np.testing.assert_allclose(means[row, column], expected, rtol=1e-9)
-    assert np.isnan(means).any()
 
 
 def test_noise_and_outliers_have_their_parameters():

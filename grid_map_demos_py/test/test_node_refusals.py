@@ -14,10 +14,11 @@ ROOM = Path(__file__).parents[1] / "data" / "room.bt"
 
 CALL_MAINS = """
 import json, sys
-from importlib import import_module
-for module, arguments in json.loads(sys.argv[1]):
-    sys.argv = [module, *arguments]
-    print("exit code", import_module(f"grid_map_demos_py.{module}_node").main(), flush=True)
+from importlib.metadata import entry_points
+for demo, arguments in json.loads(sys.argv[1]):
+    (entry,) = entry_points(group="console_scripts", name=demo)
+    sys.argv = [demo, *arguments]
+    print("exit code", entry.load()(), flush=True)
 """
 
 REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {

@@ -1,8 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""A map with a star; its sharp edges show the effect of image operations."""
+"""Parts of several demos: a star with sharp edges for image operations, and weighted means."""
 
 import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap, polygon_cells
 
@@ -34,3 +38,21 @@ def star_map(layer: str, resolution: float, *, has_ground: bool = True) -> GridM
     grid_map = GridMap((1.2, 2.0), resolution, layers={layer: ground}, frame_id="map")
     grid_map[layer][polygon_cells(grid_map, VERTICES)] = HEIGHT
     return grid_map
+
+
+def weighted_means(
+    layer: npt.NDArray[np.floating], radius: float, resolution: float
+) -> npt.NDArray[np.float64]:
+    """Return the weighted mean of the finite values in the disc around each cell, else NaN.
+
+    The weight of a value at the distance d is (1 - d / radius)**2.
+    """
+    reach = int(radius / resolution)
+    steps = resolution * np.arange(-reach, reach + 1)
+    weights = np.maximum(1.0 - np.hypot(steps[:, None], steps) / radius, 0.0) ** 2
+    is_finite = np.isfinite(layer)
+    sums, total = (
+        cv2.filter2D(values.astype(np.float64), -1, weights, borderType=cv2.BORDER_CONSTANT)
+        for values in (np.where(is_finite, layer, 0.0), is_finite)
+    )
+    return np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 1e-12)
