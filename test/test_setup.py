@@ -1,9 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The set-up runs once, recovers from an interruption, and then needs no network."""
+"""Set-up and build: one at a time, repeated after an interruption, then quick and offline."""
 
 import os
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -76,3 +77,81 @@ def test_repeated_run_is_quick_silent_and_offline(command):
     done = run(ROOT / "tools/workspace", command, environ={**os.environ, **NO_NETWORK})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert time.monotonic() - started < 3.0
+
+
+# --- builds: of changed packages only -------------------------------------------------------------
+
+SETUP = """
+from setuptools import setup
+setup(
+    name="tiny",
+    packages=["tiny"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/tiny"]),
+        ("share/tiny", ["package.xml"]),
+    ],
+)
+"""
+PACKAGE = """
+<package format="3">
+  <name>tiny</name>
+  <version>0.1.0</version>
+  <description>Next to nothing.</description>
+  <maintainer email="nobody@example.com">nobody</maintainer>
+  <license>BSD-3-Clause</license>
+  <export><build_type>ament_python</build_type></export>
+</package>
+"""
+BUILD = "import os, workspace; workspace.build(os.environ, 'fingerprint')"
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory) -> Path:
+    folder = copy_tools(tmp_path_factory.mktemp("tiny"))
+    for path, text in {
+        "tiny/setup.py": SETUP,
+        "tiny/package.xml": PACKAGE,
+        "tiny/resource/tiny": "",
+        "tiny/tiny/__init__.py": "",
+        "tiny/tiny/old.py": "",
+    }.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    return folder
+
+
+def build(tiny: Path) -> bool:
+    """Build, and return whether anything was rebuilt."""
+    environ = {**os.environ, "PYTHONPATH": f"{tiny}/tools:{os.environ['PYTHONPATH']}"}
+    done = run(sys.executable, "-c", BUILD, environ=environ, cwd=tiny)
+    assert done.returncode == 0, done.stderr
+    return "Building tiny" in done.stderr
+
+
+def installed(tiny: Path) -> set[str]:
+    return {path.name for path in tiny.glob("install/tiny/lib/*/site-packages/tiny/*.py")}
+
+
+def test_only_changes_are_built_and_nothing_stale_stays(tiny):
+    assert build(tiny)
+    assert installed(tiny) == {"__init__.py", "old.py"}
+    assert not build(tiny)
+    (tiny / "tiny/tiny/old.py").rename(tiny / "tiny/tiny/new.py")
+    assert build(tiny)
+    assert installed(tiny) == {"__init__.py", "new.py"}
+
+
+def test_tests_and_caches_are_no_reason_to_build(tiny):
+    build(tiny)
+    for path in ("test/test_it.py", "tiny/__pycache__/old.pyc", ".hypothesis/example"):
+        (tiny / "tiny" / path).parent.mkdir(parents=True, exist_ok=True)
+        (tiny / "tiny" / path).write_text("")
+    assert not build(tiny)
+
+
+def test_build_without_stamp_is_repeated(tiny):
+    build(tiny)
+    next(tiny.glob("install/tiny/lib/*/site-packages/tiny/__init__.py")).unlink()
+    (tiny / "install" / ".built.json").unlink()
+    assert build(tiny)
+    assert "__init__.py" in installed(tiny)
