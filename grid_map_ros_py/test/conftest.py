@@ -12,7 +12,7 @@ import nav2_stand_in
 import pytest
 
 from grid_map_core_py.testing import register_profiles
-from grid_map_ros_py.testing import Process
+from grid_map_ros_py.testing import Peer, Process, peer
 
 register_profiles()
 
@@ -39,6 +39,13 @@ def nav2(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace nav2's messages by stand-ins; test_optional_messages.py uses the real ones."""
     monkeypatch.setitem(sys.modules, "nav2_msgs", ModuleType("nav2_msgs"))
     monkeypatch.setitem(sys.modules, "nav2_msgs.msg", nav2_stand_in)
+
+
+@pytest.fixture
+def other_side() -> Iterator[Peer]:
+    """Peer in the domain of the processes that the test starts."""
+    with peer() as other:
+        yield other
 
 
 def arguments(**parameters: object) -> list[str]:

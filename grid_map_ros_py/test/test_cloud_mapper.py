@@ -22,28 +22,21 @@ from grid_map_ros_py._mapping.poses import Placement, Poses
 from grid_map_ros_py.messages import to_stamp
 
 
-class Hand:
-    """Clock for tests, set by hand."""
+class Mapper(CloudMapper):
+    """Mapper that keeps its reports, and whose clock `now` the test sets."""
 
-    now = 0.0
+    def __init__(self, poses: Poses, **options: Any) -> None:
+        self.reports: list[str] = []
+        self.now = 0.0
+        rolling = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
+        super().__init__(rolling, poses, self.reports.append, clock=lambda: self.now, **options)
 
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Hand:
-    return Hand()
-
-
-@pytest.fixture
-def reports() -> list[str]:
-    return []
+    def height(self, x: float, y: float) -> float:
+        return float(self.rolling_map.grid_map.at_position("elevation", (x, y)))
 
 
-def mapper(poses: Poses, reports: list[str], **options: Any) -> CloudMapper:
-    rolling = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
-    return CloudMapper(rolling, poses, reports.append, **options)
+def fixed_mapper(**options: Any) -> Mapper:
+    return Mapper(Poses("odom"), follow=False, **options)
 
 
 def cloud(seconds: float, *points: tuple[float, float, float], frame: str = "lidar") -> PointCloud2:
@@ -52,96 +45,88 @@ def cloud(seconds: float, *points: tuple[float, float, float], frame: str = "lid
     return message
 
 
-def height(made: CloudMapper, x: float, y: float) -> float:
-    grid_map = made.rolling_map.grid_map
-    return float(grid_map["elevation"][grid_map.get_index((x, y))])
-
-
-def test_cloud_is_placed_at_the_pose_of_the_robot(reports: list[str]) -> None:
-    made = mapper(history(pose(1, 10.0, 20.0, math.pi / 2), pose(2, 90.0)), reports)
+def test_cloud_is_placed_at_the_pose_of_the_robot() -> None:
+    made = Mapper(history(pose(1, 10.0, 20.0, math.pi / 2), pose(2, 90.0)))
     assert made.add(cloud(1, (2.5, 0.5, 7.0)))
-    assert height(made, 9.5, 22.5) == 7.0
+    assert made.height(9.5, 22.5) == 7.0
     grid_map = made.rolling_map.grid_map
     assert (grid_map.position.tolist(), grid_map.timestamp) == ([10.0, 20.0], SECOND)
-    assert reports == []
+    assert made.reports == []
 
 
-def test_map_that_does_not_follow_stays(reports: list[str]) -> None:
-    made = mapper(history(pose(1, 1.0, 2.0), pose(2, 9.0)), reports, follow=False)
+def test_map_that_does_not_follow_stays() -> None:
+    made = Mapper(history(pose(1, 1.0, 2.0), pose(2, 9.0)), follow=False)
     made.add(cloud(1, (0.5, 0.5, 7.0)))
-    assert height(made, 1.5, 2.5) == 7.0
+    assert made.height(1.5, 2.5) == 7.0
     assert made.rolling_map.grid_map.position.tolist() == [0.0, 0.0]
 
 
-def test_clouds_wait_for_their_poses_and_are_fused_in_order(
-    reports: list[str], clock: Hand
-) -> None:
+def test_clouds_wait_for_their_poses_and_are_fused_in_order() -> None:
     poses = history(pose(1))
-    made = mapper(poses, reports, clock=clock)
+    made = Mapper(poses)
     assert not made.add(cloud(2))
     assert not made.add(cloud(3))
     assert not made.work()
-    poses.add(pose(2.5))
-    assert made.work()
-    assert made.rolling_map.grid_map.timestamp == 2 * SECOND
-    poses.add(pose(3))
-    assert made.work()
-    assert made.rolling_map.grid_map.timestamp == 3 * SECOND
+    for seconds, fused in ((2.5, 2), (3, 3)):
+        poses.add(pose(seconds))
+        assert made.work()
+        assert made.rolling_map.grid_map.timestamp == fused * SECOND
     assert not made.work()
-    assert (made.statistics.fused, reports) == (2, [])
+    assert (made.statistics.fused, made.reports) == (2, [])
 
 
-def test_clouds_without_pose_are_dropped_after_timeout(reports: list[str], clock: Hand) -> None:
-    made = mapper(history(pose(1)), reports, clock=clock, timeout=0.5)
+def test_clouds_without_pose_are_dropped_after_timeout() -> None:
+    made = Mapper(history(pose(1)), timeout=0.5)
     made.add(cloud(2))
-    clock.now = 0.4
+    made.now = 0.4
     made.add(cloud(3))
-    assert reports == []
-    clock.now = 0.5
+    assert made.reports == []
+    made.now = 0.5
     made.work()
-    assert reports == ["dropped a cloud: it waited 0.5 s for a later pose than that of 1.000 s"]
-    clock.now = 0.9
+    text = "dropped a cloud: it waited 0.5 s for a later pose than that of 1.000 s"
+    assert made.reports == [text]
+    made.now = 0.9
     made.work()
     assert made.statistics.dropped == 2
 
 
-def test_queue_size_limits_waiting_clouds(reports: list[str], clock: Hand) -> None:
+def test_queue_size_limits_waiting_clouds() -> None:
     poses = history()
-    made = mapper(poses, reports, clock=clock, queue_size=2)
+    made = Mapper(poses, queue_size=2)
     for seconds in (1, 2, 3):
         made.add(cloud(seconds))
-    assert reports == ["dropped a cloud: 2 newer ones wait for poses"]
+    assert made.reports == ["dropped a cloud: 2 newer ones wait for poses"]
     poses.add(pose(2))
     poses.add(pose(3))
     made.work()
     assert made.statistics.fused == 2
 
 
-def test_waiting_cloud_does_not_delay_other_frames(reports: list[str]) -> None:
+def test_waiting_cloud_does_not_delay_other_frames() -> None:
     class OnlyLidar(Poses):
         def place(self, frame_id: str, stamp: int) -> Placement | None:
             return super().place("odom", stamp) if frame_id == "lidar" else None
 
-    made = mapper(OnlyLidar("odom"), reports)
+    made = Mapper(OnlyLidar("odom"))
     assert not made.add(cloud(1, frame="camera"))
     assert made.add(cloud(2))
-    assert (made.statistics.fused, reports) == (1, [])
+    assert (made.statistics.fused, made.reports) == (1, [])
 
 
-def test_outdated_cloud_does_not_delay_the_next(reports: list[str]) -> None:
-    made = mapper(history(pose(5), pose(6)), reports)
+def test_outdated_cloud_does_not_delay_the_next() -> None:
+    made = Mapper(history(pose(5), pose(6)))
     assert not made.add(cloud(1))
     assert made.add(cloud(5.5))
-    assert reports == ["dropped a cloud: no pose at 1.000 s: the first one is of 5.000 s"]
+    assert made.reports == ["dropped a cloud: no pose at 1.000 s: the first one is of 5.000 s"]
 
 
-def test_serialized_clouds_are_taken_as_well(reports: list[str]) -> None:
-    made = mapper(Poses("odom"), reports, follow=False)
+def test_serialized_clouds_are_taken_as_well() -> None:
+    made = fixed_mapper()
     data = serialize_message(cloud(1, (0.5, 0.5, 7.0), frame="odom"))
     assert made.add(data)
-    assert height(made, 0.5, 0.5) == 7.0
+    assert made.height(0.5, 0.5) == 7.0
     assert not made.add(data[:-12])
-    (report,) = reports
+    (report,) = made.reports
     assert report.startswith("dropped a cloud: data: expected")
 
 
@@ -154,58 +139,54 @@ def test_serialized_clouds_are_taken_as_well(reports: list[str]) -> None:
         ("header.frame_id", "map", "header.frame_id: expected 'odom'"),
     ],
 )
-def test_bad_cloud_is_reported_and_changes_nothing(
-    path: str, value: Any, reason: str, reports: list[str]
-) -> None:
-    made = mapper(Poses("odom"), reports, follow=False)
+def test_bad_cloud_is_reported_and_changes_nothing(path: str, value: Any, reason: str) -> None:
+    made = fixed_mapper()
     made.add(cloud(1, frame="odom"))
     before = made.rolling_map.grid_map.copy()
     bad = cloud(2, frame="odom")
     set_field(bad, path, value)
     assert not made.add(bad)
     assert_maps_equal(made.rolling_map.grid_map, before)
-    (report,) = reports
+    (report,) = made.reports
     assert report.startswith(f"dropped a cloud: {reason}")
     assert (made.statistics.fused, made.statistics.dropped) == (1, 1)
 
 
-def test_robot_at_huge_position_changes_nothing(reports: list[str]) -> None:
-    made = mapper(history(pose(1), pose(2, 1e300)), reports)
+def test_robot_at_huge_position_changes_nothing() -> None:
+    made = Mapper(history(pose(1), pose(2, 1e300)))
     made.add(cloud(1))
     before = made.rolling_map.grid_map.copy()
     assert not made.add(cloud(2))
     assert_maps_equal(made.rolling_map.grid_map, before)
-    assert "too far away" in reports[0]
+    assert "too far away" in made.reports[0]
 
 
-def test_points_out_of_range_of_the_sensor_are_left_out(reports: list[str]) -> None:
-    options: dict[str, Any] = {"min_range": 1.0, "max_range": 3.0, "fields": ["n"]}
-    made = mapper(history(pose(1, 100.0), pose(2)), reports, **options)
-    places = [(0.5, 0.5, 0.1), (1.5, 0.5, 0.1), (2.5, 0.5, 0.1), (3.5, 0.5, 0.1)]
-    points = [dict(zip("xyzn", (*place, k), strict=True)) for k, place in enumerate(places)]
+def test_points_out_of_range_of_the_sensor_are_left_out() -> None:
+    made = Mapper(history(pose(1, 100.0), pose(2)), min_range=1.0, max_range=3.0, fields=["n"])
+    points = [{"x": 0.5 + k, "y": 0.5, "z": 0.1, "n": k} for k in range(4)]
     message = packed_cloud(points, [*xyz_fields(), ("n", 12, UINT32, 1)], frame_id="lidar")
     message.header.stamp = to_stamp(SECOND)
     made.add(message)
-    assert reports == []
+    assert made.reports == []
     found = made.rolling_map.grid_map["n"]
     assert sorted(found[np.isfinite(found)]) == [1, 2]
 
 
-def test_fields_become_layers_if_they_are_asked_for(reports: list[str]) -> None:
+def test_fields_become_layers_if_they_are_asked_for() -> None:
     points = [{"x": 0.5, "y": 0.5, "z": 1.0, "rgb": 0x112233}]
     message = packed_cloud(points, [*xyz_fields(), ("rgb", 12, UINT32, 1)], frame_id="odom")
-    plain = mapper(Poses("odom"), reports, follow=False)
-    colored = mapper(Poses("odom"), reports, follow=False, fields=["rgb"])
+    plain, colored = fixed_mapper(), fixed_mapper(fields=["rgb"])
     plain.add(message)
     colored.add(message)
     assert plain.rolling_map.grid_map.layers == ("elevation",)
     assert colored.rolling_map.grid_map.layers == ("elevation", "color")
     colored.add(cloud(2, frame="odom"))
-    assert reports == ["dropped a cloud: fields: expected one called 'rgb', got ['x', 'y', 'z']"]
+    text = "dropped a cloud: fields: expected one called 'rgb', got ['x', 'y', 'z']"
+    assert colored.reports == [text]
 
 
-def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:
-    made = mapper(Poses("odom"), reports, follow=False)
+def test_statistics_count_clouds_in_one_line() -> None:
+    made = fixed_mapper()
     made.add(cloud(1, (0, 0, 0), (1, 1, 1), frame="odom"))
     made.add(cloud(1, frame="lidar"))
     line = str(made.statistics)
@@ -217,6 +198,6 @@ def test_statistics_count_clouds_in_one_line(reports: list[str]) -> None:
     "wrong",
     [{"min_range": -1.0}, {"min_range": 2.0, "max_range": 1.0}, {"timeout": -1}, {"queue_size": 0}],
 )
-def test_wrong_settings_are_refused(wrong: dict[str, Any], reports: list[str]) -> None:
+def test_wrong_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match="expected"):
-        mapper(Poses("odom"), reports, **wrong)
+        fixed_mapper(**wrong)

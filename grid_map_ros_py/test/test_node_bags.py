@@ -11,20 +11,10 @@ from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
-from grid_map_ros_py.testing import Process, peer, running_node, start_node, wait_until
+from grid_map_ros_py.testing import peer, running_node, start_node, wait_until
 
 LOADER = "grid_map_ros_py._executables.grid_map_loader"
 SAVER = "grid_map_ros_py._executables.grid_map_saver"
-
-
-def assert_fails(process: Process, message: str) -> None:
-    try:
-        assert process.wait() == 1
-        lines = [line for line in process.lines if "selected interface" not in line]
-        assert len(lines) == 1, process.text
-        assert message in lines[0]
-    finally:
-        process.kill()
 
 
 def test_loader_publishes_the_last_map_latched():
@@ -46,20 +36,6 @@ def test_loader_keeps_the_map_for_its_duration():
         listener.expect(TOPIC)
         (publisher,) = listener.node.get_publishers_info_by_topic(TOPIC)
     assert publisher.qos_profile.lifespan.nanoseconds == 20 * 10**9
-
-
-@pytest.mark.parametrize(
-    ("damage", "parameters", "message"),
-    [
-        (lambda data: data[:-50], {}, "is cut off"),
-        (lambda data: data, {"bag_topic": "/map"}, "no topic '/map'; topics: /grid_map ("),
-    ],
-    ids=["damaged", "topic"],
-)
-def test_failing_loader_prints_one_message(tmp_path, damage, parameters, message):
-    bag = tmp_path / "bag.mcap"
-    bag.write_bytes(damage((DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap").read_bytes()))
-    assert_fails(start_node(LOADER, *arguments(file_path=bag, **parameters)), message)
 
 
 @pytest.mark.parametrize(("storage", "ending"), [("mcap", ".mcap"), ("sqlite3", ".db3")])
@@ -98,21 +74,6 @@ def test_continuous_saver_saves_every_map_and_drops_invalid_messages(tmp_path):
         publisher.publish(TOPIC, to_message(numbered_map(3)))
         wait_until(lambda: saved(bag) == 3, "the third map")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"file_path": "."}, "is no bag and not replaced; it holds precious.txt"),
-        ({"file_path": "bag", "compression": "gzip"}, "compression of mcap: expected 'none'"),
-        ({}, "parameter 'file_path'"),
-    ],
-    ids=["foreign", "compression", "path"],
-)
-def test_failing_saver_ends_with_one_message(tmp_path, monkeypatch, parameters, message):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "precious.txt").touch()
-    assert_fails(start_node(SAVER, *arguments(**parameters)), message)
 
 
 def test_map_passes_from_bag_to_bag_through_both_nodes(tmp_path):

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The node `grid_map_server` as a process: topics, services, refused requests, restarts."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +46,8 @@ class Client:
 
 
 @pytest.fixture
-def client() -> Iterator[Client]:
-    with peer() as other_side:
-        yield Client(other_side)
+def client(other_side: Peer) -> Client:
+    return Client(other_side)
 
 
 def map_of(timestamp: int) -> GridMap:
@@ -137,18 +135,3 @@ def test_killed_server_starts_again_with_its_bag(client: Client, tmp_path: Path)
             assert_maps_equal(from_message(client.peer.expect("/kept", 2)), map_of(2))
         finally:
             node.kill()
-
-
-@pytest.mark.parametrize(
-    ("parameters", "reason"),
-    [
-        ({"file_path": "/no/such/bag"}, "/no/such/bag"),
-        ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
-        ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
-    ],
-)
-def test_server_reports_unusable_configuration(parameters: dict[str, str], reason: str) -> None:
-    node = start_node(MODULE, *arguments(**parameters))
-    assert node.wait() == 1
-    assert reason in node.text
-    assert "Traceback" not in node.text

@@ -1,15 +1,21 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parameters from real files, read by a real node."""
+"""Parameters of real files and of the command line, read by a real node."""
 
-import json
+import math
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
 
-from conftest import Start
-from grid_map_ros_py.testing import Process, wait_until
+from grid_map_core_py import ConfigError
+from grid_map_ros_py.nodes import read_parameter, read_parameter_tree, read_positive, read_topic
+from grid_map_ros_py.testing import environment
 
 CHAIN = """
     filters:
@@ -47,7 +53,6 @@ TREE = {
             "layers": ["a", "b"],
             "none": None,
             "empty": "",
-            "set_to": "NaN",
             "lower": float("-inf"),
             "on": True,
             "weights": [1.0, 2.5],
@@ -57,114 +62,123 @@ TREE = {
 }
 
 
-def arguments(folder: Path, text: str, node: str = "configured") -> list[str]:
-    path = folder / "parameters.yaml"
-    path.write_text(f"{node}:\n  ros__parameters:\n{text}")
-    return ["--ros-args", "--params-file", str(path)]
+TYPES = {
+    "filter1.name": "STRING",
+    "filter2.params.max/value": "INTEGER",
+    "filter2.params.max.color": "DOUBLE",
+    "filter2.params.layers": "STRING_ARRAY",
+    "filter2.params.none": "NOT_SET",
+    "filter2.params.on": "BOOL",
+    "filter2.params.weights": "DOUBLE_ARRAY",
+}
+
+Start = Callable[..., Node]
 
 
-def read(process: Process) -> Any:
-    wait_until(lambda: process.lines, "what the node has read")
-    # NaN equals nothing, not even itself.
-    return json.loads(
-        process.lines[0], parse_constant=lambda name: name if name == "NaN" else float(name)
-    )
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    """Function that starts a node with the text of a parameter file and further arguments."""
+    path = tmp_path / "parameters.yaml"
+    monkeypatch.setenv("ROS_DOMAIN_ID", environment()["ROS_DOMAIN_ID"])
+    with ExitStack() as stack:
+
+        def start_node(text: str, *arguments: str, name: str = "configured") -> Node:
+            path.write_text(f"{name}:\n  ros__parameters:\n{text}")
+            given = ["--ros-args", "--params-file", str(path), *arguments]
+            context = Context()
+            rclpy.init(context=context)
+            stack.callback(rclpy.shutdown, context=context)
+            node = Node("configured", context=context, cli_args=given)
+            stack.callback(node.destroy_node)
+            return node
+
+        yield start_node
 
 
-def failure(process: Process) -> str:
-    assert process.wait() == 1
-    assert "Traceback" not in process.text
-    return process.text
-
-
-@pytest.mark.parametrize("node", ["configured", "/**"])
-def test_parameter_file_may_name_the_node_in_any_way(
-    start: Start, tmp_path: Path, node: str
-) -> None:
-    found = read(start("configured.py", *arguments(tmp_path, CHAIN + "    frame_id: map\n", node)))
-    assert found["tree"] == TREE
-    assert (found["rate"], found["color"], found["names"]) == (2.0, 0, ["default"])
-    described = {"rate": "how often", "color": "", "filters.filter1.name": "what runs"}
-    assert found["descriptions"] == described
-    assert found["declared"] == {
-        "filter_chain_parameter_name": "STRING",
-        "rate": "DOUBLE",
-        "color": "INTEGER",
-        "names": "STRING_ARRAY",
-        "frame_id": "STRING",
-        "filters.filter1.name": "STRING",
-        "filters.filter1.type": "STRING",
-        "filters.filter2.name": "STRING",
-        "filters.filter2.type": "STRING",
-        "filters.filter2.params.input_layer": "STRING",
-        "filters.filter2.params.min/value": "DOUBLE",
-        "filters.filter2.params.max/value": "INTEGER",
-        "filters.filter2.params.max.color": "DOUBLE",
-        "filters.filter2.params.layers": "STRING_ARRAY",
-        "filters.filter2.params.none": "NOT_SET",
-        "filters.filter2.params.empty": "STRING",
-        "filters.filter2.params.set_to": "DOUBLE",
-        "filters.filter2.params.lower": "DOUBLE",
-        "filters.filter2.params.on": "BOOL",
-        "filters.filter2.params.weights": "DOUBLE_ARRAY",
-        "filters.filter10.name": "STRING",
+def declared(node: Node) -> dict[str, str]:
+    """Return the types of the declared parameters, without those of every node."""
+    return {
+        name: parameter.type_.name
+        for name, parameter in node.get_parameters_by_prefix("").items()
+        if name != "use_sim_time" and not name.startswith("start_type")
     }
 
 
-def test_numbers_are_read_as_the_requested_type(start: Start, tmp_path: Path) -> None:
-    text = "    rate: 3\n    color: 255.0\n    names: []\n    frame_id: ''\n"
-    found = read(start("configured.py", *arguments(tmp_path, text)))
-    assert (found["rate"], found["color"]) == (3.0, 255)
-    assert isinstance(found["rate"], float)
-    assert isinstance(found["color"], int)
-    assert (found["names"], found["frame_id"]) == ([], "")
-    assert found["declared"]["rate"] == "DOUBLE"
-    assert found["tree"] == {}
+@pytest.mark.parametrize("name", ["configured", "/**"])
+def test_tree_of_parameters_is_read_described_and_declared(start: Start, name: str) -> None:
+    node = start(CHAIN, name=name)
+    found = read_parameter_tree(node, "filters", description="what runs")
+    # NaN equals nothing, not even itself.
+    assert math.isnan(found["filter2"]["params"].pop("set_to"))
+    assert found == TREE
+    types = declared(node)
+    assert {name: types[f"filters.{name}"] for name in TYPES} == TYPES
+    assert len(types) == 16
+    assert node.describe_parameter("filters.filter1.name").description == "what runs"
 
 
-def test_command_line_wins_and_the_prefix_can_be_chosen(start: Start, tmp_path: Path) -> None:
-    text = "    frame_id: map\n    chain.filter1.name: a\n    chains.filter1.name: b\n"
-    options = ["-p", "frame_id:=odom", "-p", "filter_chain_parameter_name:=chain"]
-    found = read(start("configured.py", *arguments(tmp_path, text), *options))
-    assert found["tree"] == {"filter1": {"name": "a"}}
-    assert found["declared"].keys() >= {"chain.filter1.name"}
-    assert "chains.filter1.name" not in found["declared"]
+def test_parameters_without_value_in_the_file_have_their_default(start: Start) -> None:
+    node = start("    other: 1\n")
+    assert read_parameter(node, "rate", float, 2.0, description="how often") == 2.0
+    assert read_parameter(node, "names", list[str], ["default"]) == ["default"]
+    assert read_parameter_tree(node, "filters") == {}
+    assert declared(node) == {"rate": "DOUBLE", "names": "STRING_ARRAY"}
+    assert node.describe_parameter("rate").description == "how often"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "kind", "expected"),
+    [("3", float, 3.0), ("255.0", int, 255), ("[]", list[str], []), ("''", str, "")],
+)
+def test_value_has_the_requested_type(start: Start, text: str, kind: Any, expected: Any) -> None:
+    found = read_parameter(start(f"    value: {text}\n"), "value", kind)
+    assert (found, type(found)) == (expected, type(expected))
+
+
+def test_command_line_wins_over_the_file(start: Start) -> None:
+    text = "    frame_id: map\n    chain.filter1.name: a\n    chains.filter1.name: b\n"
+    node = start(text, "-p", "frame_id:=odom")
+    assert read_parameter(node, "frame_id", str) == "odom"
+    # Other names may begin with the prefix.
+    assert read_parameter_tree(node, "chain") == {"filter1": {"name": "a"}}
+    assert "chains.filter1.name" not in declared(node)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "message"),
     [
-        ("    rate: 1\n", "parameter 'frame_id': expected a string, got nothing"),
-        ("    rate: fast\n", "parameter 'rate': expected a number, got 'fast' (str)"),
-        (
-            "    names: map\n",
-            "parameter 'names': expected a list, each item a string, got 'map' (str)",
-        ),
-        (
-            "    frame_id: y\n",
-            "expected a string (quote it), got True (bool)",
-        ),
-        ("    filters: 3\n", "parameter 'filters': expected parameters below it, got 3 (int)"),
-        (
-            "    filters: {a: 1, a.b: 2}\n",
-            "'filters.a': expected no value, as there are parameters below it, got 1 (int)",
-        ),
-        (
-            "    filters: {a.b: 1, a: 2}\n",
-            "'filters.a': expected no value, as there are parameters below it, got 2 (int)",
-        ),
+        ("other: 1", str, "expected a string, got nothing"),
+        ("value: fast", float, r"expected a number, got 'fast' \(str\)"),
+        ("value: map", list[str], r"expected a list, each item a string, got 'map' \(str\)"),
+        ("value: y", str, r"expected a string \(quote it\), got True \(bool\)"),
     ],
 )
-def test_wrong_parameter_stops_the_node_with_one_message(
-    start: Start, tmp_path: Path, text: str, message: str
-) -> None:
-    errors = failure(start("configured.py", *arguments(tmp_path, text)))
-    assert message in errors
-    assert errors.count("\n") == 1
+def test_value_of_another_type_is_refused(start: Start, text: str, kind: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=f"^parameter 'value': {message}$"):
+        read_parameter(start(f"    {text}\n"), "value", kind)
 
 
-def test_unreadable_parameter_file_stops_the_node_with_a_message(
-    start: Start, tmp_path: Path
-) -> None:
-    missing = str(tmp_path / "missing.yaml")
-    assert missing in failure(start("configured.py", "--ros-args", "--params-file", missing))
+@pytest.mark.parametrize(
+    ("value", "name", "found"),
+    [
+        ("3", "filters", "3"),
+        ("{a: 1, a.b: 2}", "filters.a", "1"),
+        ("{a.b: 1, a: 2}", "filters.a", "2"),
+    ],
+)
+def test_value_above_other_parameters_is_refused(start: Start, value, name, found) -> None:
+    with pytest.raises(ConfigError, match=rf"'{name}': expected .* below it, got {found} \(int\)"):
+        read_parameter_tree(start(f"    filters: {value}\n"), "filters")
+
+
+@pytest.mark.parametrize("value", ["0.0", "-1.0", "1.0e+10", ".nan"])
+def test_rates_must_be_positive(start: Start, value: str) -> None:
+    with pytest.raises(ConfigError, match="'rate': expected a positive number from 1e-09 to 1e"):
+        read_positive(start(f"    rate: {value}\n"), "rate", 1.0)
+
+
+def test_topics_must_have_valid_names(start: Start) -> None:
+    node = start("    input: 'no topic'\n    none: ''\n")
+    assert (read_topic(node, "none", ""), read_topic(node, "output", "map")) == ("", "map")
+    with pytest.raises(ConfigError, match="'input': expected the name of a topic, got 'no topic'"):
+        read_topic(node, "input", "/grid_map")

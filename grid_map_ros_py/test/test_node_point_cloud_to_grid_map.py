@@ -4,20 +4,15 @@
 
 import math
 import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pytest
-import yaml
 from clouds import xyz_cloud
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
 
+from conftest import arguments
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
@@ -29,28 +24,6 @@ MODULE = "grid_map_ros_py._executables.point_cloud_to_grid_map"
 SIDE = 0.5
 SIGHT = 1.2
 """Range of the sensor along each axis [m]."""
-
-Arguments = Callable[..., list[str]]
-
-
-@pytest.fixture
-def arguments(tmp_path: Path) -> Arguments:
-    """Return a function that writes a parameter file and returns the arguments that load it."""
-
-    def write(**parameters: Any) -> list[str]:
-        path = tmp_path / f"{len([*tmp_path.iterdir()])}.yaml"
-        path.write_text(
-            yaml.safe_dump({"point_cloud_to_grid_map": {"ros__parameters": parameters}})
-        )
-        return ["--ros-args", "--params-file", str(path)]
-
-    return write
-
-
-@pytest.fixture
-def other_side() -> Iterator[Peer]:
-    with peer() as other:
-        yield other
 
 
 def ground(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -109,21 +82,16 @@ class Robot:
         return [(center[0] + dx, center[1] + dy) for dx in offsets for dy in offsets]
 
 
-def assert_is_the_world(grid_map: GridMap) -> None:
-    heights = grid_map.unwrapped("elevation")
-    x, y = grid_map.geometry.axes_in_map_order()
-    expected = ground(x[:, None], y[None, :])
-    known = np.isfinite(heights)
-    np.testing.assert_allclose(heights[known], expected[known], atol=1e-4)
-    x, y, _ = Robot.pose(grid_map.timestamp)
-    np.testing.assert_allclose(grid_map.position, (x, y), atol=0.5 * SIDE + 1e-6)
-
-
 def assert_saw_the_way(robot: Robot, maps: list[GridMap]) -> None:
     for grid_map in maps:
         # Every third cloud was broken.
         assert grid_map.timestamp % 3 != 0
-        assert_is_the_world(grid_map)
+        heights = grid_map.unwrapped("elevation")
+        x, y = grid_map.geometry.axes_in_map_order()
+        expected = np.where(np.isfinite(heights), ground(x[:, None], y[None, :]), np.nan)
+        np.testing.assert_allclose(heights, expected, atol=1e-4)
+        x, y, _ = Robot.pose(grid_map.timestamp)
+        np.testing.assert_allclose(grid_map.position, (x, y), atol=0.5 * SIDE + 1e-6)
     last = maps[-1]
     cells, inside = last.get_indices(robot.seen(last.timestamp))
     assert inside.all()
@@ -132,9 +100,7 @@ def assert_saw_the_way(robot: Robot, maps: list[GridMap]) -> None:
     assert last["count"].max() > 1
 
 
-def test_mapping_survives_a_killed_node_and_broken_clouds(
-    other_side: Peer, arguments: Arguments
-) -> None:
+def test_mapping_survives_a_killed_node_and_broken_clouds(other_side: Peer) -> None:
     options = arguments(
         # Where tf is not installed, `auto` must detect that.
         pose_source="odometry" if has_tf() else "auto",
@@ -170,9 +136,7 @@ def test_mapping_survives_a_killed_node_and_broken_clouds(
     assert {m.outer_start_index for m in maps} != {0}
 
 
-def test_fixed_map_is_published_at_a_rate_and_latched(
-    other_side: Peer, arguments: Arguments
-) -> None:
+def test_fixed_map_is_published_at_a_rate_and_latched(other_side: Peer) -> None:
     options = arguments(
         pose_source="none",
         robot_centric=False,
@@ -205,32 +169,3 @@ def is_done(message: GridMapMessage) -> bool:
     grid_map = from_message(message)
     assert (grid_map.frame_id, grid_map.size) == ("map", (4, 4))
     return bool(grid_map.at_position("elevation", (0.5, 0.5)) == 19.0)
-
-
-WRONG: dict[str, dict[str, Any]] = {
-    "parameter 'pose_source': expected one of auto, tf, odometry,": {"pose_source": "gps"},
-    "parameter 'robot_centric': expected false without poses": {"pose_source": "none"},
-    "parameter 'length': expected 2 finite numbers, got [1.0]": {"length": [1.0]},
-    "parameter 'input_reliability': expected one of best_effort, reliable": {
-        "input_reliability": "perfect"
-    },
-    "parameter 'publish_rate': expected a finite number, 0 or more": {"publish_rate": -1.0},
-}
-
-
-def test_wrong_parameters_end_the_node_with_one_message(arguments: Arguments) -> None:
-    wrong = dict(WRONG)
-    if not has_tf():
-        wrong["pose_source 'tf' needs the package 'tf2_ros'"] = {"pose_source": "tf"}
-    with ExitStack() as stack:
-        nodes = {}
-        for message, parameters in wrong.items():
-            # The error must not depend on whether tf is installed.
-            nodes[message] = start_node(
-                MODULE, *arguments(**{"pose_source": "odometry", **parameters})
-            )
-            stack.callback(nodes[message].kill)
-        for message, node in nodes.items():
-            assert node.wait() == 1
-            assert message in node.text
-            assert node.text.count("\n") == 1

@@ -118,8 +118,9 @@ def test_unexpected_exception_keeps_its_traceback(start: Start, habit: str, erro
     assert f"{error}: a bug\n" in process.text
 
 
-def test_unknown_ros_arguments_are_reported_without_traceback(start: Start) -> None:
-    process = start("living.py", "idle", "--ros-args", "--nonsense")
+@pytest.mark.parametrize("wrong", [["--nonsense"], ["--params-file", "/missing.yaml"]])
+def test_wrong_ros_arguments_are_reported_without_traceback(start: Start, wrong) -> None:
+    process = start("living.py", "idle", "--ros-args", *wrong)
     assert process.wait() == 1
-    assert "--nonsense" in process.text
+    assert wrong[-1] in process.text
     assert "Traceback" not in process.text

@@ -2,22 +2,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Subscriptions that deliver undecoded maps."""
 
-from collections.abc import Iterator
-
 import pytest
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, ReliabilityPolicy
 from test_grid_map import sample_map
 
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_message, to_serialized_message
 from grid_map_ros_py.nodes import MapSubscription, map_qos
-from grid_map_ros_py.testing import Peer, peer
+from grid_map_ros_py.testing import Peer
 
 
-@pytest.fixture
-def other_side() -> Iterator[Peer]:
-    with peer() as other:
-        yield other
+def test_map_topics_keep_the_last_map_for_late_subscribers() -> None:
+    qos = map_qos()
+    assert (qos.history, qos.depth) == (HistoryPolicy.KEEP_LAST, 1)
+    assert qos.reliability == ReliabilityPolicy.RELIABLE
+    assert qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def test_maps_arrive_undecoded_until_the_subscription_is_given_up(other_side: Peer) -> None:

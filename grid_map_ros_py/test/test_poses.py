@@ -68,13 +68,17 @@ def test_pose_maps_axes_of_robot_into_map() -> None:
     np.testing.assert_allclose(matrix @ (3, 0, 0.5, 1), (1, 5, 0.5, 1), atol=1e-12)
 
 
-def test_roll_pitch_and_yaw_follow_urdf() -> None:
-    # Rotation about the fixed x axis, then y, then z.
-    turn = from_xyz_rpy((0, 0, 1), (math.pi / 2, 0, math.pi / 2))
-    np.testing.assert_allclose(turn @ (0, 1, 0, 1), (0, 0, 2, 1), atol=1e-12)
-    np.testing.assert_allclose(turn @ (1, 0, 0, 1), (0, 1, 1, 1), atol=1e-12)
-    pitched = from_xyz_rpy((0, 0, 0), (0, math.pi / 2, 0))
-    np.testing.assert_allclose(pitched @ (1, 0, 0, 1), (0, 0, -1, 1), atol=1e-12)
+@pytest.mark.parametrize(
+    ("xyz", "rpy", "point", "expected"),
+    [
+        # Rotation about the fixed x axis, then y, then z.
+        ((0, 0, 1), (math.pi / 2, 0, math.pi / 2), (0, 1, 0), (0, 0, 2)),
+        ((0, 0, 1), (math.pi / 2, 0, math.pi / 2), (1, 0, 0), (0, 1, 1)),
+        ((0, 0, 0), (0, math.pi / 2, 0), (1, 0, 0), (0, 0, -1)),
+    ],
+)
+def test_roll_pitch_and_yaw_follow_urdf(xyz, rpy, point, expected) -> None:
+    np.testing.assert_allclose(from_xyz_rpy(xyz, rpy) @ (*point, 1), (*expected, 1), atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
@@ -86,7 +90,7 @@ def test_between_two_poses_the_robot_turns_evenly_the_short_way(share: float) ->
     assert math.cos(yaw_of(found) - turned) == pytest.approx(1.0)
 
 
-def test_transform_moves_points_in_double_precision() -> None:
+def test_points_are_moved_one_by_one() -> None:
     points = np.random.default_rng(2).uniform(-9, 9, (20, 3)).astype(np.float32)
     points[3, 1], points[4, 0] = math.nan, math.inf
     transform = from_xyz_rpy((5e6, -2, 3), (0.3, -0.4, 2.0))
@@ -104,89 +108,73 @@ def test_transform_moves_points_in_double_precision() -> None:
     "quaternion", [(0, 0, 0, 0), (0, 0, 0, 2), (1, 1, 0, 0), (math.nan, 0, 0, 1), (0, 0, 0, 1e200)]
 )
 def test_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) -> None:
-    x, y, z, w = map(float, quaternion)
     message = pose(0)
-    message.pose.orientation = Quaternion(x=x, y=y, z=z, w=w)
+    message.pose.orientation = Quaternion(**dict(zip("xyzw", map(float, quaternion), strict=True)))
     with pytest.raises(MessageError, match=r"pose\.orientation: expected a quaternion of norm 1"):
         history(message)
 
 
-def test_rounded_quaternion_is_accepted() -> None:
+def test_quaternion_that_was_rounded_is_fine() -> None:
     matrix = to_matrix(Vector3(), Quaternion(z=0.7071, w=0.7071))
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
 
 
 # --- poses of a topic -----------------------------------------------------------------------------
 
-
-def test_poses_are_known_at_and_between_their_times() -> None:
-    known = history(pose(1, 0.0), pose(2, 4.0, yaw=1.0), pose(4, 4.0))
-    for seconds, x, yaw in [(1, 0, 0), (1.25, 1, 0.25), (2, 4, 1), (3, 4, 0.5), (4, 4, 0)]:
-        found = known.at(round(seconds * SECOND))
-        assert found is not None
-        assert (found[0, 3], yaw_of(found)) == (pytest.approx(x), pytest.approx(yaw))
+WAY = [pose(1, 0.0), pose(2, 4.0, yaw=1.0), pose(4, 4.0)]
+RESET = [pose(100, 1.0), pose(101, 1.0), pose(5, 9.0)]
+TWICE = [pose(1, 1.0), pose(2, 2.0), pose(2, 2.0), pose(3, 4.0)]
 
 
-def test_cloud_waits_for_the_pose_that_follows() -> None:
-    known = PoseHistory("odom")
-    assert known.place("lidar", SECOND) is None
-    assert known.waits_for == "poses"
-    known.add(pose(1.5))
-    assert known.place("lidar", 2 * SECOND) is None
-    assert known.waits_for == "a later pose than that of 1.500 s"
-    known.add(pose(2.5))
-    assert known.place("lidar", 2 * SECOND) is not None
-
-
-def test_time_zero_means_the_latest_pose() -> None:
-    assert PoseHistory("odom").place("lidar", 0) is None
-    known = history(pose(1, 1.0), pose(2, 7.0))
-    placement = known.place("lidar", 0)
-    assert placement is not None
-    assert placement.transform[0, 3] == 7.0
-
-
-def test_cloud_from_before_the_first_pose_is_refused() -> None:
-    with pytest.raises(GridMapError, match=r"no pose at 1\.000 s: the first one is of 2\.000 s"):
-        history(pose(2), pose(3)).at(SECOND)
-    with pytest.raises(GridMapError, match="the first one is of 3"):
-        history(pose(1), pose(2), pose(3), limit=1).at(SECOND)
-
-
-def test_time_reset_drops_earlier_poses() -> None:
-    known = history(pose(100, 1.0), pose(101, 1.0), pose(5, 9.0))
-    assert known.at(100 * SECOND) is None
-    found = known.at(5 * SECOND)
+@pytest.mark.parametrize(
+    ("poses", "seconds", "x", "yaw"),
+    [
+        *[(WAY, *expected) for expected in [(1, 0, 0), (1.25, 1, 0.25), (2, 4, 1), (3, 4, 0.5)]],
+        # Time 0 stands for the latest pose.
+        *[(WAY, 4, 4, 0), (WAY, 0, 4, 0)],
+        # The clock was reset.
+        (RESET, 5, 9, 0),
+        *[(TWICE, 1.5, 1.5, 0), (TWICE, 2, 2, 0), (TWICE, 2.5, 3, 0)],
+        *[([pose(1, 3.0, kind=k)], 1, 3, 0) for k in (Odometry, PoseWithCovarianceStamped)],
+    ],
+)
+def test_poses_are_known_at_and_between_their_times(poses, seconds, x, yaw) -> None:
+    found = history(*poses).at(round(seconds * SECOND))
     assert found is not None
-    assert found[0, 3] == 9.0
+    assert (found[0, 3], yaw_of(found)) == (pytest.approx(x), pytest.approx(yaw))
 
 
-def test_poses_of_equal_time_are_accepted() -> None:
-    known = history(pose(1, 1.0), pose(2, 2.0), pose(2, 3.0), pose(3, 4.0))
-    for seconds in (1.5, 2, 2.5):
-        assert known.at(round(seconds * SECOND)) is not None
+@pytest.mark.parametrize(
+    ("poses", "seconds", "waits_for"),
+    [
+        ([], 1, "poses"),
+        ([], 0, "poses"),
+        ([pose(1.5)], 2, "a later pose than that of 1.500 s"),
+        (RESET, 100, "a later pose than that of 5.000 s"),
+    ],
+)
+def test_cloud_waits_for_the_pose_that_follows(poses, seconds, waits_for) -> None:
+    known = history(*poses)
+    assert known.place("lidar", seconds * SECOND) is None
+    assert known.waits_for == waits_for
 
 
-def test_pose_of_sensor_on_robot_is_applied() -> None:
+@pytest.mark.parametrize(("limit", "first"), [(9, 2), (1, 3)])
+def test_cloud_from_before_the_first_pose_is_refused(limit: int, first: int) -> None:
+    known = history(pose(2), pose(3), limit=limit)
+    with pytest.raises(
+        GridMapError, match=rf"no pose at 1\.000 s: the first one is of {first}\.000 s"
+    ):
+        known.at(SECOND)
+
+
+@pytest.mark.parametrize(("frame", "expected"), [("lidar", (10, 21, 0.5)), ("odom", (0, 0, 0))])
+def test_placement_has_pose_of_sensor_and_position_of_robot(frame, expected) -> None:
     sensor = from_xyz_rpy((1, 0, 0.5), (0, 0, 0))
-    placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place("lidar", SECOND)
+    placement = history(pose(1, 10.0, 20.0, math.pi / 2), sensor=sensor).place(frame, SECOND)
     assert placement is not None
-    np.testing.assert_allclose(placement.transform[:3, 3], (10, 21, 0.5))
+    np.testing.assert_allclose(placement.transform[:3, 3], expected)
     np.testing.assert_array_equal(placement.center, (10, 20))
-
-
-def test_cloud_in_the_map_frame_is_not_transformed() -> None:
-    placement = history(pose(1, 10.0, 20.0)).place("odom", SECOND)
-    assert placement is not None
-    np.testing.assert_array_equal(placement.transform, np.eye(4))
-    np.testing.assert_array_equal(placement.center, (10, 20))
-
-
-@pytest.mark.parametrize("kind", [PoseStamped, Odometry, PoseWithCovarianceStamped])
-def test_poses_of_every_kind_are_taken(kind: type) -> None:
-    found = history(pose(1, 3.0, kind=kind)).at(SECOND)
-    assert found is not None
-    assert found[0, 3] == 3.0
 
 
 @pytest.mark.parametrize("kind", [PoseStamped, Odometry])
@@ -227,19 +215,14 @@ class Tree:
         return found
 
 
-@pytest.fixture
-def tf2(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
+def test_tf_gives_poses_of_cloud_and_robot(monkeypatch, robot_frame: str, x: float) -> None:
     module = ModuleType("tf2_ros")
     module.__spec__ = SimpleNamespace()
     module.Buffer = Tree
     module.TransformListener = lambda _buffer, _node: None
     module.TransformException = TransformException
     monkeypatch.setitem(sys.modules, "tf2_ros", module)
-
-
-@pytest.mark.usefixtures("tf2")
-@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
-def test_tf_gives_poses_of_cloud_and_robot(robot_frame: str, x: float) -> None:
     assert has_tf()
     poses = TfPoses(None, "map", robot_frame)
     assert poses.place("lidar", SECOND - 1) is None

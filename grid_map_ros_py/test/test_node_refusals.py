@@ -1,0 +1,56 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Invalid parameters end every node with one message."""
+
+import pytest
+from bags import DATA
+
+from conftest import arguments
+from grid_map_ros_py.nodes import has_tf
+from grid_map_ros_py.testing import start_node
+
+BAG = DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap"
+
+REFUSED = {
+    "grid_map_loader": [
+        ({"file_path": "cut_off.mcap"}, "is cut off"),
+        ({"file_path": BAG, "bag_topic": "/map"}, "no topic '/map'; topics: /grid_map ("),
+    ],
+    "grid_map_saver": [
+        ({"file_path": "."}, "is no bag and not replaced; it holds cut_off.mcap"),
+        ({"file_path": "bag", "compression": "gzip"}, "compression: expected one of"),
+        ({}, "parameter 'file_path'"),
+    ],
+    "grid_map_server": [
+        ({"file_path": "/no/such/bag"}, "/no/such/bag"),
+        ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
+        ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
+    ],
+    "point_cloud_to_grid_map": [
+        ({"pose_source": "gps"}, "'pose_source': expected one of auto, tf, odometry,"),
+        ({"pose_source": "none"}, "'robot_centric': expected false without poses"),
+        ({"length": [1.0]}, "'length': expected 2 finite numbers, got [1.0]"),
+        ({"input_reliability": "perfect"}, "expected one of best_effort, reliable, got 'perf"),
+        ({"publish_rate": -1.0}, "'publish_rate': expected a finite number, 0 or more"),
+        *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),
+    ],
+}
+
+
+@pytest.mark.parametrize("executable", REFUSED)
+def test_invalid_parameters_end_the_node_with_one_message(
+    tmp_path, monkeypatch, executable: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cut_off.mcap").write_bytes(BAG.read_bytes()[:-50])
+    module = f"grid_map_ros_py._executables.{executable}"
+    # The error must not depend on whether tf is installed.
+    common = {"pose_source": "odometry"} if "cloud" in executable else {}
+    started = [
+        (start_node(module, *arguments(**{**common, **parameters})), text)
+        for parameters, text in REFUSED[executable]
+    ]
+    for node, text in started:
+        assert node.wait() == 1
+        assert text in node.text
+        assert node.text.count("\n") == 1
