@@ -18,7 +18,10 @@ REFUSED = {
     ],
     "grid_map_saver": [
         ({"file_path": "."}, "is no bag and not replaced; it holds cut_off.mcap"),
-        ({"file_path": "bag", "compression": "gzip"}, "compression: expected one of"),
+        (
+            {"file_path": "bag", "compression": "gzip"},
+            "expected 'none' or 'lz4' or 'zstd', got 'gzip'",
+        ),
         ({}, "parameter 'file_path'"),
     ],
     "grid_map_server": [
