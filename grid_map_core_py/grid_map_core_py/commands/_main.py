@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .. import __version__
 from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
@@ -39,18 +40,12 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{PROGRAM}: error: {message} (see '{self.prog} --help')\n")
 
 
-class _Version(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        print(PROGRAM, import_module("grid_map_core_py").__version__)
-        parser.exit()
-
-
 def make_parser(words: Sequence[str]) -> Parser:
     """Return the parser of the whole command line; only the command in `words` has arguments."""
     parser = Parser(
         prog=PROGRAM, description="Look at grid maps in files, convert, filter and draw them."
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
     subparsers = parser.add_subparsers(metavar="command", required=True)
     commands = _commands()
     wanted = next((word for word in words if word in commands), None)
@@ -99,7 +94,8 @@ def _summary(module: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code."""
-    before = signal.signal(signal.SIGTERM, _terminate)
+    # As after Ctrl-C, temporary files are removed.
+    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
@@ -113,11 +109,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _terminate(number: int, _: object) -> NoReturn:
-    """End as after Ctrl-C, so that temporary files are removed."""
-    sys.exit(128 + number)
 
 
 def _run(arguments: Sequence[str]) -> int:

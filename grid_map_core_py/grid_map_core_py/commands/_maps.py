@@ -40,17 +40,21 @@ _FLAGS = {"kind": "--as", "reduction": "--reduce"}
 
 
 def _choose(
-    options: argparse.Namespace, names: Iterable[str], elsewhere: Iterable[str], *, writes: bool
+    options: argparse.Namespace, of_source: Iterable[str] | None = None
 ) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source or destination, and the options given for it.
+    """Return the format of the source or the destination, and the options given for it.
 
     Args:
         options: the arguments.
-        names: options that may be given, `_READING` or `_WRITING`.
-        elsewhere: names in formats of options that may be for the other side.
-        writes: choose for the destination.
+        of_source: for the destination, names in formats of the options that the source uses.
     """
     from ..files import find_format, formats, options_of
+
+    writes = of_source is not None
+    names: Iterable[str] = _WRITING if writes else _READING
+    # The destination may use black and white, too; if neither uses them, it raises.
+    shared = ("lower", "upper") if hasattr(options, "destination") else ()
+    elsewhere = shared if of_source is None else of_source
 
     def known(one: "Format") -> tuple[str, ...]:
         return options_of(one.save, 2) if writes else options_of(one.load)
@@ -92,7 +96,7 @@ def read_map(options: argparse.Namespace, layers: Iterable[str] | None = None) -
         UsageError: an option is for other formats.
         GridMapError: the map cannot be read.
     """
-    found, given = _source_format(options)
+    found, given = _choose(options)
     with _source(options.source) as path:
         return found.load(path, layers=layers, **given)  # type: ignore[misc]
 
@@ -109,7 +113,7 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
     """
     from ..files import map_facts, options_of
 
-    found, given = _source_format(options)
+    found, given = _choose(options)
     size = None
     if options.source != STANDARD:
         path = Path(options.source)
@@ -151,7 +155,7 @@ def open_records(
         UsageError: an option is for other formats.
         GridMapError: the source cannot be read, or the destination would replace it.
     """
-    found, given = _source_format(options)
+    found, given = _choose(options)
     if found.open_maps is None:
         yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
         return
@@ -168,13 +172,6 @@ def open_records(
             yield records
         else:
             yield [records[-1 if index is None else index]]
-
-
-def _source_format(options: argparse.Namespace) -> "tuple[Format, dict[str, Any]]":
-    """Return the format of the source and the options for it that were given."""
-    # The destination may use black and white, too; if neither uses them, it has already raised.
-    elsewhere = ("lower", "upper") if hasattr(options, "destination") else ()
-    return _choose(options, _READING, elsewhere, writes=False)
 
 
 @contextmanager
@@ -215,9 +212,9 @@ class Destination:
 
         self.path: str = options.destination
         self.usual_topic = usual_topic
-        source, source_given = _source_format(options)
+        source, source_given = _choose(options)
         try:
-            self.format, self._given = _choose(options, _WRITING, source_given, writes=True)
+            self.format, self._given = _choose(options, source_given)
         except UsageError:
             raise
         except GridMapError as error:

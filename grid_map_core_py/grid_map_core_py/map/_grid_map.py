@@ -349,8 +349,7 @@ class GridMap(MutableMapping[str, Layer]):
         """Return a deep copy of the map."""
         return self._with({name: data.copy("F") for name, data in self._layers.items()})
 
-    def __copy__(self) -> GridMap:
-        return self.copy()
+    __copy__ = copy
 
     # Positions and indices
 

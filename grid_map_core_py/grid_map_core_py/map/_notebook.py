@@ -14,9 +14,8 @@ import html
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays._checks import Layer, as_text
+from ..arrays._checks import as_text
 from ..arrays._statistics import max_of_finites, mean_of_finites, min_of_finites
 from ._grid_map import GridMap
 
@@ -48,7 +47,7 @@ def _row(grid_map: GridMap, layer: str) -> str:
     name = html.escape(layer)
     values = grid_map[layer]
     shown = [f"<b>{name}</b>" if layer in grid_map.basic_layers else name]
-    if _is_color(layer):
+    if layer.endswith("color"):
         shown += 3 * [""]
     else:
         numbers = (min_of_finites(values), max_of_finites(values), mean_of_finites(values))
@@ -68,29 +67,19 @@ def _png(grid_map: GridMap, layer: str, side: int) -> bytes:
     shape = max(1, round(scale * width)), max(1, round(scale * height))
     resized = cv2.resize(np.ascontiguousarray(values), shape, interpolation=cv2.INTER_NEAREST)
     seen = np.asarray(resized, np.float32)
-    if _is_color(layer):
+    if layer.endswith("color"):
         # Imported here, because the conversions import this room.
         from ..conversions._packed_colors import color_value_to_bytes
 
         pixels = np.stack(color_value_to_bytes(seen)[::-1], axis=-1)
     else:
-        pixels = _bgr(seen, grid_map[layer])
+        # Scaled to the range of the whole layer; `fmax` and `fmin` turn NaN into the bound.
+        low, high = min_of_finites(grid_map[layer]), max_of_finites(grid_map[layer])
+        factor = _OPAQUE / (high - low) if high > low else 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            steps = (seen - np.float32(low)) * np.float32(factor)
+        steps = np.fmin(np.fmax(steps, 0), _OPAQUE).astype(np.uint8)
+        pixels = np.asarray(cv2.applyColorMap(steps, cv2.COLORMAP_VIRIDIS), np.uint8)
     alpha = np.where(np.isnan(seen), 0, _OPAQUE).astype(np.uint8)
     _, data = cv2.imencode(".png", np.dstack([pixels, alpha]))
     return data.tobytes()
-
-
-def _bgr(values: Layer, layer: Layer) -> npt.NDArray[np.uint8]:
-    """Return colors (height, width, 3) of values, scaled to the range of the whole layer."""
-    low, high = min_of_finites(layer), max_of_finites(layer)
-    factor = _OPAQUE / (high - low) if high > low else 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
-        steps = (values - np.float32(low)) * np.float32(factor)
-    # `fmax` and `fmin` turn NaN into the bound.
-    steps = np.fmin(np.fmax(steps, 0), _OPAQUE)
-    colors: npt.NDArray[np.uint8] = cv2.applyColorMap(steps.astype(np.uint8), cv2.COLORMAP_VIRIDIS)
-    return colors
-
-
-def _is_color(layer: str) -> bool:
-    return layer.endswith("color")

@@ -9,7 +9,7 @@ and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer,
 import numbers
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
@@ -108,31 +108,21 @@ def _try_cast(value: object, hint: Any) -> object:
         casts = (_try_cast(value, option) for option in get_args(hint))
         return next((cast for cast in casts if cast is not MISSING), MISSING)
     if origin in (tuple, list):
-        return _try_cast_all(value, origin, get_args(hint)[0])
-    return _try_cast_scalar(value, hint)
-
-
-def _try_cast_all(value: object, sequence: Callable[..., object], hint: Any) -> object:
-    if value is None:
-        # ROS parameters have no type for an empty list.
-        return sequence()
-    if not isinstance(value, list | tuple):
-        return MISSING
-    items = [_try_cast(item, hint) for item in value]
-    return MISSING if MISSING in items else sequence(items)
-
-
-def _try_cast_scalar(value: object, hint: Any) -> object:
+        if value is None:
+            # ROS parameters have no type for an empty list.
+            return origin()
+        if not isinstance(value, list | tuple):
+            return MISSING
+        items = [_try_cast(item, get_args(hint)[0]) for item in value]
+        return MISSING if MISSING in items else origin(items)
     is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
     if hint is float and is_number:
         return float(typing.cast("float", value))
-    # also accepts NumPy's integers
-    if hint is int and isinstance(value, numbers.Integral) and is_number:
-        return int(value)
-    if hint is int and isinstance(value, float) and value.is_integer():
-        return int(value)
-    if hint is int and not is_number:
-        return MISSING
+    if hint is int:
+        # NumPy's integers are integral as well.
+        is_whole = isinstance(value, numbers.Integral) and is_number
+        is_whole |= isinstance(value, float) and value.is_integer()
+        return int(typing.cast("int", value)) if is_whole else MISSING
     return value if isinstance(value, hint) else MISSING
 
 
