@@ -206,7 +206,7 @@ def test_nodes_equal_cpp_if_nearest_point_is_not_oblique():
 
 @pytest.mark.parametrize(("margin", "tolerance"), [(0.0, 1e-6), (1.0, 1e-5)])
 def test_values_are_trilinear_between_the_nodes(margin, tolerance):
-    """Outside, they are extrapolated linearly."""
+    """Values outside of the nodes are extrapolated linearly."""
     field = hills_field()
     points = points_around(field, margin)
     np.testing.assert_allclose(field.value(points), trilinear(field)(points), 1e-6, tolerance)

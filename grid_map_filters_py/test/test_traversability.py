@@ -61,6 +61,6 @@ def test_measures_separate_flat_ground_curb_and_steep_slope():
     assert at_curb < 0.5
 
 
-def test_tiny_critical_value_is_a_step():
+def test_tiny_critical_value_separates_zero_from_the_rest():
     out = traversability([[[0.0], [1.0]]], [1e-320])
     np.testing.assert_array_equal(out, [[1.0], [0.0]])
