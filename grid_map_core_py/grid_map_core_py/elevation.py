@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""An elevation map that fuses successive point clouds and moves with a robot."""
+"""Elevation maps that move with a robot: `RollingMap` fuses successive point clouds."""
 
 from __future__ import annotations
 
@@ -12,21 +12,18 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from .. import GridGeometry, GridMap
-from ..arrays._checks import Layer
-from ..conversions._point_layers import rasterize
-from ..plugins._parameters import check
+from . import GridGeometry, GridMap
+from .arrays._checks import Layer
+from .conversions._point_layers import rasterize
+from .plugins._parameters import check
 
-VARIANCE_LAYER = "variance"
-COUNT_LAYER = "count"
+__all__ = ["RollingMap"]
 
-REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
-"""Reductions of the heights of one cloud in a cell."""
+_VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
+_REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
 
-Columns = Mapping[str, npt.NDArray[Any]]
-Layers = dict[str, Layer]
-
-_NO_COLUMNS: Columns = MappingProxyType({})
+_Columns = Mapping[str, npt.NDArray[Any]]
+_Layers = dict[str, Layer]
 
 
 class RollingMap:
@@ -63,14 +60,14 @@ class RollingMap:
         min_height: float = -np.inf,
         max_height: float = np.inf,
     ) -> None:
-        check(fusion in FUSIONS, "fusion", f"one of {', '.join(FUSIONS)}", fusion)
-        check(reduction in REDUCTIONS, "reduction", f"one of {', '.join(REDUCTIONS)}", reduction)
+        check(fusion in _FUSIONS, "fusion", f"one of {', '.join(_FUSIONS)}", fusion)
+        check(reduction in _REDUCTIONS, "reduction", f"one of {', '.join(_REDUCTIONS)}", reduction)
         check(max_count >= 0, "max_count", "a number of points, or 0", max_count)
         self._layers = {layer: reduction}
         if fusion == "mean":
-            check(layer not in (VARIANCE_LAYER, COUNT_LAYER), "layer", "another name", layer)
-            self._layers = {layer: "mean", VARIANCE_LAYER: "variance", COUNT_LAYER: "count"}
-        self._fusion = FUSIONS[fusion]
+            check(layer not in (_VARIANCE, _COUNT), "layer", "another name", layer)
+            self._layers = {layer: "mean", _VARIANCE: "variance", _COUNT: "count"}
+        self._fusion = _FUSIONS[fusion]
         self._max_count = max_count or np.inf
         self._min_height, self._max_height = min_height, max_height
         # Rasterizing an empty cloud checks all arguments and creates all layers.
@@ -90,13 +87,13 @@ class RollingMap:
             GeometryError: the position is not finite, or too far away to count the cells.
         """
         for region in self._map.move(position):
-            if COUNT_LAYER in self._layers:
-                self._map[COUNT_LAYER][region.slices] = 0.0
+            if _COUNT in self._layers:
+                self._map[_COUNT][region.slices] = 0.0
 
     def fuse(
         self,
         points: ArrayLike,
-        columns: Columns = _NO_COLUMNS,
+        columns: _Columns = MappingProxyType({}),
         *,
         position: ArrayLike | None = None,
         timestamp: int | None = None,
@@ -137,7 +134,7 @@ class RollingMap:
         if timestamp is not None:
             self._map.timestamp = timestamp
 
-    def _rasterized(self, geometry: GridGeometry, points: ArrayLike, columns: Columns) -> GridMap:
+    def _rasterized(self, geometry: GridGeometry, points: ArrayLike, columns: _Columns) -> GridMap:
         return rasterize(
             points,
             GridMap.from_geometry(geometry),
@@ -152,13 +149,13 @@ def _newer(old: Layer, new: Layer) -> Layer:
     return np.where(np.isnan(new), old, new)
 
 
-def _mean(old: Layers, new: Layers, max_count: float) -> Layers:
+def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     """Return mean, variance and number of the points of both.
 
     Formulas: Chan, Golub and LeVeque, "Algorithms for Computing the Sample Variance", 1983.
     """
     fused = {name: old[name].copy("F") for name in new}
-    seen = np.flatnonzero(_flat(new[COUNT_LAYER]))
+    seen = np.flatnonzero(_flat(new[_COUNT]))
     mean_1, variance_1, count_1 = (_flat(new[name])[seen].astype(np.float64) for name in new)
     mean_0, variance_0, count_0 = (_flat(old[name])[seen].astype(np.float64) for name in new)
     # Unknown values have weight 0, but NaN times 0 would be NaN.
@@ -177,12 +174,10 @@ def _flat(layer: Layer) -> npt.NDArray[np.float32]:
     return layer.reshape(-1, order="F")
 
 
-FUSIONS: Mapping[str, Callable[[Layers, Layers, float], Layers]] = MappingProxyType(
-    {
-        "max": lambda old, new, _: {name: np.fmax(old[name], new[name]) for name in new},
-        "min": lambda old, new, _: {name: np.fmin(old[name], new[name]) for name in new},
-        "mean": _mean,
-        "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
-    }
-)
+_FUSIONS: dict[str, Callable[[_Layers, _Layers, float], _Layers]] = {
+    "max": lambda old, new, _: {name: np.fmax(old[name], new[name]) for name in new},
+    "min": lambda old, new, _: {name: np.fmin(old[name], new[name]) for name in new},
+    "mean": _mean,
+    "last": lambda old, new, _: {name: _newer(old[name], new[name]) for name in new},
+}
 """Functions that fuse a layer with the layer of a new cloud, by name."""
