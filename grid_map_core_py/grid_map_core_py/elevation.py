@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from . import GridGeometry, GridMap
 from .arrays._checks import Layer
 from .conversions._point_layers import rasterize
-from .plugins._parameters import check
+from .plugins import check
 
 __all__ = ["RollingMap"]
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from grid_map_core_py.commands import ProgressBar
-from grid_map_core_py.commands._progress import progress_text
+from grid_map_core_py.commands._output import progress_text
 
 
 class Terminal(io.StringIO):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ..commands._arguments import add_destination, add_layers, add_source
 from ..commands._maps import Destination, TimedMap, open_records
-from ..commands._progress import ProgressBar
+from ..commands._output import ProgressBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -24,6 +24,7 @@ from ._main import main
 from ._maps import Destination, check_free, describe, open_records, read_map
 from ._output import (
     CommandError,
+    ProgressBar,
     UsageError,
     byte_count,
     coordinate,
@@ -33,7 +34,6 @@ from ._output import (
     print_table,
     shown,
 )
-from ._progress import ProgressBar
 
 __all__ = [
     "CommandError",

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..arrays._checks import Integers, Positions, as_array, as_number
 from ..errors import ConfigError, GeometryError, GridMapError
 from ..map._grid_map import GridMap
-from ..plugins._parameters import build, check
+from ..plugins import build, check
 from ._point_layers import as_points, fitting_geometry
 
 _POINTS = 1 << 16  # number of points in a chunk, which bounds memory; a cell is never divided

@@ -29,7 +29,7 @@ from ..arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
-from ..plugins._parameters import check
+from ..plugins import check
 from ._point_reductions import COLOR_REDUCERS, REDUCERS, MakeReducer
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})

@@ -31,7 +31,7 @@ from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._layer_names import select_layers
-from ..plugins._parameters import build, check
+from ..plugins import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
 from ._shared import load_yaml, storage_errors

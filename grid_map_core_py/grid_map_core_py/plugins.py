@@ -1,19 +1,32 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Dataclasses built from YAML parameters.
+"""Parts for plug-ins: registries of classes, and dataclasses built from YAML parameters.
 
 Filters and visualizations are dataclasses whose fields are their parameters. `build` checks names
 and types, and casts where YAML is loose: `1` for a float, `3.0` for an integer, a list for a tuple.
+A `Registry` finds such classes by their type names in YAML, in all installed packages.
 """
 
+import difflib
 import numbers
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 
-from ..errors import ConfigError
+from .errors import ConfigError
+
+__all__ = [
+    "Registry",
+    "build",
+    "cast",
+    "check",
+    "describe",
+    "mismatch",
+]
 
 T = TypeVar("T")
 
@@ -137,3 +150,59 @@ def describe(hint: Any) -> str:
         return f"a list, each item {describe(get_args(hint)[0])}"
     names = {float: "a number", int: "an integer", str: "a string", bool: "true or false"}
     return names.get(hint, "nothing" if hint is types.NoneType else hint.__name__)
+
+
+@dataclass(frozen=True)
+class Registry(Generic[T]):
+    """Types that are built into a package, and types that entry points add.
+
+    Attributes:
+        built_in: classes by type name.
+        group: group of the entry points. The name of an entry point is the type, its object the
+            class. They are looked up on first request.
+    """
+
+    built_in: Mapping[str, type[T]]
+    group: str
+
+    def __getitem__(self, type_name: str) -> type[T]:
+        """Return the class of a type.
+
+        Raises:
+            ConfigError: there is none, it cannot be loaded, or two share a name.
+        """
+        plugins = self._plugins
+        if type_name in plugins:
+            entry = plugins[type_name]
+            try:
+                loaded: type[T] = entry.load()
+            except Exception as error:  # a plugin may raise anything; the user must learn which one
+                raise ConfigError(f"cannot load {entry.value!r}: {error}") from error
+            return loaded
+        if type_name not in self.built_in:
+            raise ConfigError(f"unknown type {type_name!r}; {self._suggestion(type_name)}")
+        return self.built_in[type_name]
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """All type names, sorted."""
+        return tuple(sorted({*self.built_in, *self._plugins}))
+
+    @cached_property
+    def _plugins(self) -> dict[str, EntryPoint]:
+        plugins: dict[str, EntryPoint] = {}
+        # A package that is on the path twice shows the same entry point twice.
+        for entry in dict.fromkeys(entry_points(group=self.group)):
+            if entry.name in self.built_in or entry.name in plugins:
+                other = plugins[entry.name].value if entry.name in plugins else "a built-in"
+                raise ConfigError(
+                    f"the type {entry.name!r} is registered twice: as {entry.value} and as {other}"
+                )
+            plugins[entry.name] = entry
+        return plugins
+
+    def _suggestion(self, type_name: str) -> str:
+        close = difflib.get_close_matches(type_name, self.types, n=3, cutoff=0.6)
+        if close:
+            return f"did you mean {' or '.join(close)}?"
+        return f"known: {', '.join(self.types)}"
