@@ -56,23 +56,18 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
         ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
             package is not installed. The message names the visualization, its type and the cause.
     """
-    unknown = sorted(set(config) - {"type", "params"})
-    if unknown:
-        raise ConfigError(
-            f"visualization {name!r}: unknown entry {unknown[0]!r}; known: type, params"
-        )
-    type_name = config.get("type")
+    label, type_name = f"visualization {name!r}", config.get("type")
+    if unknown := sorted(set(config) - {"type", "params"}):
+        raise ConfigError(f"{label}: unknown entry {unknown[0]!r}; known: type, params")
     if not isinstance(type_name, str):
         known = ", ".join(VISUALIZATIONS.types)
         found = "nothing" if type_name is None else repr(type_name)
-        raise ConfigError(f"visualization {name!r}: type: expected one of {known}, got {found}")
+        raise ConfigError(f"{label}: type: expected one of {known}, got {found}")
     # ROS passes an empty mapping as a parameter without type.
     parameters = {} if config.get("params") is None else config["params"]
     if not isinstance(parameters, Mapping):
-        raise ConfigError(
-            f"visualization {name!r}: params: expected parameters by name, got {parameters!r}"
-        )
+        raise ConfigError(f"{label}: params: expected parameters by name, got {parameters!r}")
     try:
         return build(VISUALIZATIONS[type_name], parameters)
     except GridMapError as error:
-        raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error
+        raise ConfigError(f"{label} of type {type_name!r}: {error}") from error

@@ -3,18 +3,12 @@
 """Messages for a map equal those of the C++ node bit by bit."""
 
 import pytest
-import yaml
-from cpp_outputs import FOLDER, recorded_bytes, recorded_map
+from messages import RECORDINGS, recorded_bytes, recorded_map, recorded_parameters
 
 from grid_map_ros_py.messages import serialize
 from grid_map_visualization_py import create
 
-PARAMETERS = {
-    recording: yaml.safe_load((FOLDER / f"{recording}.yaml").read_text())["grid_map_visualization"][
-        "ros__parameters"
-    ]
-    for recording in ("tutorial", "filters")
-}
+PARAMETERS = {recording: recorded_parameters(recording) for recording in ("tutorial", "filters")}
 OUTPUTS = [
     (recording, name)
     for recording, parameters in PARAMETERS.items()
@@ -24,7 +18,8 @@ OUTPUTS = [
 
 def test_every_recorded_output_is_compared():
     for recording, parameters in PARAMETERS.items():
-        names = {path.name.partition(".")[0] for path in (FOLDER / f"cpp_{recording}").iterdir()}
+        paths = (RECORDINGS / f"cpp_{recording}").iterdir()
+        names = {path.name.partition(".")[0] for path in paths}
         compared = {name for kind, name in OUTPUTS if kind == recording}
         assert names == compared | {parameters["grid_map_topic"].lstrip("/")}
     assert len(OUTPUTS) == 8 + 2

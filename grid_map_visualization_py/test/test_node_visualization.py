@@ -5,9 +5,8 @@
 import sys
 
 import pytest
-from cpp_outputs import FOLDER, recorded
-from nav_msgs.msg import GridCells, OccupancyGrid
-from sensor_msgs.msg import PointCloud2
+from messages import RECORDINGS, recorded, recorded_parameters
+from nav_msgs.msg import OccupancyGrid
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
@@ -15,6 +14,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_message
 from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, Process, running, running_node, start_node
+from grid_map_visualization_py import create
 
 MODULE = "grid_map_visualization_py._executables.grid_map_visualization"
 WITHOUT_EVENTS = f"""
@@ -31,16 +31,6 @@ decode = module.ReceivedMap.decode
 module.ReceivedMap.decode = lambda *args, **options: print("a map") or decode(*args, **options)
 sys.exit(module.main())
 """
-TUTORIAL = {
-    "elevation_points": PointCloud2,
-    "noisy_points": PointCloud2,
-    "filtered_points": PointCloud2,
-    "map_region": Marker,
-    "elevation_grid": OccupancyGrid,
-    "error_grid": OccupancyGrid,
-    "surface_normals": Marker,
-    "elevation_cells": GridCells,
-}
 
 
 def forget(peer: Peer) -> None:
@@ -77,16 +67,17 @@ def cells_of(grid: OccupancyGrid) -> set[int]:
 
 
 def test_parameter_file_of_the_cpp_node_gives_its_outputs(peer):
+    path, parameters = RECORDINGS / "tutorial.yaml", recorded_parameters("tutorial")
+    names = parameters["grid_map_visualizations"]
+    types = {name: create(name, parameters[name]).message_type for name in names}
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
-    with running_node(MODULE, "--ros-args", "--params-file", str(FOLDER / "tutorial.yaml")):
-        for name, message_type in TUTORIAL.items():
+    with running_node(MODULE, "--ros-args", "--params-file", str(path)):
+        for name, message_type in types.items():
             peer.listen(name, message_type)
         peer.wait_until(lambda: publisher.get_subscription_count() == 1, "the node to subscribe")
         publisher.publish(recorded("cpp_tutorial/grid_map", GridMapMessage))
-        for name in TUTORIAL:
-            peer.expect(name)
-    for name, message_type in TUTORIAL.items():
-        assert peer.received[name][0] == recorded(f"cpp_tutorial/{name}", message_type), name
+        for name, message_type in types.items():
+            assert peer.expect(name) == recorded(f"cpp_tutorial/{name}", message_type), name
 
 
 def test_node_subscribes_while_outputs_have_subscribers(peer, arguments):
@@ -138,34 +129,24 @@ def test_late_listener_gets_the_map_published_before(peer, arguments, transient_
         peer.expect("grid")
 
 
-def test_subscribers_are_noticed_without_middleware_events(peer, arguments):
-    publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
-    publisher.publish(elevation_map(0.5))
-    often = arguments(**two_outputs(transient_local=True, activity_check_rate=10))
-    with running(Process([sys.executable, "-c", WITHOUT_EVENTS, *often])):
-        region = peer.listen("region", Marker)
-        peer.expect("region")
-        grid = peer.listen("grid", OccupancyGrid)
-        peer.expect("grid")
-        peer.node.destroy_subscription(region)
-        peer.node.destroy_subscription(grid)
-        peer.wait_until(lambda: not is_watched(peer), "the node to unsubscribe")
-
-
-def test_map_is_published_once_per_listener(peer, arguments):
+def test_polling_publishes_once_per_listener_without_middleware_events(peer, arguments):
     publisher = peer.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
     publisher.publish(elevation_map(0.5))
     often = arguments(**two_outputs(transient_local=True, activity_check_rate=20))
     with running(Process([sys.executable, "-c", WITHOUT_EVENTS, *often])):
-        peer.listen("region", Marker)
+        subscriptions = [peer.listen("region", Marker)]
         peer.expect("region")
         peer.wait_until(lambda: peer.node.count_publishers("grid"), "the other output")
         for _ in range(4):
             # A volatile subscriber gets no old message, so the node must have checked in between.
             peer.received.get("grid", []).clear()
-            peer.listen("grid", OccupancyGrid, map_qos(transient_local=False))
+            volatile = map_qos(transient_local=False)
+            subscriptions.append(peer.listen("grid", OccupancyGrid, volatile))
             peer.expect("grid")
-    assert len(peer.received["region"]) == 1
+        assert len(peer.received["region"]) == 1
+        for subscription in subscriptions:
+            peer.node.destroy_subscription(subscription)
+        peer.wait_until(lambda: not is_watched(peer), "the node to unsubscribe")
 
 
 def test_outputs_without_listeners_are_not_made(peer, arguments):

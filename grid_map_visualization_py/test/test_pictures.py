@@ -61,6 +61,8 @@ def test_colors_lie_at_their_positions_in_the_map_frame(corner_map, start, shade
     assert shown_at(axes, 8.75, 20.75) == pytest.approx(PURPLE, abs=1)
     assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
+    inverted = plot(grid_map, "a", flat_axes(), shade_by=shade_by, invert=True)
+    assert shown_at(inverted, 11.25, 20.75) == pytest.approx(PURPLE, abs=1)
 
 
 def test_color_bar_shows_layer_and_bounds(corner_map):
@@ -77,11 +79,6 @@ def test_values_stay_under_the_pointer(corner_map):
     image = pixels(plot(corner_map, "a", flat_axes()))
     assert image.shape == (4, 6)
     assert (image[0, -1], bool(image.mask[0, -2]), image.mask.sum()) == (1.0, True, 1)
-
-
-def test_inverted_colors(corner_map):
-    axes = plot(corner_map, "a", flat_axes(), invert=True)
-    assert shown_at(axes, 11.25, 20.75) == pytest.approx(PURPLE, abs=1)
 
 
 def test_packed_colors_have_no_color_bar():

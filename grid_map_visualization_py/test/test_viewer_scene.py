@@ -21,7 +21,7 @@ from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import Page, is_loopback, url_of, vector_prefixes
 from grid_map_visualization_py._viewer.scene import Settings, View, hit, make_scene
 from grid_map_visualization_py._viewer.texts import legend, readout, status
-from grid_map_visualization_py._viewer.viewer import MapRate
+from grid_map_visualization_py._viewer.viewer import rate_of
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -311,21 +311,11 @@ def test_printed_address_can_be_opened():
     assert url_of("0.0.0.0", 80) == url_of("::", 80) == f"http://{socket.gethostname()}:80"
 
 
-# --- time -----------------------------------------------------------------------------------------
-
-
 def test_rate_covers_the_last_seconds():
-    rate = MapRate()
-    assert (rate.rate(0.0), rate.age(0.0)) == (0.0, math.inf)
-    for k in range(40):
-        rate.add(0.1 * k)
-    assert rate.rate(3.9) == pytest.approx(10.0)
-    assert rate.age(5.9) == pytest.approx(2.0)
-    assert rate.rate(9.0) == 0.0
-    rate.add(9.5)
-    assert rate.rate(9.5) == 0.0
-    rate.add(10.0)
-    assert rate.rate(10.0) == pytest.approx(2.0)
+    times = [0.1 * k for k in range(40)]
+    assert rate_of([], 0.0) == rate_of(times, 9.0) == rate_of([*times, 9.5], 9.5) == 0.0
+    assert rate_of(times, 3.9) == pytest.approx(10.0)
+    assert rate_of([*times, 9.5, 10.0], 10.0) == pytest.approx(2.0)
 
 
 # --- the page -------------------------------------------------------------------------------------

@@ -77,9 +77,8 @@ class View:
 
     def is_like(self, other: "View") -> bool:
         """Return True if both views look the same."""
-        tolerance = 0.001 * self.reach
-        starts, targets = self.start - other.start, self.target - other.target
-        return bool(max(np.abs(starts).max(), np.abs(targets).max()) <= tolerance)
+        poses = (self.start, self.target), (other.start, other.target)
+        return np.allclose(*poses, rtol=0, atol=0.001 * self.reach)
 
     def loses(self, other: "View") -> bool:
         """Return True if the target of the other view is out of sight, or its size differs much."""

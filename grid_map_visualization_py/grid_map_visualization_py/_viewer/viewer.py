@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Controller that brings maps, settings and the page together."""
 
-import math
 import time
 from collections import deque
+from collections.abc import Iterable
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
@@ -19,26 +19,10 @@ RATE_WINDOW = 3.0
 """Duration over which the rate of the maps is averaged [s]."""
 
 
-class MapRate:
-    """Rate of incoming maps and age of the last one, from their arrival times [s]."""
-
-    def __init__(self) -> None:
-        self._times: deque[float] = deque()
-
-    def add(self, now: float) -> None:
-        """Record a map that arrived now."""
-        self._times.append(now)
-        while now - self._times[0] > RATE_WINDOW:
-            self._times.popleft()
-
-    def rate(self, now: float) -> float:
-        """Return maps per second; 0 with fewer than two maps in the window."""
-        times = [time for time in self._times if now - time <= RATE_WINDOW]
-        return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
-
-    def age(self, now: float) -> float:
-        """Return the seconds since the last map; infinite if there is none."""
-        return now - self._times[-1] if self._times else math.inf
+def rate_of(arrivals: Iterable[float], now: float) -> float:
+    """Return maps per second, from their arrival times [s]; 0 with fewer than two in the window."""
+    recent = [at for at in arrivals if now - at <= RATE_WINDOW]
+    return (len(recent) - 1) / (recent[-1] - recent[0]) if len(recent) > 1 else 0.0
 
 
 class Viewer:
@@ -54,7 +38,7 @@ class Viewer:
     def __init__(self, page: Page, max_cells: int) -> None:
         self._page = page
         self._max_cells = max_cells
-        self._rate = MapRate()
+        self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
         self._settings: Settings | None = None
@@ -65,7 +49,7 @@ class Viewer:
     def receive(self, received: ReceivedMap) -> None:
         """Accept a map, which is shown at the next `update`."""
         self._latest = received
-        self._rate.add(time.monotonic())
+        self._arrivals.append(time.monotonic())
 
     def update(self) -> str:
         """Update the page.
@@ -87,7 +71,7 @@ class Viewer:
             elif self._drawn is not None:
                 _, grid_map, scene = self._drawn
                 now = time.monotonic()
-                rate, age = self._rate.rate(now), self._rate.age(now)
+                rate, age = rate_of(self._arrivals, now), now - self._arrivals[-1]
                 page.tell(status(grid_map, scene.size, rate, age, is_paused=page.is_paused))
         return self._problem
 
