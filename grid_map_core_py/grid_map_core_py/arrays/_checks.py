@@ -1,17 +1,18 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, and checked conversions of arguments to them."""
+"""Array types, and checked conversions of arguments: arrays, numbers, names of layers."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..errors import GeometryError
+from ..errors import GeometryError, GridMapError, LayerNotFoundError
 
 Layer: TypeAlias = npt.NDArray[np.float32]
 """(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
@@ -144,6 +145,32 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
     layer: Layer = np.empty(size, dtype=np.float32, order="F")
     layer[...] = data
     return layer
+
+
+def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Return names as a tuple; a single one may be given as a string."""
+    try:
+        # A string would be iterated letter by letter.
+        return (names,) if isinstance(names, str) else tuple(names)
+    except TypeError:
+        raise GridMapError(f"layers: expected names of layers, got {names!r}") from None
+
+
+def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
+    """Return the names in `layers`, each once, or all that are available for None.
+
+    Raises:
+        LayerNotFoundError: a name is not available.
+        GridMapError: `layers` is neither a name nor a sequence of names.
+    """
+    known = tuple(available)
+    if layers is None:
+        return known
+    names = as_names(layers)
+    for name in names:
+        if name not in known:
+            raise LayerNotFoundError(name, known)
+    return tuple(dict.fromkeys(names))
 
 
 def as_text(values: ArrayLike) -> str:

@@ -14,12 +14,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays._checks import select_layers
 from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ._shared import package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]

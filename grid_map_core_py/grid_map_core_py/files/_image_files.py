@@ -20,10 +20,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ..arrays._checks import select_layers
 from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ._atomic import new_file
 from ._shared import storage_errors
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ..arrays._checks import Layer
+from ..arrays._checks import Layer, select_layers
 from ..arrays._statistics import max_of_finites, min_of_finites
 from ..conversions._image_arrays import (
     COLOR_LAYER,
@@ -33,7 +33,6 @@ from ..conversions._image_arrays import (
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
 from ._shared import StoredMap, load_yaml, storage_errors

@@ -25,12 +25,11 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import yaml
 
-from ..arrays._checks import Layer
+from ..arrays._checks import Layer, select_layers
 from ..conversions._image_arrays import Image
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 from ..plugins import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image

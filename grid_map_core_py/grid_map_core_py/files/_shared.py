@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import yaml
 from numpy.typing import ArrayLike
 
+from ..arrays._checks import select_layers
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._grid_map import GridMap
-from ..map._layer_names import select_layers
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 

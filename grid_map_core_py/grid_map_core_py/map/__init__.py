@@ -10,10 +10,10 @@
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
+from ..arrays._checks import select_layers
 from ._geometry import GridGeometry
 from ._grid_map import GridMap
 from ._interpolation import Interpolation
-from ._layer_names import select_layers
 from ._ring_buffer import BufferRegion, unwrapped
 from ._signed_distance_field import SignedDistanceField
 

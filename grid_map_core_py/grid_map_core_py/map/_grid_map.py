@@ -20,17 +20,18 @@ from ..arrays._checks import (
     Positions,
     Size,
     as_layer,
+    as_names,
     as_pair,
     as_point,
     as_size,
     as_text,
+    select_layers,
 )
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
 from . import _merge as merge
 from . import _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
-from ._layer_names import as_names, select_layers
 from ._ring_buffer import BufferRegion
 from ._transform import transformed_map
 

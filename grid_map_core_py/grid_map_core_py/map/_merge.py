@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Mask
+from ..arrays._checks import Mask, select_layers
 from ..errors import GridMapError
 from ._geometry import BORDER_TOLERANCE, GridGeometry
-from ._layer_names import select_layers
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap

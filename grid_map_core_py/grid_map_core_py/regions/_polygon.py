@@ -13,6 +13,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
+from ..arrays._pieces import slices
 from ..errors import GeometryError
 from ..map._geometry import BORDER_TOLERANCE
 
@@ -175,9 +176,12 @@ class Polygon:
         points = as_positions(points, "points")
         flat = points.reshape(-1, 2)
         inside = np.zeros(len(flat), dtype=bool)
-        step = max(_CHUNK // max(len(self._vertices), 1), 1)
-        for first in range(0, len(flat), step):
-            inside[first : first + step] = self._is_inside(*flat[first : first + step].T)
+        start, end = self._vertices[:, None], np.roll(self._vertices, 1, axis=0)[:, None]
+        for part in slices(len(flat), _CHUNK // max(len(self._vertices), 1)):
+            x, y = flat[part].T
+            crosses = (start[..., 1] > y) != (end[..., 1] > y)
+            crosses &= x < edge_x(start, end, y)
+            np.logical_xor.reduce(crosses, axis=0, out=inside[part])
         return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
 
     def thicken_line(self, thickness: float) -> Polygon:
@@ -268,12 +272,6 @@ class Polygon:
     def _need_vertices(self, count: int, what: str) -> None:
         if len(self._vertices) < count:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {self!r}")
-
-    def _is_inside(self, x: Positions, y: Positions) -> Mask:
-        start, end = self._vertices[:, None], np.roll(self._vertices, 1, axis=0)[:, None]
-        crosses = (start[..., 1] > y) != (end[..., 1] > y)
-        crosses &= x < edge_x(start, end, y)
-        return np.asarray(np.logical_xor.reduce(crosses, axis=0))
 
     def _corners(self) -> tuple[Positions, npt.NDArray[np.int64]]:
         """Return the (C, 2) vertices without repetitions, and the index of each vertex among them.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Cells, Integers, Mask, Positions, as_finite, as_pair, as_size
+from ..arrays._pieces import slices
 from ..errors import GeometryError
 from ..map._geometry import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
@@ -221,10 +222,8 @@ def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -
 
 
 def _bands(mask: Mask) -> Iterator[slice]:
-    """Yield slices of rows whose cells fit into the cache."""
-    step = max(_BAND // max(mask.shape[1], 1), 1)
-    for first in range(0, mask.shape[0], step):
-        yield slice(first, first + step)
+    """Return slices of rows whose cells fit into the cache."""
+    return slices(mask.shape[0], _BAND // max(mask.shape[1], 1))
 
 
 def empty_cells(count: int) -> Cells:
