@@ -14,7 +14,6 @@ from geometry_msgs.msg import (
     PoseWithCovarianceStamped,
     Quaternion,
     TransformStamped,
-    Vector3,
 )
 from nav_msgs.msg import Odometry
 
@@ -27,7 +26,6 @@ from grid_map_ros_py._mapping.poses import (
     Poses,
     between,
     from_xyz_rpy,
-    to_matrix,
     transformed,
 )
 from grid_map_ros_py.messages import to_stamp
@@ -60,12 +58,6 @@ def yaw_of(matrix: np.ndarray) -> float:
 
 
 # --- matrices -------------------------------------------------------------------------------------
-
-
-def test_pose_maps_axes_of_robot_into_map() -> None:
-    message = pose(0, 1.0, 2.0, math.pi / 2)
-    matrix = to_matrix(message.pose.position, message.pose.orientation)
-    np.testing.assert_allclose(matrix @ (3, 0, 0.5, 1), (1, 5, 0.5, 1), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -112,11 +104,6 @@ def test_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) ->
     message.pose.orientation = Quaternion(**dict(zip("xyzw", map(float, quaternion), strict=True)))
     with pytest.raises(MessageError, match=r"pose\.orientation: expected a quaternion of norm 1"):
         history(message)
-
-
-def test_quaternion_that_was_rounded_is_fine() -> None:
-    matrix = to_matrix(Vector3(), Quaternion(z=0.7071, w=0.7071))
-    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
 
 
 # --- poses of a topic -----------------------------------------------------------------------------

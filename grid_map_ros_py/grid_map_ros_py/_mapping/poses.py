@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Poses of a robot and its sensor at the times of clouds."""
 
-import math
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +13,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from grid_map_core_py.errors import GridMapError
 
 from ..errors import MessageError
-from ..messages._checks import check_position
+from ..messages._pose import Matrix, as_matrix, from_pose
 from ..messages._time import NANOSECONDS, from_stamp
-
-Matrix: TypeAlias = npt.NDArray[np.float64]
-"""(4, 4) rotation and translation [m]."""
-
-NORM_TOLERANCE = 1e-2
-"""Largest deviation of a quaternion's norm from 1; rounding errors are much smaller."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +85,7 @@ class PoseHistory(Poses):
             expected = f"{self._map_frame!r}, that of the map"
             raise MessageError("header.frame_id", expected, message.header.frame_id)
         stamp = from_stamp(message.header.stamp)
-        pose, field = message.pose, "pose"
-        if hasattr(pose, "covariance"):
-            pose, field = pose.pose, "pose.pose"
-        matrix = to_matrix(pose.position, pose.orientation, field)
+        matrix = from_pose(message)
         if self._stamps and stamp < self._stamps[-1]:
             self._stamps, self._poses = [], []
         self._stamps.append(stamp)
@@ -133,33 +123,15 @@ class PoseHistory(Poses):
         return between(self._poses[after - 1], self._poses[after], share)
 
 
-def to_matrix(position: Any, orientation: Any, field: str = "pose") -> Matrix:
-    """Return a pose, or a transform, as a matrix.
-
-    Args:
-        position: message with x, y, z [m].
-        orientation: message with the quaternion x, y, z, w.
-        field: name of the pose in an error.
-
-    Raises:
-        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
-    """
-    check_position(f"{field}.position", position)
-    quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
-    if not abs(math.hypot(*quaternion) - 1.0) <= NORM_TOLERANCE:
-        raise MessageError(f"{field}.orientation", "a quaternion of norm 1", quaternion)
-    return _matrix(Rotation.from_quat(quaternion), (position.x, position.y, position.z))
-
-
 def from_xyz_rpy(xyz: npt.ArrayLike, rpy: npt.ArrayLike) -> Matrix:
     """Return the transform of x, y, z [m] and roll, pitch, yaw [rad] as in URDF (fixed axes)."""
-    return _matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
+    return as_matrix(Rotation.from_euler("xyz", np.asarray(rpy, np.float64)), xyz)
 
 
 def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
     """Return the pose interpolated between two others: linear in position, slerp in rotation."""
     turn = Slerp([0.0, 1.0], Rotation.from_matrix([begin[:3, :3], end[:3, :3]]))
-    return _matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
+    return as_matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
 
 
 def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]:
@@ -171,13 +143,6 @@ def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]
         moved: npt.NDArray[np.float64] = points @ transform[:3, :3].T
         moved += transform[:3, 3]
     return moved
-
-
-def _matrix(rotation: Rotation, translation: npt.ArrayLike) -> Matrix:
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation.as_matrix()
-    matrix[:3, 3] = translation
-    return matrix
 
 
 def _seconds(stamp: int) -> str:

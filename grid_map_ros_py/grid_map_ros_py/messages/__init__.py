@@ -37,6 +37,7 @@ from ._polygon import (
     to_polygon,
     to_triangle_list_marker,
 )
+from ._pose import from_pose, from_transform, to_pose, to_transform
 from ._time import from_stamp, to_header, to_stamp
 
 __all__ = [
@@ -54,8 +55,10 @@ __all__ = [
     "from_octomap",
     "from_point_cloud",
     "from_polygon",
+    "from_pose",
     "from_serialized_message",
     "from_stamp",
+    "from_transform",
     "load_octomap",
     "occupancies",
     "octomap_to_points",
@@ -76,9 +79,11 @@ __all__ = [
     "to_pixels",
     "to_point_cloud",
     "to_polygon",
+    "to_pose",
     "to_serialized_grid_cells",
     "to_serialized_message",
     "to_stamp",
+    "to_transform",
     "to_triangle_list_marker",
     "view",
 ]

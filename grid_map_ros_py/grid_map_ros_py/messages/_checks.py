@@ -23,6 +23,13 @@ MOST_CELLS = 2**25
 """Maximum number of cells of a map whose extent a message claims without a value for every cell."""
 
 
+def check_fields(message: object, kind: str, *names: str) -> None:
+    """Raise if an object lacks one of the fields that tell a message of its kind from others."""
+    if not all(hasattr(message, name) for name in names):
+        package = type(message).__module__.partition(".")[0]
+        raise MessageError("message", f"a {kind}", f"{package}.{type(message).__name__}")
+
+
 def check_positive(field: str, value: float) -> float:
     """Return `value` if it is positive, finite and not subnormal."""
     if not sys.float_info.min <= value < math.inf:

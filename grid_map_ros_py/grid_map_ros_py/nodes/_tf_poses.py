@@ -11,7 +11,8 @@ from rclpy.time import Time
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .._mapping.poses import Matrix, Placement, Poses, to_matrix
+from .._mapping.poses import Placement, Poses
+from ..messages._pose import Matrix, from_transform
 
 PACKAGE = "tf2_ros"
 
@@ -57,5 +58,4 @@ class TfPoses(Poses):
 
     def _look_up(self, frame_id: str, stamp: int) -> Matrix:
         time = Time(nanoseconds=stamp)
-        found = self._buffer.lookup_transform(self._map_frame, frame_id, time).transform
-        return to_matrix(found.translation, found.rotation, "transform")
+        return from_transform(self._buffer.lookup_transform(self._map_frame, frame_id, time))

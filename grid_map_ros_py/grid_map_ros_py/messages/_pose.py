@@ -1,0 +1,116 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Poses and transforms of `geometry_msgs`, and matrices.
+
+A matrix (4, 4) holds a rotation and a translation [m]. It brings points of the pose's own frame
+(of the child frame of a transform) into the frame of the message: `matrix @ (x, y, z, 1)`.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from grid_map_core_py.arrays import as_array
+
+from ..errors import MessageError
+from ._checks import check_fields, check_position
+from ._packages import messages_of
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import Pose, Transform
+
+Matrix: TypeAlias = npt.NDArray[np.float64]
+"""(4, 4) rotation and translation [m]."""
+
+NORM_TOLERANCE = 1e-2
+"""Largest deviation of a quaternion's norm from 1; rounding errors are much smaller."""
+
+
+def from_pose(message: Any) -> Matrix:
+    """Return a pose as a (4, 4) matrix, which brings points [m] into the frame of the message.
+
+    Args:
+        message: a `Pose`, or a message with one as `pose`, such as `PoseStamped`,
+            `PoseWithCovarianceStamped` and `Odometry`.
+
+    Raises:
+        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+    """
+    pose, path = _inner(message, "pose")
+    check_fields(pose, "geometry_msgs/Pose, or one with a pose", "position", "orientation")
+    return _from(path, ("position", pose.position), ("orientation", pose.orientation))
+
+
+def from_transform(message: Any) -> Matrix:
+    """Return a transform as a (4, 4) matrix, which brings points [m] from the child frame.
+
+    Args:
+        message: a `Transform` or a `TransformStamped`.
+
+    Raises:
+        MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
+    """
+    transform, path = _inner(message, "transform")
+    check_fields(transform, "geometry_msgs/Transform", "translation", "rotation")
+    return _from(path, ("translation", transform.translation), ("rotation", transform.rotation))
+
+
+def to_pose(matrix: npt.ArrayLike) -> "Pose":
+    """Return a (4, 4) matrix as a pose.
+
+    Raises:
+        MessageError: it is not a rotation and a translation.
+    """
+    return _filled(messages_of("geometry_msgs").Pose(), "position", "orientation", matrix)
+
+
+def to_transform(matrix: npt.ArrayLike) -> "Transform":
+    """Return a (4, 4) matrix as a transform.
+
+    Raises:
+        MessageError: it is not a rotation and a translation.
+    """
+    return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
+
+
+def as_matrix(rotation: Rotation, translation: npt.ArrayLike) -> Matrix:
+    """Return a rotation and a translation (3,) as a (4, 4) matrix."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation.as_matrix()
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def _inner(message: Any, name: str) -> tuple[Any, str]:
+    """Return the innermost message that messages hold under a name, and its path."""
+    path = ""
+    while hasattr(message, name):
+        message, path = getattr(message, name), f"{path}{name}."
+    return message, path
+
+
+def _from(path: str, place: tuple[str, Any], turn: tuple[str, Any]) -> Matrix:
+    (place_name, position), (turn_name, orientation) = place, turn
+    check_position(f"{path}{place_name}", position)
+    quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
+    if not abs(math.hypot(*quaternion) - 1.0) <= NORM_TOLERANCE:
+        raise MessageError(f"{path}{turn_name}", "a quaternion of norm 1", quaternion)
+    return as_matrix(Rotation.from_quat(quaternion), (position.x, position.y, position.z))
+
+
+def _filled(message: Any, place: str, turn: str, matrix: npt.ArrayLike) -> Any:
+    values = as_array(matrix, np.float64, "matrix")
+    if values.shape != (4, 4) or not np.isfinite(values).all():
+        raise MessageError("matrix", "4 x 4 finite numbers", matrix)
+    turned = values[:3, :3]
+    is_rotation = np.allclose(turned @ turned.T, np.eye(3), atol=NORM_TOLERANCE)
+    if not (is_rotation and np.linalg.det(turned) > 0 and (values[3] == (0, 0, 0, 1)).all()):
+        raise MessageError("matrix", "a rotation and a translation over (0, 0, 0, 1)", matrix)
+    position, orientation = getattr(message, place), getattr(message, turn)
+    position.x, position.y, position.z = values[:3, 3].tolist()
+    quaternion = Rotation.from_matrix(turned).as_quat().tolist()
+    orientation.x, orientation.y, orientation.z, orientation.w = quaternion
+    return message
