@@ -182,7 +182,11 @@ class _Reader:
     """
 
     def __init__(self, data: Buffer) -> None:
-        buffer = memoryview(data).cast("B")
+        try:
+            buffer = memoryview(data).cast("B")
+        except TypeError as error:
+            found = type(data).__name__
+            raise MessageError("data", "the bytes of a serialized message", found) from error
         if len(buffer) < len(_HEADER):
             raise MessageError("encoding", f"{len(_HEADER)} bytes", len(buffer))
         number = int.from_bytes(buffer[:2])

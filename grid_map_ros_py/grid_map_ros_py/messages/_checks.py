@@ -4,6 +4,7 @@
 
 import math
 import sys
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +24,14 @@ MOST_CELLS = 2**25
 """Maximum number of cells of a map whose extent a message claims without a value for every cell."""
 
 
-def check_fields(message: object, kind: str, *names: str) -> None:
-    """Raise if an object lacks one of the fields that tell a message of its kind from others."""
-    if not all(hasattr(message, name) for name in names):
+def check_fields(message: object, kind: str, *paths: str) -> None:
+    """Raise if an object lacks one of the fields that tell messages of its kind from others."""
+    try:
+        attrgetter(*paths)(message)
+    except AttributeError:
         package = type(message).__module__.partition(".")[0]
-        raise MessageError("message", f"a {kind}", f"{package}.{type(message).__name__}")
+        found = f"{package}.{type(message).__name__}"
+        raise MessageError("message", f"a {kind}", found) from None
 
 
 def check_positive(field: str, value: float) -> float:

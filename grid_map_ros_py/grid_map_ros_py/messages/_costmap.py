@@ -17,7 +17,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py import conversions as costs
 from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
 
-from ._checks import as_float32, as_written, check_grid, check_positive
+from ._checks import as_float32, as_written, check_fields, check_grid, check_positive
 from ._packages import messages_of
 from ._time import from_stamp, to_header
 
@@ -103,6 +103,7 @@ def from_costmap(costmap: Any, layer: str, codec: CostCodec = COSTS) -> GridMap:
         resolution, place = geometry.resolution, grid.origin.position
         timestamp = from_stamp(costmap.header.stamp)
     else:
+        check_fields(costmap, "nav2_msgs/Costmap or a PyCostmap2D", "costmap", "size_x")
         grid, data, frame_id = costmap, costmap.costmap, costmap.global_frame_id
         resolution = as_written(check_positive("resolution", costmap.resolution))
         place = SimpleNamespace(x=costmap.origin_x, y=costmap.origin_y)

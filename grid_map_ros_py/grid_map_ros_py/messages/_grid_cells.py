@@ -14,7 +14,7 @@ from grid_map_core_py.conversions import fitting_geometry
 
 from ..errors import MessageError
 from ._cdr import serialize
-from ._checks import as_float32, as_written, check_cells, check_positive
+from ._checks import as_float32, as_written, check_cells, check_fields, check_positive
 from ._packages import messages_of
 from ._time import from_stamp, to_header
 
@@ -72,6 +72,7 @@ def from_grid_cells(
             cell is not finite, or the extent has no cells or too many.
         GridMapError: the layer has no name.
     """
+    check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
     side = _side(message, resolution)
     centers = _centers(message)

@@ -19,7 +19,7 @@ from grid_map_core_py.map import select_layers, unwrapped
 
 from ..errors import MessageError
 from ._cdr import Buffer, Deferred, serialize, view
-from ._checks import check_position, check_positive, check_unrotated
+from ._checks import check_fields, check_position, check_positive, check_unrotated
 from ._definition import GRID_MAP
 from ._multi_array import from_multi_array, to_layout, to_multi_array
 from ._packages import messages_of
@@ -192,6 +192,7 @@ def from_message(
             the field, the expected and the actual value.
         LayerNotFoundError: `layers` names one that the message lacks.
     """
+    check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
     geometry = from_info(message.info)
     views = _layer_views(message, geometry.size)
     start = _start_index(message, geometry.size)

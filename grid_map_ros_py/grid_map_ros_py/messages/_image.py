@@ -23,6 +23,7 @@ from grid_map_core_py.arrays import Size
 from grid_map_core_py.conversions import COLOR_LAYER, Order
 
 from ..errors import MessageError
+from ._checks import check_fields
 from ._multi_array import set_array
 from ._packages import messages_of
 from ._time import from_stamp, to_header
@@ -224,6 +225,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
         MessageError: the encoding is unknown, height, width, step and the number of bytes do not
             fit each other, or the image has another size.
     """
+    check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)
     for name in ("height", "width"):
         if getattr(message, name) < 1:

@@ -12,7 +12,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import as_number, slices
 
 from ..errors import MessageError
-from ._checks import as_float32, check_grid
+from ._checks import as_float32, check_fields, check_grid
 from ._multi_array import set_array
 from ._packages import messages_of
 from ._time import from_stamp, to_header
@@ -78,6 +78,7 @@ def from_occupancy_grid(message: "OccupancyGrid", layer: str) -> GridMap:
             rotated.
         GridMapError: the layer has no name.
     """
+    check_fields(message, "nav_msgs/OccupancyGrid", "info.width", "data")
     geometry = check_grid("info", message.info, ("width", "height"), len(message.data))
     timestamp = from_stamp(message.header.stamp)
     # The grid begins at the smallest x and y, where a map ends.

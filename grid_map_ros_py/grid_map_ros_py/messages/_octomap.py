@@ -31,7 +31,7 @@ from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
 from ..errors import MessageError
-from ._checks import check_cells
+from ._checks import check_cells, check_fields
 from ._octree import (
     NODE_TYPES,
     VOXELS,
@@ -89,8 +89,8 @@ def from_octomap(
         GeometryError: the resolution is invalid.
         GridMapError: the layer has no name.
     """
-    timestamp = from_stamp(message.header.stamp)
     leaves = _leaves(message)
+    timestamp = from_stamp(message.header.stamp)
     first, last = _box(leaves, message.resolution, min_bound, max_bound)
     check_cells("extent", (last - first + 1)[:2])
     highest = highest_voxels(leaves, first, last)
@@ -181,6 +181,7 @@ def _read(path: Path, frame_id: str) -> Any:
 
 
 def _leaves(message: "Octomap") -> list[Leaves]:
+    check_fields(message, "octomap_msgs/Octomap", "binary", "resolution")
     if not SMALLEST_VOXEL < message.resolution < LARGEST_VOXEL:
         raise MessageError("resolution", "the side of a voxel [m]", message.resolution)
     data = np.frombuffer(message.data, np.uint8)

@@ -22,6 +22,7 @@ from grid_map_core_py.map import select_layers
 from grid_map_core_py.plugins import check, mismatch
 
 from ..errors import MessageError
+from ._checks import check_fields
 from ._multi_array import set_array
 from ._packages import messages_of
 from ._time import from_stamp, to_header
@@ -201,8 +202,8 @@ def from_point_cloud(
         GeometryError: resolution, length or position are invalid.
         GridMapError: a layer would be made twice, or there are no points to take an extent from.
     """
-    frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
     points, columns = read_columns(message, fields)
+    frame_id, timestamp = message.header.frame_id, from_stamp(message.header.stamp)
     names = layer_names(message)
     options: dict[str, Any] = {
         "layers": {layer: reduction, **more_layers},
@@ -307,6 +308,7 @@ def layer_names(message: "PointCloud2") -> dict[str, str]:
 
 def check_layout(message: "PointCloud2") -> None:
     """Raise `MessageError` unless all fields and points are inside the data of a cloud."""
+    check_fields(message, "sensor_msgs/PointCloud2", "fields", "point_step")
     if message.is_bigendian:
         raise MessageError("is_bigendian", "False: only little-endian clouds are read", True)
     width, height, step = message.width, message.height, message.point_step

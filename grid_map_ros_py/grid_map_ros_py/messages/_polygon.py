@@ -12,6 +12,7 @@ from grid_map_core_py import GeometryError, Polygon
 from grid_map_core_py.arrays import as_array, as_number
 
 from ..errors import MessageError
+from ._checks import check_fields
 from ._packages import messages_of
 from ._time import from_stamp, to_stamp
 
@@ -59,6 +60,7 @@ def from_polygon(message: "PolygonStamped") -> Polygon:
     Raises:
         MessageError: a vertex is not finite.
     """
+    check_fields(message, "geometry_msgs/PolygonStamped", "header", "polygon")
     from_stamp(message.header.stamp)
     pairs = [(point.x, point.y) for point in message.polygon.points]
     finite = np.isfinite(np.array(pairs).reshape(-1, 2)).all(axis=1)
