@@ -122,22 +122,12 @@ def answer(request, response):
 if durability == "volatile":
     node.create_timer(0.2, publish)
 node.create_service(GetOctomap, "get_octomap", answer)
-print("ready")
-rclpy.spin(node)
-"""
-
-OCTOMAP_LISTENER = """
-import rclpy
-from octomap_msgs.msg import Octomap
-from grid_map_ros_py.nodes import map_qos
 
 def show(octomap):
     print(octomap.header.frame_id, octomap.data.tobytes().hex())
-    rclpy.shutdown()
 
-rclpy.init()
-node = rclpy.create_node("octomap_listener")
 node.create_subscription(Octomap, "octomap", show, map_qos())
+print("ready")
 rclpy.spin(node)
 """
 
@@ -227,20 +217,16 @@ def test_the_node_asks_a_service_for_octomaps(with_messages, expected):
 
 def test_demo_republishes_the_octomap_of_a_service(with_messages, expected):
     process = node(with_messages, DEMO, octomap_service_topic="/get_octomap", max_z=0.4)
-    listener_of_octomaps = Process([sys.executable, "-c", OCTOMAP_LISTENER], with_messages)
-    try:
-        with running(process), peer() as listener:
-            listener.listen("/grid_map", GridMapMessage)
-            listener.wait_until(lambda: "waiting for the service" in process.text, "its patience")
-            with octomap_server(with_messages, "latched"):
-                grid_map = from_message(listener.expect("/grid_map"))
-                assert listener_of_octomaps.wait() == 0, listener_of_octomaps.text
-    finally:
-        listener_of_octomaps.kill()
+    with running(process), peer() as listener:
+        listener.listen("/grid_map", GridMapMessage)
+        listener.wait_until(lambda: "waiting for the service" in process.text, "its patience")
+        with octomap_server(with_messages, "latched") as server:
+            grid_map = from_message(listener.expect("/grid_map"))
+            passed_on = f"world {OCTOMAP['binary']}\n"
+            listener.wait_until(lambda: passed_on in server.text, "the octomap")
     assert (grid_map.geometry, grid_map.frame_id) == (expected.geometry, expected.frame_id)
     assert (grid_map.layers, grid_map.basic_layers) == (("elevation",), ("elevation",))
     np.testing.assert_array_equal(grid_map["elevation"], expected["height"])
-    assert listener_of_octomaps.text == f"world {OCTOMAP['binary']}\n"
 
 
 @pytest.mark.parametrize("module", [NODE, DEMO])

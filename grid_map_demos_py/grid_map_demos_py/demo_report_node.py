@@ -11,6 +11,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import OccupancyGrid
@@ -120,27 +121,16 @@ class DemoReportNode(Demo):
 def write_pictures(grid_map: GridMap, folder: Path) -> list[Path]:
     """Write the pictures of a filtered map, and return their paths."""
     elevation, traversability = (folder / f"{name}.png" for name in ("elevation", "traversability"))
-    save_picture(
-        grid_map,
-        "elevation",
-        elevation,
-        shade_by="elevation_inpainted",
-        title="Published elevation; holes are white",
-        color_map="gist_earth",
-        label="elevation [m]",
-        exaggeration=1.5,
-    )
-    save_picture(
-        grid_map,
-        "elevation_inpainted",
-        traversability,
-        style="relief",
-        color_layer="traversability",
-        color_map="BrBG",
-        lower=0.2,
-        upper=1.0,
-        exaggeration=1.3,
-    )
+    title = "Published elevation; holes are white"
+    shown: dict[str, Any] = {
+        "shade_by": "elevation_inpainted",
+        "color_map": "gist_earth",
+        "exaggeration": 1.5,
+    }
+    save_picture(grid_map, "elevation", elevation, title=title, label="elevation [m]", **shown)
+    relief: dict[str, Any] = {"style": "relief", "exaggeration": 1.3}
+    relief |= {"color_layer": "traversability", "color_map": "BrBG", "lower": 0.2, "upper": 1.0}
+    save_picture(grid_map, "elevation_inpainted", traversability, **relief)
     return [elevation, traversability]
 
 
@@ -162,25 +152,23 @@ def report(
     """
     rows, columns = grid_map.size
     medians = {name: median(values) for name, values in times.items()}
-    tables: dict[str, dict[str, str]] = {
+    medians["whole chain"] = sum(medians.values())
+    tables: dict[str, Mapping[Any, object]] = {
         "Map": {
             "cells": f"{rows} x {columns} = {rows * columns}",
             "resolution": f"{grid_map.resolution} m",
-            "layers": f"{len(grid_map.layers)}",
+            "layers": len(grid_map.layers),
         },
         "Layers": dict.fromkeys(grid_map, ""),
-        "Milliseconds per filter (median)": {
-            name: f"{value:.2f}"
-            for name, value in {**medians, "whole chain": sum(medians.values())}.items()
-        },
+        "Milliseconds per filter (median)": {n: f"{value:.2f}" for n, value in medians.items()},
         "End-to-end latency (median)": {"published to filtered": f"{latency:.0f} ms"},
-        "Messages per topic": {topic: str(count) for topic, count in counts.items()},
-        "Pictures": {str(path): "" for path in files},
+        "Messages per topic": {**counts},
+        "Pictures": dict.fromkeys(files, ""),
     }
     sections = []
     for title, table in tables.items():
-        width = max(map(len, table), default=0)
-        lines = [f"  {name:<{width}}  {value:>10}".rstrip() for name, value in table.items()]
+        width = max((len(str(name)) for name in table), default=0)
+        lines = [f"  {name!s:<{width}}  {value!s:>10}".rstrip() for name, value in table.items()]
         sections.append("\n".join([title, *lines]))
     return "\n\n".join(sections)
 

@@ -7,7 +7,7 @@ is written atomically.
 """
 
 import math
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -28,44 +28,16 @@ from .demo import Demo
 DTYPES = {8: np.uint8, 16: np.uint16}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Picture:
-    """Conversion of a layer to an image.
-
-    Attributes:
-        layer: name of the layer.
-        bits: 8 or 16 per channel.
-        is_color: the layer holds packed colors; otherwise the image is gray.
-        is_transparent: the image has an alpha channel, 0 where cells have no value.
-        lower, upper: values of black and white; None for the smallest and the largest.
-    """
-
-    layer: str
-    bits: int = 8
-    is_color: bool = False
-    is_transparent: bool = False
-    lower: float | None = None
-    upper: float | None = None
-
-    def draw(self, grid_map: GridMap) -> Image:
-        """Return the image; its colors are BGR, as OpenCV writes them."""
-        dtype = DTYPES[self.bits]
-        if self.is_color:
-            return to_color_image(grid_map, self.layer, dtype, 4 if self.is_transparent else 3)
-        channels = 4 if self.is_transparent else 1
-        return to_image(grid_map, self.layer, dtype, channels, self.lower, self.upper)
-
-    def fits(self, file: Path) -> bool:
-        """Return True if the format of a file (by its ending) stores such images without loss."""
-        pixel = self.draw(GridMap((1.0, 1.0), 1.0, layers={self.layer: 0.0}))
-        if not cv2.haveImageWriter(str(file)):
-            return False
-        try:
-            data = np.frombuffer(encode(pixel, file), np.uint8)
-        except GridMapError:
-            return False
-        again = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-        return again is not None and (again.dtype, again.shape) == (pixel.dtype, pixel.shape)
+def keeps(file: Path, image: Image) -> bool:
+    """Return whether the format of a file, by its ending, stores such an image without loss."""
+    if not cv2.haveImageWriter(str(file)):
+        return False
+    try:
+        data = np.frombuffer(encode(image, file), np.uint8)
+    except GridMapError:
+        return False
+    again = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    return again is not None and (again.dtype, again.shape) == (image.dtype, image.shape)
 
 
 def encode(image: Image, file: Path) -> bytes:
@@ -93,53 +65,41 @@ class GridMapToImageDemoNode(Demo):
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
         about = "image file in an existing folder; its ending sets the format"
         self._file = self.read_path("file", "~/.ros/grid_map.png", about)
-        self._picture = self._read_picture()
-        self._check_file()
-        self._subscription = MapSubscription(self, topic, self._receive)
-        self.get_logger().info(f"saves {self._picture.layer!r} of {topic} to {self._file}")
-
-    def _read_picture(self) -> Picture:
-        layer = self.read("layer", "elevation", "layer that is saved")
+        check(self._file.parent.is_dir(), "file", "a file in a folder that exists", str(self._file))
+        self._layer = self.read("layer", "elevation", "layer that is saved")
         bits = self.read("bits", 8, "8 or 16 bits per channel")
         check(bits in DTYPES, "bits", "8 or 16", bits)
         about = "the layer holds packed colors; true by default only for `color`"
-        is_color = self.read("is_color", layer == COLOR_LAYER, about)
+        is_color = self.read("is_color", self._layer == COLOR_LAYER, about)
         about = "cells without a value are transparent instead of black"
         is_transparent = self.read("use_transparency", False, about)
-        # A bound that is not given is NaN.
         low = self.read("lower", math.nan, "value of black; nan for the smallest")
         high = self.read("upper", math.nan, "value of white; nan for the largest")
-        lower, upper = (None if math.isnan(bound) else bound for bound in (low, high))
-        return Picture(
-            layer=layer,
-            bits=bits,
-            is_color=is_color,
-            is_transparent=is_transparent,
-            lower=lower,
-            upper=upper,
-        )
-
-    def _check_file(self) -> None:
-        """Raise `ConfigError` for an unusable file before the first map."""
-        file = str(self._file)
-        check(self._file.parent.is_dir(), "file", "a file in a folder that exists", file)
-        expected = f"a format such as .png, that can hold {self._picture.bits} bits"
-        if self._picture.is_transparent:
-            expected += " and transparency"
-        check(self._picture.fits(self._file), "file", expected, file)
+        channels = 4 if is_transparent else 3 if is_color else 1
+        if is_color:
+            self._draw = partial(to_color_image, dtype=DTYPES[bits], channels=channels)
+        else:
+            lower, upper = (None if math.isnan(bound) else bound for bound in (low, high))
+            self._draw = partial(
+                to_image, dtype=DTYPES[bits], channels=channels, lower=lower, upper=upper
+            )
+        # An unusable file is an error now, before the first map.
+        pixel = self._draw(GridMap((1.0, 1.0), 1.0, layers={self._layer: 0.0}), self._layer)
+        expected = f"a format such as .png, that can hold {bits} bits"
+        expected += " and transparency" * is_transparent
+        check(keeps(self._file, pixel), "file", expected, str(self._file))
+        self._subscription = MapSubscription(self, topic, self._receive)
+        self.get_logger().info(f"saves {self._layer!r} of {topic} to {self._file}")
 
     def _receive(self, received: ReceivedMap) -> None:
         try:
-            self._save(received.decode([self._picture.layer]))
+            image = self._draw(received.decode([self._layer]), self._layer)
+            with storage_errors(self._file, "written"), new_file(self._file) as temporary:
+                temporary.write_bytes(encode(image, self._file))
         except MessageError:
             raise
         except GridMapError as error:
             raise NodeFailedError(str(error)) from error
-
-    def _save(self, grid_map: GridMap) -> None:
-        image = self._picture.draw(grid_map)
-        with storage_errors(self._file, "written"), new_file(self._file) as temporary:
-            temporary.write_bytes(encode(image, self._file))
         self.get_logger().info(f"saved {image.shape[0]} x {image.shape[1]} pixels to {self._file}")
         try_shutdown()
 

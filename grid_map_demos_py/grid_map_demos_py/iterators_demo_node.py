@@ -72,21 +72,14 @@ def show_everything(grid_map: GridMap) -> Iterator[Step]:
     """Change a map step by step: all regions, then the sliding window."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
-        yield from show_region(grid_map, title, find_cells(grid_map))
+        grid_map.clear_all()
+        yield Step(0.0, title, STAR if title == "a polygon" else None)
+        # Outside of a demo, fill all cells at once: `grid_map["type"][cells] = 1.0`.
+        for row, column in zip(*find_cells(grid_map), strict=True):
+            grid_map["type"][row, column] = 1.0
+            yield Step(CELL_PAUSE)
+        yield Step(REGION_PAUSE)
     yield from show_sliding_window(grid_map)
-
-
-def show_region(grid_map: GridMap, title: str, cells: Cells) -> Iterator[Step]:
-    """Fill the cells of a region one after the other.
-
-    Outside of a demo, fill them at once: `grid_map["type"][cells] = 1.0`.
-    """
-    grid_map.clear_all()
-    yield Step(0.0, title, STAR if title == "a polygon" else None)
-    for row, column in zip(*cells, strict=True):
-        grid_map["type"][row, column] = 1.0
-        yield Step(CELL_PAUSE)
-    yield Step(REGION_PAUSE)
 
 
 def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:

@@ -10,7 +10,6 @@ For robots use `octomap_to_grid_map` in `grid_map_ros_py`, which also subscribes
 """
 
 import math
-from pathlib import Path
 from typing import Any
 
 from grid_map_core_py import GridMap
@@ -43,10 +42,15 @@ class OctomapToGridmapDemoNode(Demo):
         path = self.read_path("octomap_path", "", about)
         self._low, self._high = zip(*map(self._read_bounds, "xyz"), strict=True)
         self._publisher = self.map_publisher()
-        if path.name:
-            self._show(path)
-        else:
+        if not path.name:
             self._start_asking(service)
+            return
+        try:
+            grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
+        except GridMapError as error:
+            raise ConfigError(f"octomap {error}") from error
+        grid_map.timestamp = self.get_clock().now().nanoseconds
+        self._publish(grid_map)
 
     def _read_bounds(self, axis: str) -> tuple[float, float]:
         about = "voxels with {} are left out [m]; nan for no bound"
@@ -54,14 +58,6 @@ class OctomapToGridmapDemoNode(Demo):
         high = self.read(f"max_{axis}", math.nan, about.format(f"more {axis}"))
         check(not low > high, f"max_{axis}", f"no less than min_{axis}, {low}", high)
         return low, high
-
-    def _show(self, path: Path) -> None:
-        try:
-            grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
-        except GridMapError as error:
-            raise ConfigError(f"octomap {error}") from error
-        grid_map.timestamp = self.get_clock().now().nanoseconds
-        self._publish(grid_map)
 
     def _publish(self, grid_map: GridMap) -> None:
         grid_map.basic_layers = ["elevation"]

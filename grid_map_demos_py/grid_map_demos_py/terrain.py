@@ -33,19 +33,6 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     Raises:
         ConfigError: the file cannot be read or holds no heights.
     """
-    posts = _load_posts(path)
-    scale = EXAGGERATION * resolution / METRES_PER_POST
-    heights = (posts - posts.min()) * np.float32(scale)
-    # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
-    elevation = heights[:, ::-1].T
-    grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
-    grid_map["elevation"] = elevation
-    grid_map["color"] = color_vector_to_value(_hypsometric_tints(elevation))
-    _punch_holes(grid_map)
-    return grid_map
-
-
-def _load_posts(path: Path) -> npt.NDArray[np.float32]:
     try:
         with np.load(path) as model:
             posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
@@ -59,7 +46,20 @@ def _load_posts(path: Path) -> npt.NDArray[np.float32]:
             f"elevation model {str(path)!r}: expected 'elevation' with rows and columns, "
             f"got the shape {posts.shape}"
         )
-    return posts
+    heights = (posts - posts.min()) * np.float32(EXAGGERATION * resolution / METRES_PER_POST)
+    # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
+    elevation = heights[:, ::-1].T
+    grid_map = GridMap(np.multiply(elevation.shape, resolution), resolution, frame_id=frame_id)
+    grid_map["elevation"] = elevation
+    grid_map["color"] = color_vector_to_value(_hypsometric_tints(elevation))
+    # The same random holes in every call.
+    random = np.random.default_rng(7)
+    centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
+    radii = random.uniform(0.5, 6.0, 120) * grid_map.resolution
+    for center, radius in zip(centers, radii, strict=True):
+        cells = circle_cells(grid_map, center, radius)
+        grid_map["elevation"][cells] = grid_map["color"][cells] = np.nan
+    return grid_map
 
 
 def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
@@ -70,14 +70,3 @@ def _hypsometric_tints(heights: npt.NDArray[np.float32]) -> npt.NDArray[np.float
     return np.stack(
         [np.interp(share, stops, channel) for channel in zip(*tints, strict=True)], axis=-1
     )
-
-
-def _punch_holes(grid_map: GridMap) -> None:
-    """Set the same random discs to NaN in every call."""
-    random = np.random.default_rng(7)
-    centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
-    radii = random.uniform(0.5, 6.0, 120) * grid_map.resolution
-    for center, radius in zip(centers, radii, strict=True):
-        cells = circle_cells(grid_map, center, radius)
-        for layer in grid_map:
-            grid_map[layer][cells] = np.nan

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from grid_map_core_py.conversions import to_image
-from grid_map_core_py.errors import ConfigError, GridMapError
-from grid_map_demos_py.grid_map_to_image_demo_node import Picture
+from grid_map_core_py.errors import ConfigError
+from grid_map_demos_py.grid_map_to_image_demo_node import keeps
 from grid_map_demos_py.image_publisher_node import read_image, to_message
 from grid_map_demos_py.opencv_demo_node import blur, kernel_size
 from grid_map_demos_py.parts import VERTICES, star_map, weighted_means
@@ -88,13 +88,9 @@ def test_error_names_file_that_is_no_image(content, found, tmp_path):
 )
 @pytest.mark.parametrize("is_color", [False, True])
 def test_lossy_formats_do_not_fit(bits, transparent, ending, fits, is_color):
-    picture = Picture(layer="a", bits=bits, is_transparent=transparent, is_color=is_color)
-    assert picture.fits(Path("folder") / f"image.{ending}".strip(".")) == fits
-
-
-def test_senseless_bounds_are_found_before_the_first_map():
-    with pytest.raises(GridMapError, match="lower, upper"):
-        Picture(layer="a", lower=1.0, upper=1.0).fits(Path("image.png"))
+    shape = (1, 1, 4) if transparent else (1, 1, 3) if is_color else (1, 1)
+    image = np.zeros(shape, f"uint{bits}")
+    assert keeps(Path("folder") / f"image.{ending}".strip("."), image) == fits
 
 
 # --- the star -------------------------------------------------------------------------------------

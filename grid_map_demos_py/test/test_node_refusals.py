@@ -44,6 +44,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],
     "grid_map_to_image_demo": [
         ("bits:=12", "parameter 'bits': expected 8 or 16"),
+        (("lower:=1.0", "upper:=1.0"), "lower, upper: expected"),
         ("file:=/no/such/map.png", "a file in a folder that exists"),
         ("file:=/tmp/map.doc", "parameter 'file': expected a format"),
         ("file:=~nobody_known/a.png", "a file in a folder that exists"),
