@@ -123,8 +123,6 @@ def test_folder_without_map_images_is_never_replaced(tmp_path):
         save_images(grid_map, tmp_path)
     with pytest.raises(GridMapError, match="it is a file"):
         save_images(grid_map, tmp_path / "notes.txt")
-    with pytest.raises(GridMapError, match="cannot be written: No such file"):
-        save_images(grid_map, tmp_path / "a" / "b")
     assert [file.name for file in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -336,7 +334,6 @@ def test_missing_and_invalid_parameters_are_named(tmp_path):
         (png, {"bits": 32}, r"bits: expected one of 8, 16, got 32"),
         (tif, {"bits": 32, "lower": 0.0}, "an image of float32 holds the heights"),
         (png, {"layer": "slope"}, "no layer 'slope'"),
-        (tmp_path / "none" / "a.png", {}, r"a.png: cannot be written: No such file"),
     ):
         with pytest.raises(GridMapError, match=message):
             save_height_image(grid_map, path, **options)

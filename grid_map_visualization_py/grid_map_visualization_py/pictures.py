@@ -11,6 +11,7 @@ ground keeps its color, slopes that face the light are lighter and slopes that f
 """
 
 import math
+from io import BytesIO
 from os import PathLike
 from typing import Any, Literal
 
@@ -267,9 +268,12 @@ def save_picture(
         figure.set_size_inches(width / dpi, height / dpi)
         top = 0.93 if options.get("title") else 1.0
         plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
+    # On a full disk, Matplotlib raises errors of its own for PDF files.
+    picture = BytesIO()
+    ending = str(path).rpartition(".")[2].lower()
+    figure.savefig(picture, format=ending if ending in ("pdf", "svg") else "png")
     with new_file(path) as temporary:
-        ending = str(path).rpartition(".")[2].lower()
-        figure.savefig(temporary, format=ending if ending in ("pdf", "svg") else "png")
+        temporary.write_bytes(picture.getbuffer())
 
 
 def _check_options(color_mode: str, exaggeration: float) -> None:

@@ -70,7 +70,11 @@ def test_the_ending_decides_the_kind_of_picture(command):
         ("plot site.npz map.png --color-layer a", 2, "--color-layer goes with --3d or --relief"),
         ("plot site.npz map.png --3d --shade-by slope", 2, "--shade-by goes without --3d"),
         ("plot site.npz map.png --color-map virids", 1, "did you mean viridis"),
-        ("plot site.npz nowhere/map.png", 1, "nowhere/map.png: cannot be written: No such file"),
+        (
+            "plot site.npz nowhere/map.png",
+            1,
+            "nowhere/map.png: cannot be written: there is no folder nowhere",
+        ),
         ("plot survey map.png --topic /other", 1, "/grid_map"),
         ("view site.npz --port 99999", 2, "--port: expected a number from 0 to 65535"),
         ("view site.npz --layer elevtion", 1, "no layer 'elevtion'; available: elevation, slope"),

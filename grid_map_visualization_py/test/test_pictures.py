@@ -238,3 +238,16 @@ def test_failed_picture_keeps_the_old_one(corner_map, tmp_path, monkeypatch):
         save_picture(corner_map, "a", path)
     assert path.read_bytes() == b"old"
     assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
+
+
+@pytest.mark.parametrize("limit", [0, 1000, 5000])
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_full_disk_keeps_the_old_picture(tmp_path, corner_map, full_disk, limit, ending):
+    path = tmp_path / f"picture.{ending}"
+    path.write_bytes(b"old")
+    with full_disk(limit), pytest.raises(OSError, match="File too large"):
+        save_picture(corner_map, "a", path, title="picture")
+    assert path.read_bytes() == b"old"
+    assert [*tmp_path.iterdir()] == [path]
+    with pytest.raises(FileNotFoundError, match=f"there is no folder {tmp_path}/none: '.*picture"):
+        save_picture(corner_map, "a", tmp_path / "none" / path.name)

@@ -28,18 +28,19 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
     """Yield a temporary name; on success the file written there replaces the one at `path`.
 
     Raises:
-        OSError: the folder cannot be written to.
+        OSError: the folder is missing or cannot be written to; it names `path`.
     """
     target = Path(path).resolve()
     temporary = _hidden(target, "partial")
-    try:
-        temporary.touch(exist_ok=False)
-        yield temporary
-        _sync(temporary)
-        temporary.replace(target)
-        _sync(target.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with _errors_of(path, temporary):
+        try:
+            temporary.touch(exist_ok=False)
+            yield temporary
+            _sync(temporary)
+            temporary.replace(target)
+            _sync(target.parent)
+        finally:
+            temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -56,31 +57,52 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
             is replaced; it raises to keep it.
 
     Raises:
-        OSError: the parent folder cannot be written to.
+        OSError: the parent folder is missing or cannot be written to; it names `path`.
     """
     target = Path(path).resolve()
     if target.exists():
         check_old(target)
     temporary = _hidden(target, "partial")
-    try:
-        temporary.mkdir()
-        yield temporary
-        for file in temporary.iterdir():
-            _sync(file)
-        _sync(temporary)
-        if target.exists():
-            check_old(target)
+    with _errors_of(path, temporary):
         try:
-            temporary.rename(target)
-        except OSError as error:
-            if error.errno not in _TAKEN:
-                raise
-            # Another process may have created it in the meantime.
-            check_old(target)
-            _replace(temporary, target)
-        _sync(target.parent)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+            temporary.mkdir()
+            yield temporary
+            for file in temporary.iterdir():
+                _sync(file)
+            _sync(temporary)
+            if target.exists():
+                check_old(target)
+            try:
+                temporary.rename(target)
+            except OSError as error:
+                if error.errno not in _TAKEN:
+                    raise
+                # Another process may have created it in the meantime.
+                check_old(target)
+                _replace(temporary, target)
+            _sync(target.parent)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def _errors_of(path: str | PathLike[str], temporary: Path) -> Iterator[None]:
+    """Let errors name the path that the caller gave, in place of the temporary one."""
+    if not temporary.parent.is_dir():
+        given = Path(path).parent
+        folder = temporary.parent if given.is_dir() else given
+        raise FileNotFoundError(errno.ENOENT, f"there is no folder {folder}", str(path))
+    try:
+        yield
+    except OSError as error:
+        if str(temporary) in str(error.filename):
+            error.filename, error.filename2 = str(path), None
+        # Libraries put the name into a text.
+        error.args = tuple(
+            part.replace(str(temporary), str(path)) if isinstance(part, str) else part
+            for part in error.args
+        )
+        raise
 
 
 def _replace(temporary: Path, target: Path) -> None:

@@ -17,7 +17,7 @@ from ..errors import GridMapError, MissingPackageError
 from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
-from ._image_files import load_height_image, save_height_image
+from ._image_files import HEIGHT_ENDINGS, load_height_image, save_height_image
 from ._image_folder import YAML_NAME, describe_images, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
@@ -216,7 +216,7 @@ def _is_ours(path: Path) -> bool:
         return False
 
 
-_IMAGES, _YAML = (".png", ".tif", ".tiff"), (".yaml", ".yml")
+_YAML = (".yaml", ".yml")
 
 _BUILT_IN = (
     Format(
@@ -255,8 +255,8 @@ _BUILT_IN = (
     Format(
         name="height_image",
         description="height map: gray PNG, TIFF, PGM or BMP image",
-        endings=(*_IMAGES, ".pgm", ".bmp"),
-        writes=lambda path: path.suffix.lower() in _IMAGES,
+        endings=(*HEIGHT_ENDINGS, ".pgm", ".bmp"),
+        writes=lambda path: path.suffix.lower() in HEIGHT_ENDINGS,
         load=load_height_image,
         save=save_height_image,
     ),

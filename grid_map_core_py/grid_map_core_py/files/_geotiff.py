@@ -23,7 +23,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_file
 from ._image_files import from_north_up, to_north_up
-from ._shared import StoredMap, package_for, storage_errors
+from ._shared import StoredMap, check_ending, package_for, storage_errors
 
 _TAG = "GRID_MAP"
 
@@ -45,9 +45,10 @@ def save_geotiff(
         compress: make the file smaller.
 
     Raises:
-        GridMapError: the map has no layers, the file cannot be written, the reference system is
-            unknown, or rasterio is not installed.
+        GridMapError: the map has no layers, the file cannot be written or its name ends like
+            another kind of file, the reference system is unknown, or rasterio is not installed.
     """
+    check_ending(path, ".tif", ".tiff")
     rasterio = package_for(path, "GeoTIFF", "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
@@ -74,15 +75,16 @@ def save_geotiff(
         "timestamp": grid_map.timestamp,
         "basic_layers": grid_map.basic_layers,
     }
-    with (
-        storage_errors(Path(path), "written"),
-        new_file(path) as temporary,
-        rasterio.open(temporary, "w", **profile) as raster,
-    ):
-        raster.update_tags(**{_TAG: json.dumps(tags)})
-        for band, name in enumerate(grid_map, 1):
-            raster.write(to_north_up(grid_map.unwrapped(name)), band)
-            raster.set_band_description(band, name)
+    # GDAL reports no error if it cannot write the rest of a file while closing it, so that Python
+    # writes the bytes.
+    with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
+        with memory.open(**profile) as raster:
+            raster.update_tags(**{_TAG: json.dumps(tags)})
+            for band, name in enumerate(grid_map, 1):
+                raster.write(to_north_up(grid_map.unwrapped(name)), band)
+                raster.set_band_description(band, name)
+        with new_file(path) as temporary:
+            temporary.write_bytes(memory.getbuffer())
 
 
 def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:

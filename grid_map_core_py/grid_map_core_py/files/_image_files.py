@@ -27,6 +27,9 @@ from ..map._grid_map import GridMap
 from ._atomic import new_file
 from ._shared import storage_errors
 
+HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
+"""Endings of height maps that are written."""
+
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -117,6 +120,9 @@ def save_height_image(
     """
     file = Path(path)
     ending = file.suffix.lower()
+    if ending not in HEIGHT_ENDINGS:
+        expected = " or ".join(HEIGHT_ENDINGS)
+        raise GridMapError(f"{path}: expected a name that ends in {expected}, got {ending!r}")
     if bits is None:
         bits = 16 if ending == ".png" else 32
     allowed = (8, 16) if ending == ".png" else (8, 16, 32)

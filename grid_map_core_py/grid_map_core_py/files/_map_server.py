@@ -33,7 +33,7 @@ from ..map._grid_map import GridMap
 from ..plugins import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import load_yaml, storage_errors
+from ._shared import check_ending, load_yaml, storage_errors
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 
@@ -117,6 +117,7 @@ def save_map_server(
         GridMapError: an option is invalid, or a file cannot be written.
     """
     file = Path(path)
+    check_ending(file, ".yaml", ".yml")
     if mode not in MODES:
         raise GridMapError(f"mode: expected one of {', '.join(MODES)}, got {mode!r}")
     usual_occupied, usual_free = _THRESHOLDS[mode]

@@ -23,7 +23,7 @@ from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_file
-from ._shared import StoredMap, storage_errors
+from ._shared import StoredMap, check_ending, storage_errors
 
 FORMAT = "grid_map"
 VERSION = 1
@@ -50,8 +50,10 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
         compress: compress the file, which takes several times longer.
 
     Raises:
-        GridMapError: the file cannot be written, or cannot hold the name of a layer.
+        GridMapError: the file cannot be written or cannot hold the name of a layer, or its name
+            ends like another kind of file.
     """
+    check_ending(path, ".npz")
     for name in grid_map:
         _check_name(name)
     arrays = {_LAYERS + name: grid_map.unwrapped(name) for name in grid_map}

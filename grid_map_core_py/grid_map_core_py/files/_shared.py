@@ -22,6 +22,24 @@ _DEEPEST = 50
 """Maximum number of nested levels; the fast loader crashes on very many."""
 
 
+_KNOWN = frozenset(
+    [
+        *(".npz", ".npy", ".zip", ".yaml", ".yml", ".json", ".csv", ".mcap", ".db3", ".bag"),
+        *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
+        *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
+    ]
+)
+"""Endings of names that promise a kind of file."""
+
+
+def check_ending(path: str | PathLike[str], *own: str) -> None:
+    """Refuse to write a file whose name ends like another kind of file than its own endings."""
+    ending = Path(path).suffix.lower()
+    if ending in _KNOWN and ending not in own:
+        expected = " or ".join(own)
+        raise GridMapError(f"{path}: expected a name that ends in {expected}, got {ending}")
+
+
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
     """Turn every error of reading or writing a file into one GridMapError that names it."""
