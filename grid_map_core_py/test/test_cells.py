@@ -207,13 +207,10 @@ def test_large_spiral_begins_like_small_one():
     assert many == spiral_by_hand(grid_map, (0.0, 0.13), 13.0)
 
 
-def test_smallest_spiral_contains_its_center_cell():
+def test_spiral_begins_with_its_center_cell_and_may_be_empty():
     grid_map = GridMap((4, 4), 1.0)
     assert pairs(spiral_cells(grid_map, (0.1, 0.1), 0.0)) == [[1, 1]]
     assert pairs(spiral_cells(grid_map, (2.1, 0.1), 0.0)) == []
-
-
-def test_a_spiral_far_away_has_no_cells():
     for center in ((1e300, 0), (0, -1e300), (0, 50), (-50, 50), (13.2, 0)):
         assert pairs(spiral_cells(GridMap((1, 1), 0.1), center, 5.0)) == []
 
@@ -319,21 +316,19 @@ def test_a_center_is_two_finite_numbers(shape, center):
         shape(GridMap((1, 1), 0.1), center)
 
 
-@pytest.mark.parametrize("shape", [circle_cells, spiral_cells])
-@pytest.mark.parametrize("radius", [-0.1, np.nan, np.inf, "wide"])
-def test_a_disc_needs_a_finite_radius(shape, radius):
-    with pytest.raises(GeometryError, match="radius: expected a"):
-        shape(GridMap((1, 1), 0.1), (0, 0), radius)
-
-
-def test_an_ellipse_needs_finite_lengths_and_angle():
-    grid_map = GridMap((1, 1), 0.1)
-    with pytest.raises(GeometryError, match="length: expected no negative"):
-        ellipse_cells(grid_map, (0, 0), (1, -1))
-    with pytest.raises(GeometryError, match="length: expected two finite"):
-        ellipse_cells(grid_map, (0, 0), (1, np.nan))
-    with pytest.raises(GeometryError, match="rotation: expected a finite angle"):
-        ellipse_cells(grid_map, (0, 0), (1, 1), np.inf)
+@pytest.mark.parametrize(
+    ("shape", "arguments", "message"),
+    [
+        *((circle_cells, (radius,), "radius: expected a") for radius in (-0.1, np.nan, "wide")),
+        *((spiral_cells, (radius,), "radius: expected a") for radius in (-0.1, np.inf, "wide")),
+        (ellipse_cells, ((1, -1),), "length: expected no negative"),
+        (ellipse_cells, ((1, np.nan),), "length: expected two finite"),
+        (ellipse_cells, ((1, 1), np.inf), "rotation: expected a finite angle"),
+    ],
+)
+def test_sizes_of_shapes_are_finite_and_not_negative(shape, arguments, message):
+    with pytest.raises(GeometryError, match=message):
+        shape(GridMap((1, 1), 0.1), (0, 0), *arguments)
 
 
 @pytest.mark.parametrize(

@@ -387,13 +387,10 @@ def test_positions_of_a_wrong_shape_are_refused(positions):
         bumpy().at_position("a", positions, LINEAR)
 
 
-def test_an_unknown_layer_is_refused():
+@pytest.mark.parametrize("method", ["spline", 1, None])
+def test_unknown_layers_and_methods_are_refused(method):
     with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a"):
         bumpy().at_position("b", (0, 0))
-
-
-@pytest.mark.parametrize("method", ["spline", 1, None])
-def test_an_unknown_method_is_refused(method):
     known = "expected one of nearest, linear, cubic_convolution, cubic, got"
     with pytest.raises(GridMapError, match=f"interpolation: {known} {method!r}"):
         bumpy().at_position("a", (0, 0), method)

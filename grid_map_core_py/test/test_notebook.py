@@ -76,12 +76,8 @@ def test_picture_shows_the_first_basic_layer_else_the_first():
     assert decoded(grid_map._repr_png_())[0, 0, 3] == 0
     grid_map.basic_layers = ["my_color"]
     assert decoded(grid_map._repr_png_())[0, 0].tolist() == [3, 2, 1, 255]
-
-
-def test_map_without_layers_has_a_table_and_no_picture():
-    grid_map = GridMap((1, 1), 1.0)
-    assert len(table(grid_map)) == 1
-    assert grid_map._repr_png_() is None
+    empty = GridMap((1, 1), 1.0)
+    assert (len(table(empty)), empty._repr_png_()) == (1, None)
 
 
 @settings(max_examples=25)

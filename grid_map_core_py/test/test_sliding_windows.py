@@ -142,10 +142,6 @@ def test_wrong_arguments_are_refused_before_the_first_window(windows):
         windows(grid_map, "elevation", "wrap", 3)
     with pytest.raises(LayerNotFoundError, match="elevtion"):
         windows(grid_map, "elevtion", "empty", 3)
-
-
-def test_cropped_windows_do_not_fit_into_one_array():
-    grid_map = GridMap((0.8, 0.8), 0.1, layers=["elevation"])
     with pytest.raises(GridMapError, match="expected one of inside, empty, mean"):
         window_array(grid_map, "elevation", "crop", 3)
 
