@@ -79,10 +79,7 @@ class GridGeometry:
                 f"length: expected at most 2**31 cells of {resolution} m, got {sides}"
             )
         size = int(rows), int(columns)
-        self._set("resolution", resolution)
-        self._set("size", size)
-        self._set("length", _frozen(np.multiply(size, resolution)))
-        self._set("position", _frozen(as_pair(self.position, "position")))
+        self._set_up(size, resolution, as_pair(self.position, "position"))
 
     @classmethod
     def from_size(
@@ -311,16 +308,16 @@ class GridGeometry:
     def _key(self) -> tuple[Size, float, tuple[float, ...]]:
         return self.size, self.resolution, tuple(self.position.tolist())
 
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
+    def _set_up(self, size: Size, resolution: float, position: Positions) -> None:
+        length = np.multiply(size, resolution)
+        length.flags.writeable = position.flags.writeable = False
+        values = {"length": length, "resolution": resolution, "position": position, "size": size}
+        self.__dict__.update(values)
 
     def _derived(self, size: Size, position: Positions) -> GridGeometry:
         """Return a grid of the same cells without the checks, which would take most of the time."""
         result = object.__new__(GridGeometry)
-        result._set("resolution", self.resolution)
-        result._set("size", size)
-        result._set("length", _frozen(np.multiply(size, self.resolution)))
-        result._set("position", _frozen(position))
+        result._set_up(size, self.resolution, position)
         return result
 
     def _span(self, axis: int, lower: float, upper: float) -> slice:
@@ -356,8 +353,3 @@ class GridGeometry:
     @cached_property
     def _half(self) -> Positions:
         return 0.5 * self.length
-
-
-def _frozen(values: Positions) -> Positions:
-    values.flags.writeable = False
-    return values
