@@ -36,13 +36,10 @@ try:
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
 
-__all__ = ["MAX_CELLS_3D", "plot", "plot_3d", "plot_relief", "save_picture"]
+__all__ = ["plot", "plot_3d", "plot_relief", "save_picture"]
 
 LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
 """Direction to the light."""
-
-MAX_CELLS_3D = 20_000
-"""Default limit of the cells of a surface, which Matplotlib draws in about a second."""
 
 _RELIEF_SIZE = (1200, 560)
 """Default width and height of pictures of terrain in relief [pixels]."""
@@ -121,7 +118,7 @@ def plot_3d(
     upper: float | None = None,
     invert: bool = False,
     exaggeration: float = 1.0,
-    max_cells: int = MAX_CELLS_3D,
+    max_cells: int = 20_000,
     label: str = "",
     title: str = "",
     color_bar: bool = True,
@@ -136,6 +133,7 @@ def plot_3d(
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor on the drawn heights. The axis shows true heights.
         max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
+            Matplotlib draws the default number in about a second.
 
     Returns the axes, and raises the errors of `plot`.
     """

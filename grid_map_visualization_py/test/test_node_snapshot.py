@@ -8,7 +8,7 @@ import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import testing, to_message
-from grid_map_ros_py.testing import start_node
+from grid_map_ros_py.testing import Process, start_node
 from grid_map_visualization_py._executables.snapshot import main, parsed
 
 MODULE = "grid_map_visualization_py._executables.snapshot"
@@ -20,18 +20,32 @@ def grid_map() -> GridMap:
     return GridMap((4, 3), 1.0, layers={"elevation": slope, "slope": 0.5}, frame_id="odom")
 
 
-def test_picture_of_a_topic(grid_map, tmp_path):
-    path = tmp_path / "map.png"
-    process = start_node(MODULE, "--topic", "/terrain", "--out", str(path), "--color-map", "turbo")
+def ended(grid_map: GridMap, topic: str, *arguments: str) -> Process:
+    """Return the process after it has got a map."""
+    process = start_node(MODULE, *arguments)
     try:
         with testing.peer() as peer:
-            peer.publish("/terrain", to_message(grid_map))
-            peer.wait_until(lambda: not process.is_running, "the picture")
-        assert process.wait() == 0, process.text
+            peer.publish(topic, to_message(grid_map))
+            peer.wait_until(lambda: not process.is_running, "the end")
     finally:
         process.kill()
-    assert process.text == f"{path}\n"
+    return process
+
+
+def test_picture_of_a_topic(grid_map, tmp_path):
+    path = tmp_path / "map.png"
+    options = "--topic", "/terrain", "--out", str(path), "--color-map", "turbo"
+    process = ended(grid_map, "/terrain", *options)
+    assert (process.wait(), process.text) == (0, f"{path}\n")
     assert matplotlib.image.imread(path).shape[0] > 300
+
+
+def test_a_missing_layer_is_one_error(grid_map, tmp_path):
+    path = tmp_path / "map.png"
+    process = ended(grid_map, "/grid_map", "--layer", "height", "--out", str(path))
+    assert process.wait() == 1
+    assert "/grid_map: no layer 'height'; available: elevation, slope" in process.text
+    assert not path.exists()
 
 
 def test_topic_without_maps_is_an_error(tmp_path):
@@ -40,20 +54,6 @@ def test_topic_without_maps_is_an_error(tmp_path):
     assert process.wait() == 1
     assert "no map on /grid_map within 0.2 s" in process.text
     assert len(process.lines) == 1, process.text
-    assert not path.exists()
-
-
-def test_a_missing_layer_is_one_error(grid_map, tmp_path):
-    path = tmp_path / "map.png"
-    process = start_node(MODULE, "--layer", "height", "--out", str(path))
-    try:
-        with testing.peer() as peer:
-            peer.publish("/grid_map", to_message(grid_map))
-            peer.wait_until(lambda: not process.is_running, "the error")
-        assert process.wait() == 1
-    finally:
-        process.kill()
-    assert "/grid_map: no layer 'height'; available: elevation, slope" in process.text
     assert not path.exists()
 
 

@@ -36,17 +36,11 @@ PICTURES = Path(__file__).parents[2] / "demo_output"
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))), None)
 """The browser of the system; without one, Playwright takes the one that it has installed."""
-FLAGS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-quic",
-    "--disable-sync",
-    "--no-first-run",
-]
+FLAGS = (
+    *("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-quic"),
+    *("--disable-sync", "--no-first-run"),
+)
 
 VIRIDIS, COOLWARM = (
     tuple(map(tuple, on_screen(np.array(ends, np.uint8)).tolist()))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes of the web viewer, without a browser."""
 
-import io
 import json
 import math
 import re
@@ -41,16 +40,12 @@ def hill() -> GridMap:
 
 def read_glb(data: bytes) -> tuple[dict[str, object], list[np.ndarray]]:
     """Return the description and the arrays of a GLB file."""
-    stream = io.BytesIO(data)
-    magic, version, size = struct.unpack("<4sII", stream.read(12))
-    assert (magic, version, size) == (b"glTF", 2, len(data))
-    length, kind = struct.unpack("<I4s", stream.read(8))
-    assert kind == b"JSON"
-    document = json.loads(stream.read(length))
-    length, kind = struct.unpack("<I4s", stream.read(8))
-    assert kind == b"BIN\0"
-    blob = stream.read()
-    assert length == len(blob) == document["buffers"][0]["byteLength"]
+    magic, version, size, length, kind = struct.unpack_from("<4sIII4s", data)
+    assert (magic, version, size, kind) == (b"glTF", 2, len(data), b"JSON")
+    document = json.loads(data[20 : 20 + length])
+    blob = data[28 + length :]
+    assert struct.unpack_from("<I4s", data, 20 + length) == (len(blob), b"BIN\0")
+    assert document["buffers"][0]["byteLength"] == len(blob)
     arrays = []
     for accessor in document["accessors"]:
         place = document["bufferViews"][accessor["bufferView"]]
@@ -324,7 +319,7 @@ def test_rate_covers_the_last_seconds():
 @pytest.fixture
 def page() -> Iterator[Page]:
     pytest.importorskip("viser")
-    page = Page("127.0.0.1", 0, Settings(height_layer="z"))
+    page = Page("127.0.0.1", 0, "z")
     yield page
     page.close()
 

@@ -5,6 +5,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,24 +20,6 @@ from grid_map_visualization_py.builtin import MapRegionVisualization
 
 INF = math.inf
 VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
-
-
-@pytest.fixture
-def install_plugin(tmp_path, monkeypatch):
-    """Return a function that puts a distribution with one entry point on the path."""
-
-    def install(package: str, type_name: str, code: str = "class Plugin: pass") -> None:
-        (tmp_path / f"{package}.py").write_text(code)
-        information = tmp_path / f"{package}-1.0.dist-info"
-        information.mkdir()
-        (information / "METADATA").write_text(f"Name: {package}\nVersion: 1.0\n")
-        entry = f"[{VISUALIZATIONS.group}]\n{type_name} = {package}:Plugin\n"
-        (information / "entry_points.txt").write_text(entry)
-
-    monkeypatch.syspath_prepend(str(tmp_path))
-    vars(VISUALIZATIONS).pop("_plugins", None)
-    yield install
-    vars(VISUALIZATIONS).pop("_plugins", None)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +157,7 @@ def test_file_for_every_built_in_type_is_named_after_it():
         assert cls.__module__.endswith(f"._{name}")
 
 
-def test_other_packages_add_types_by_entry_point(install_plugin):
+def test_other_packages_add_types_by_entry_point(tmp_path, monkeypatch):
     code = """
 from dataclasses import dataclass
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +165,14 @@ class Plugin:
     message_type = None
     size: float
 """
-    install_plugin("first_plugin", "sparkles", code)
+    (tmp_path / "first_plugin.py").write_text(code)
+    information = tmp_path / "first_plugin-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Name: first_plugin\nVersion: 1.0\n")
+    entry = f"[{VISUALIZATIONS.group}]\nsparkles = first_plugin:Plugin\n"
+    (information / "entry_points.txt").write_text(entry)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(registry, "VISUALIZATIONS", replace(VISUALIZATIONS))
     assert create("a", {"type": "sparkles", "params": {"size": 1}}).size == 1.0
     with pytest.raises(ConfigError, match="did you mean sparkles"):
         create("a", {"type": "sparkle"})

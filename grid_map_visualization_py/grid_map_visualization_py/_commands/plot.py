@@ -103,6 +103,8 @@ def check_style(options: argparse.Namespace, picture: Path) -> None:
 
 def usual_layer(grid_map: "GridMap") -> str:
     """Return the layer that is drawn unless the user names one: elevation, or the first."""
+    if not grid_map.layers:
+        raise CommandError("the map has no layers")
     return "elevation" if "elevation" in grid_map else grid_map.layers[0]
 
 
@@ -113,8 +115,6 @@ def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> Non
 
     from ..pictures import save_picture
 
-    if not grid_map.layers:
-        raise CommandError("the map has no layers")
     layer = options.layer or usual_layer(grid_map)
     names = (
         *("style", "color_layer", "max_cells", "shade_by", "exaggeration", "dpi"),

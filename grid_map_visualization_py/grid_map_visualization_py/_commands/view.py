@@ -6,10 +6,8 @@ import argparse
 import signal
 import threading
 import webbrowser
-from typing import TYPE_CHECKING, Any
 
 from grid_map_core_py.commands import (
-    CommandError,
     UsageError,
     add_source,
     complete_layers,
@@ -19,11 +17,6 @@ from grid_map_core_py.commands import (
 )
 
 from .plot import complete_color_maps, usual_layer
-
-if TYPE_CHECKING:
-    from grid_map_core_py import GridMap
-
-    from .._viewer.scene import Settings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal ends it."""
     from grid_map_ros_py import ReceivedMap, to_serialized_message
 
-    from .._viewer.page import Page, is_loopback
+    from .._viewer.page import Page
     from .._viewer.viewer import Viewer
     from ..surface import check_max_cells
 
@@ -60,8 +53,11 @@ def run(options: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     grid_map = read_map(options)
-    page = Page(options.host, options.port, _settings(grid_map, options))
-    if not is_loopback(options.host):
+    layers = options.layer or usual_layer(grid_map), options.color_layer
+    for name in filter(None, layers):
+        grid_map[name]  # raises if the layer does not exist
+    page = Page(options.host, options.port, *layers, options.color_map)
+    if page.is_public:
         message(f"warning: anyone who can reach {page.url} sees the map")
     try:
         viewer = Viewer(page, options.max_cells)
@@ -80,17 +76,3 @@ def run(options: argparse.Namespace) -> int:
     finally:
         page.close()
     return 0
-
-
-def _settings(grid_map: "GridMap", options: argparse.Namespace) -> "Settings":
-    from .._viewer.scene import Settings
-    from ..colors import Coloring
-
-    if not grid_map.layers:
-        raise CommandError(f"{options.source}: the map has no layers")
-    height_layer, color_layer = options.layer or usual_layer(grid_map), options.color_layer
-    for name in filter(None, (height_layer, color_layer)):
-        grid_map[name]  # raises if the layer does not exist
-    mode: Any = "color" if color_layer.endswith("color") else "intensity"
-    coloring = Coloring(mode, color_layer, options.color_map)
-    return Settings(height_layer=height_layer, coloring=coloring)

@@ -15,10 +15,9 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._viewer.page import Page, is_loopback
-from .._viewer.scene import Settings
+from .._viewer.page import Page
 from .._viewer.viewer import Viewer
-from ..colors import DEFAULT_COLOR_MAP, Coloring
+from ..colors import DEFAULT_COLOR_MAP
 from ..surface import check_max_cells
 
 
@@ -59,13 +58,12 @@ def _serve_page(node: Node) -> Page:
     check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
     about = "initial layer of the heights"
     height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
-    about = "initial layer of the colors; empty for the heights"
+    about = "initial layer of the colors, packed if its name ends in `color`; empty for the heights"
     color_layer = read_parameter(node, "color_layer", str, "", description=about)
     about = "initial color map, a name of Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
-    coloring = Coloring(layer=color_layer, color_map=color_map)
-    page = Page(host, port, Settings(height_layer=height_layer, coloring=coloring))
-    if not is_loopback(host):
+    page = Page(host, port, height_layer, color_layer, color_map)
+    if page.is_public:
         node.get_logger().warning(
             f"anyone who can reach {page.url} sees the map and can change the settings"
         )

@@ -10,7 +10,7 @@ import ipaddress
 import socket
 from collections import deque
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from itertools import count
 from typing import Any
 
@@ -20,7 +20,7 @@ import numpy as np
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, MissingPackageError
 
-from ..colors import Coloring, color_map_names
+from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
 from .scene import Scene, Settings, View
 from .texts import as_note, legend
 
@@ -53,19 +53,34 @@ class Page:
     Args:
         host: host name or IP address at which the page is served.
         port: port of the page; 0 for any free one.
-        first: initial settings.
+        height_layer: layer of the heights at first.
+        color_layer: layer of the colors at first, packed if its name ends in color; empty for the
+            heights.
+        color_map: color map at first.
 
     Attributes:
         url: address of the page.
+        is_public: other machines can reach the page.
 
     Raises:
+        ConfigError: there is no such color map.
         MissingPackageError: viser is not installed.
         PageError: the page cannot be served at this address.
     """
 
-    def __init__(self, host: str, port: int, first: Settings) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        height_layer: str,
+        color_layer: str = "",
+        color_map: str = DEFAULT_COLOR_MAP,
+    ) -> None:
+        mode: Any = "color" if color_layer.endswith("color") else "intensity"
+        coloring = Coloring(mode, color_layer, color_map)
         self._server = _serve(host, port)
         self.url = url_of(host, self._server.get_port())
+        self.is_public = not is_loopback(host)
         self._shown: list[Any] = []
         self._loading: Any = None
         self._replaces = False
@@ -74,7 +89,7 @@ class Page:
         self._view: View | None = None
         self._aim: View | None = None
         self._prepare_scene()
-        self._make_controls(first)
+        self._make_controls(Settings(height_layer=height_layer, coloring=coloring))
 
     @property
     def is_watched(self) -> bool:
@@ -271,9 +286,9 @@ class Page:
                 "color_map": gui.add_dropdown(
                     "Color map", tuple(names), initial_value=coloring.color_map
                 ),
-                "invert": gui.add_checkbox("Inverted", coloring.invert),
+                "invert": gui.add_checkbox("Inverted", False),
             }
-            self._automatic = gui.add_checkbox("Automatic bounds", coloring.lower is None)
+            self._automatic = gui.add_checkbox("Automatic bounds", True)
             self._colors |= {
                 "lower": gui.add_number("Lower bound", 0.0, step=0.01),
                 "upper": gui.add_number("Upper bound", 1.0, step=0.01),
@@ -299,12 +314,9 @@ def vector_prefixes(layers: Sequence[str]) -> list[str]:
 
 def is_loopback(host: str) -> bool:
     """Return True if an address is reachable from this machine only."""
-    if host == "localhost":
-        return True
-    try:
+    with suppress(ValueError):
         return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
+    return host == "localhost"
 
 
 def url_of(host: str, port: int) -> str:
@@ -353,12 +365,8 @@ def _set_clipping(camera: Any, view: View) -> None:
 def _take_screenshot(event: Any) -> None:
     """Send the browser a picture of its current view."""
     client = event.client
-    if client is None:
-        return
-    camera = client.camera
-    picture = client.get_render(
-        camera.image_height, camera.image_width, transport_format="png", timeout=60.0
-    )
+    size = client.camera.image_height, client.camera.image_width
+    picture = client.get_render(*size, transport_format="png", timeout=60.0)
     # From RGBA to OpenCV's BGR, on white.
     opacity = picture[..., 3:] / 255
     on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
