@@ -56,6 +56,11 @@ setup(
             "octomap_to_grid_map = grid_map_ros_py._executables.octomap_to_grid_map:main",
             "point_cloud_to_grid_map = grid_map_ros_py._executables.point_cloud_to_grid_map:main",
         ],
+        "grid_map_core_py.commands": [
+            "play = grid_map_ros_py._commands.play",
+            "record = grid_map_ros_py._commands.record",
+            "topics = grid_map_ros_py._commands.topics",
+        ],
         "grid_map_core_py.formats": [
             "bag = grid_map_ros_py._formats:BAG",
             "octomap = grid_map_ros_py._formats:OCTOMAP",

@@ -56,7 +56,10 @@ def shell(folder: Path, *command: str) -> str:
         ("grid-map plot survey map.png --topic /other --layer he", "height"),
         ("grid-map inspect survey --topic ", "/one /other"),
         ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server"),
-        ("grid-map ", "info inspect convert doctor filter plot view --version -h --help"),
+        (
+            "grid-map ",
+            "info inspect convert doctor filter play plot record topics view --version -h --help",
+        ),
         ("grid-map plot site.npz --color-map vir", "viridis"),
         ("grid-map inspect broken.npz --layer ", ""),
     ],

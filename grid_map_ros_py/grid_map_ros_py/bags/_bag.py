@@ -12,8 +12,9 @@ The time of a message in a new bag is the time of its map by default.
 import bisect
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -31,7 +32,7 @@ from . import _sqlite as bag_sqlite
 from . import _storage as bag_storage
 from ._mcap import COMPRESSIONS, McapFile, McapWriter
 from ._sqlite import SqliteFile, SqliteWriter
-from ._storage import GRID_MAP_TYPE, Entry, Topic, bag_errors
+from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors
 
 STORAGES = {"mcap": ".mcap", "sqlite3": ".db3"}
 """Formats of the file in a new bag, with the endings of its name."""
@@ -81,8 +82,8 @@ def save_to_bag(
         MissingPackageError: the package `mcap` is needed and not installed.
     """
     names = _once(layers)
-    options = {"storage": storage, "compression": compression}
-    with BagWriter(path, overwrite=overwrite, **options) as bag:
+    writer = BagWriter(path, overwrite=overwrite, storage=storage, compression=compression)
+    with writer as bag:
         for grid_map in (maps,) if isinstance(maps, GridMap) else maps:
             bag.write(topic, grid_map, layers=names)
 
@@ -94,6 +95,11 @@ class BagWriter:
     old one.
 
     Arguments and errors: see `save_to_bag`.
+
+    Args:
+        in_place: for long recordings to MCAP: write where the bag belongs. After a message for
+            which the disk has no space the bag can still be finished, and if the process is killed
+            the file can be recovered.
     """
 
     def __init__(
@@ -103,9 +109,11 @@ class BagWriter:
         overwrite: bool = True,
         storage: str = "mcap",
         compression: str = "none",
+        in_place: bool = False,
     ) -> None:
         self._path = Path(path)
         self._overwrite = overwrite
+        self._in_place = in_place
         self._storage, self._compression = storage, compression
         compressions = ("none",) if storage == "sqlite3" else COMPRESSIONS
         for name, value, known in (
@@ -119,15 +127,16 @@ class BagWriter:
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:
             self._check_parent()
-            self._folder = stack.enter_context(new_folder(self._path, self._check_old))
+            self._folder = stack.enter_context(self._new_folder())
             self._file = f"{self._path.resolve().name}_0{STORAGES[self._storage]}"
             file = self._folder / self._file
             self._writer: McapWriter | SqliteWriter = (
-                McapWriter(file, self._compression)
+                McapWriter(file, self._compression, reserve=self._in_place)
                 if self._storage == "mcap"
                 else SqliteWriter(file)
             )
             stack.enter_context(closing(self._writer))
+            self._topics: dict[str, Topic] = {}
             self._times: dict[str, list[int]] = {}
             self._stack = stack.pop_all()
         return self
@@ -144,7 +153,7 @@ class BagWriter:
         with bag_errors(self._path, "written"), self._stack:
             if not self._times:
                 raise BagError(self._path, "no maps to write")
-            document = bag_storage.information(self._times, self._file, self._storage)
+            document = bag_storage.information(self._topics, self._times, self._file, self._storage)
             self._writer.finish(document)
             bag_storage.save(self._folder, document)
 
@@ -177,10 +186,30 @@ class BagWriter:
             found = type(grid_map).__name__
             raise BagError(self._path, f"expected a GridMap to write, got {found}")
         stamp = check_nanoseconds(grid_map.timestamp if time is None else time)
-        data = to_serialized_message(grid_map, layers)
+        self.write_serialized(topic, MAPS, stamp, to_serialized_message(grid_map, layers))
+
+    def write_serialized(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
+        """Append a message of any type as it was sent, with its time [ns]."""
         with bag_errors(self._path, "written"):
-            self._writer.write(topic, stamp, data)
-        self._times.setdefault(topic, []).append(stamp)
+            self._writer.write(topic, self._topics.setdefault(topic, kind), time, data)
+        self._times.setdefault(topic, []).append(time)
+
+    @contextmanager
+    def _new_folder(self) -> Iterator[Path]:
+        """Yield the folder to write to, which replaces the old one at the end unless in place."""
+        if not self._in_place:
+            with new_folder(self._path, self._check_old) as folder:
+                yield folder
+            return
+        if self._path.exists():
+            self._check_old(self._path)
+            shutil.rmtree(self._path)
+        self._path.mkdir()
+        try:
+            yield self._path
+        finally:
+            if not self._times:
+                shutil.rmtree(self._path)
 
     def _check_topic(self, topic: str) -> None:
         if not _TOPIC_NAME.fullmatch(topic):
@@ -287,19 +316,14 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
         BagError: the bag is damaged or missing.
         MissingPackageError: the package `mcap` is needed and not installed.
     """
-    with bag_errors(Path(path)):
-        files = bag_storage.files_of(Path(path))
-    types: dict[str, str] = {}
-    times: dict[str, list[int]] = {}
-    for file in files:
-        with bag_errors(file), closing(_open(file)) as storage:
-            for name, kind in storage.topics.items():
-                types.setdefault(name, kind.type)
-                times.setdefault(name, []).extend(entry.time for entry in storage.entries(name))
-    return [
-        BagTopic(name, types[name], len(found), min(found, default=None), max(found, default=None))
-        for name, found in sorted(times.items())
-    ]
+    with BagFiles(path) as files:
+        times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
+        for entry, _, name in files.entries(times):
+            times[name].append(entry.time)
+        return [
+            BagTopic(name, files.topics[name].type, len(found), *(found[:1] + found[-1:]))
+            for name, found in times.items()
+        ]
 
 
 class BagRecord(NamedTuple):
@@ -332,6 +356,77 @@ class BagRecord(NamedTuple):
             raise BagError(self.place, str(error)) from error
 
 
+class BagFiles:
+    """Messages of any type in the files of a bag. Close it, or use it as a context manager.
+
+    Args:
+        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+
+    Attributes:
+        topics: type, encoding and quality of service of every topic.
+
+    Raises:
+        BagError: the bag is damaged or missing.
+        MissingPackageError: the package `mcap` is needed and not installed.
+    """
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        self._open: tuple[int, _Storage] | None = None
+        self.topics: dict[str, Topic] = {}
+        with bag_errors(Path(path)):
+            self.paths = bag_storage.files_of(Path(path))
+        try:
+            for number, file in enumerate(self.paths):
+                with bag_errors(file):
+                    self.topics |= self._storage(number).topics
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "BagFiles":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file that is open."""
+        if self._open is not None:
+            self._open[1].close()
+            self._open = None
+
+    def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
+        """Return the messages on topics in time order, with the numbers of their files."""
+        found = []
+        for number, path in enumerate(self.paths):
+            with bag_errors(path):
+                storage = self._storage(number)
+                for topic in storage.topics.keys() & topics:
+                    found += [(entry, number, topic) for entry in storage.entries(topic)]
+        # Files of a split bag may overlap.
+        return sorted(found, key=lambda one: one[0].time)
+
+    def read(self, file: int, entry: Entry) -> bytes:
+        """Return a message as it was sent."""
+        path = self.paths[file]
+        with bag_errors(path):
+            data = self._storage(file).read(entry)
+            if data.startswith(_ZSTD_MAGIC):
+                # rosbag2 has compressed the message by itself.
+                data = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
+                if len(data) > bag_mcap.LARGEST_CHUNK:
+                    most = bag_mcap.LARGEST_CHUNK
+                    raise BagError(path, f"a message of more than {most} bytes, unpacked")
+        return data
+
+    def _storage(self, file: int) -> _Storage:
+        """Open a file and close the last one: a bag may have more files than a process may open."""
+        if self._open is None or self._open[0] != file:
+            self.close()
+            self._open = file, _open(self.paths[file])
+        return self._open[1]
+
+
 class BagReader:
     """Sequence of the map messages (`BagRecord`) on one topic of a bag, in time order.
 
@@ -346,17 +441,12 @@ class BagReader:
     """
 
     def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
-        self._open: tuple[int, _Storage] | None = None
-        with bag_errors(Path(path)):
-            self._path = Path(path)
-            self._files = bag_storage.files_of(self._path)
+        self._path = Path(path)
+        self._files = BagFiles(path)
         try:
-            self.topics: dict[str, Topic] = {}
-            for number, file in enumerate(self._files):
-                with bag_errors(file):
-                    self.topics |= self._storage(number).topics
+            self.topics = self._files.topics
             self.topic = self._chosen(topic)
-            self._entries = self._read_entries()
+            self._entries = self._files.entries([self.topic])
         except BaseException:
             self.close()
             raise
@@ -369,9 +459,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the file that is open."""
-        if self._open is not None:
-            self._open[1].close()
-            self._open = None
+        self._files.close()
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -379,18 +467,9 @@ class BagReader:
     def __getitem__(self, index: int) -> BagRecord:
         if not -len(self) <= index < len(self):
             raise BagError(self._path, f"no map {index}: {len(self)} maps on {self.topic}")
-        file, entry = self._entries[index]
-        path = self._files[file]
-        with bag_errors(path):
-            data = self._storage(file).read(entry)
-            if data.startswith(_ZSTD_MAGIC):
-                # rosbag2 has compressed the message by itself.
-                data = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
-                if len(data) > bag_mcap.LARGEST_CHUNK:
-                    most = bag_mcap.LARGEST_CHUNK
-                    raise BagError(path, f"a message of more than {most} bytes, unpacked")
-        number = index % len(self)
-        return BagRecord(entry.time, data, f"{path}: map {number} on {self.topic}")
+        entry, file, _ = self._entries[index]
+        place = f"{self._files.paths[file]}: map {index % len(self)} on {self.topic}"
+        return BagRecord(entry.time, self._files.read(file, entry), place)
 
     def __iter__(self) -> Iterator[BagRecord]:
         for index in range(len(self)):
@@ -398,28 +477,11 @@ class BagReader:
 
     def at(self, time: int) -> BagRecord:
         """Return the last record that is not later than `time` [ns]."""
-        before = bisect.bisect_right(self._entries, time, key=lambda found: found[1].time)
+        before = bisect.bisect_right(self._entries, time, key=lambda found: found[0].time)
         if not before:
-            first = f"; the first is of {self._entries[0][1].time}" if self._entries else ""
+            first = f"; the first is of {self._entries[0][0].time}" if self._entries else ""
             raise BagError(self._path, f"no map on {self.topic} up to time {time}{first}")
         return self[before - 1]
-
-    def _storage(self, file: int) -> _Storage:
-        """Open a file and close the last one: a bag may have more files than a process may open."""
-        if self._open is None or self._open[0] != file:
-            self.close()
-            self._open = file, _open(self._files[file])
-        return self._open[1]
-
-    def _read_entries(self) -> list[tuple[int, Entry]]:
-        found = []
-        for number, path in enumerate(self._files):
-            with bag_errors(path):
-                storage = self._storage(number)
-                if self.topic in storage.topics:
-                    found += [(number, entry) for entry in storage.entries(self.topic)]
-        # Files of a split bag may overlap.
-        return sorted(found, key=lambda one: one[1].time)
 
     def _chosen(self, topic: str | None) -> str:
         """Return the topic, or the only topic with maps for None, after checking its type."""
@@ -431,13 +493,14 @@ class BagReader:
             (topic,) = with_maps
         if topic not in self.topics:
             raise BagError(self._path, f"no topic {topic!r}; {self._listed()}")
-        kind, encoding = self.topics[topic]
-        if kind != GRID_MAP_TYPE:
+        kind = self.topics[topic]
+        if kind.type != GRID_MAP_TYPE:
             raise BagError(
-                self._path, f"{topic} is of type {kind}, not {GRID_MAP_TYPE}; {self._listed()}"
+                self._path, f"{topic} is of type {kind.type}, not {GRID_MAP_TYPE}; {self._listed()}"
             )
-        if encoding != "cdr":
-            raise BagError(self._path, f"{topic} is encoded as {encoding!r}, only 'cdr' is read")
+        if kind.encoding != "cdr":
+            reason = f"{topic} is encoded as {kind.encoding!r}, only 'cdr' is read"
+            raise BagError(self._path, reason)
         return topic
 
     def _listed(self) -> str:

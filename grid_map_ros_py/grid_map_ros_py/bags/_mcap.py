@@ -8,6 +8,7 @@ checked against the size of the file, and checksums are verified.
 
 import importlib
 import io
+import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -18,8 +19,7 @@ from typing import Any
 from grid_map_core_py.errors import MissingPackageError
 
 from ..errors import BagError
-from ..messages._definition import DEFINITION, TYPE_HASH
-from ._storage import GRID_MAP_TYPE, QOS_PROFILES, Entry, Topic, dump
+from ._storage import Entry, Topic, dump
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -30,6 +30,15 @@ LARGEST_CHUNK = 2**31
 
 _CHUNK_SIZE = 768 * 1024
 """Size [bytes] at which a chunk is written, the same as in rosbag2."""
+
+_RESERVE = 2**20
+"""Bytes allocated beyond the messages, for their types, the last chunk's head, and metadata."""
+
+_RESERVE_PER_MESSAGE = 256
+"""Bytes of a message's head and its entries in the indexes."""
+
+_CHUNKS_PER_INDEX = 1024
+"""Bytes of chunks for each byte of their index at the end of the file."""
 
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
@@ -90,7 +99,11 @@ class McapFile:
         topics = {}
         for channel in self._channels.values():
             schema = self._schemas.get(channel.schema_id)
-            topics[channel.topic] = Topic(schema.name if schema else "", channel.message_encoding)
+            topics[channel.topic] = Topic(
+                schema.name if schema else "",
+                channel.message_encoding,
+                channel.metadata.get("offered_qos_profiles", ""),
+            )
         return topics
 
     def entries(self, topic: str) -> list[Entry]:
@@ -289,36 +302,64 @@ class _Source:
 
 
 class McapWriter:
-    """Writes serialized maps to a new file.
+    """Writes serialized messages to a new file.
 
     Args:
         path: the file.
         compression: one of `COMPRESSIONS`.
+        reserve: whether to allocate space before each message, so that the file can still be
+            finished when the disk is full.
     """
 
-    def __init__(self, path: Path, compression: str = "none") -> None:
+    def __init__(self, path: Path, compression: str = "none", *, reserve: bool = False) -> None:
         writer = package("mcap.writer", path)
         kind = writer.CompressionType[compression.upper()]
         self._file = path.open("xb")
+        self._reserves = reserve
+        self._reserved = self._flushed = self._waiting = 0
         self._writer = writer.Writer(self._file, chunk_size=_CHUNK_SIZE, compression=kind)
         self._writer.start(profile="ros2", library="grid_map_ros_py")
-        definition = DEFINITION.encode()
-        self._schema = self._writer.register_schema(GRID_MAP_TYPE, "ros2msg", definition)
+        self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
 
-    def write(self, topic: str, time: int, data: bytes) -> None:
+    def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
         """Append a message."""
+        if self._reserves:
+            self._reserve(len(data))
         if topic not in self._channels:
-            metadata = {"offered_qos_profiles": dump(QOS_PROFILES), "topic_type_hash": TYPE_HASH}
-            self._channels[topic] = self._writer.register_channel(
-                topic, "cdr", self._schema, metadata
-            )
+            self._add(topic, kind)
         self._writer.add_message(self._channels[topic], time, data, time)
+
+    def _add(self, topic: str, kind: Topic) -> None:
+        if kind.type not in self._schemas:
+            encoding = "ros2msg" if kind.definition else ""
+            self._schemas[kind.type] = self._writer.register_schema(
+                kind.type, encoding, kind.definition.encode()
+            )
+        metadata = {"offered_qos_profiles": kind.qos, "topic_type_hash": kind.type_hash}
+        self._channels[topic] = self._writer.register_channel(
+            topic, kind.encoding, self._schemas[kind.type], metadata
+        )
+
+    def _reserve(self, size: int) -> None:
+        """Allocate space for a message, for what is not written yet, and for the index.
+
+        Raises:
+            OSError: the disk is full; nothing is lost.
+        """
+        if self._file.tell() != self._flushed:
+            self._flushed, self._waiting = self._file.tell(), 0
+        self._waiting += size + _RESERVE_PER_MESSAGE
+        needed = self._flushed + self._waiting + _RESERVE + self._flushed // _CHUNKS_PER_INDEX
+        if needed > self._reserved:
+            os.posix_fallocate(self._file.fileno(), self._reserved, needed - self._reserved)
+            self._reserved = needed
 
     def finish(self, information: object) -> None:
         """Write the metadata of the bag and the index, and close the file."""
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(information)})
         self._writer.finish()
+        self._file.truncate()
         self._file.close()
 
     def close(self) -> None:

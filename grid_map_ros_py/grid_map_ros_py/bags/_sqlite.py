@@ -7,8 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ..errors import BagError
-from ..messages._definition import DEFINITION, TYPE_HASH
-from ._storage import GRID_MAP_TYPE, QOS_PROFILES, VERSION, Entry, Topic, dump, ros_distro
+from ._storage import VERSION, Entry, Topic, dump, ros_distro
 
 MAGIC = b"SQLite format 3\0"
 
@@ -33,7 +32,7 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 
 
 class SqliteWriter:
-    """Writes serialized maps to a new database."""
+    """Writes serialized messages to a new database."""
 
     def __init__(self, path: Path) -> None:
         self._database = sqlite3.connect(path)
@@ -41,16 +40,25 @@ class SqliteWriter:
         self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
         self._database.executescript(_SCHEMA)
         self._insert("schema", _SCHEMA_VERSION, ros_distro())
-        self._insert("message_definitions", None, GRID_MAP_TYPE, "ros2msg", DEFINITION, TYPE_HASH)
+        self._types = set[str]()
         self._topics: dict[str, int] = {}
 
-    def write(self, topic: str, time: int, data: bytes) -> None:
+    def write(self, topic: str, kind: Topic, time: int, data: bytes) -> None:
         """Append a message."""
         if topic not in self._topics:
-            key = self._topics[topic] = len(self._topics) + 1
-            profiles = dump(QOS_PROFILES)
-            self._insert("topics", key, topic, GRID_MAP_TYPE, "cdr", profiles, TYPE_HASH)
+            self._topics[topic] = len(self._topics) + 1
+            self._add(topic, kind)
         self._insert("messages", None, self._topics[topic], time, data)
+
+    def _add(self, topic: str, kind: Topic) -> None:
+        key = self._topics[topic]
+        self._insert("topics", key, topic, kind.type, kind.encoding, kind.qos, kind.type_hash)
+        if kind.type not in self._types:
+            self._types.add(kind.type)
+            encoding = "ros2msg" if kind.definition else ""
+            self._insert(
+                "message_definitions", None, kind.type, encoding, kind.definition, kind.type_hash
+            )
 
     def finish(self, information: object) -> None:
         """Write the metadata of the bag and close the file."""
@@ -84,9 +92,12 @@ class SqliteFile:
             query = "SELECT name FROM sqlite_master WHERE type = 'table'"
             if not {("topics",), ("messages",)} <= {*self._database.execute(query)}:
                 raise BagError(path, "a database, but not of a bag: no tables of messages")
-            query = "SELECT name, type, serialization_format FROM topics"
+            # The oldest bags have no quality of service.
+            columns = {*self._database.execute("SELECT name FROM pragma_table_info('topics')")}
+            qos = "offered_qos_profiles" if ("offered_qos_profiles",) in columns else "''"
+            query = f"SELECT name, type, serialization_format, {qos} FROM topics"
             rows = self._database.execute(query)
-            self.topics = {str(name): Topic(str(kind), str(code)) for name, kind, code in rows}
+            self.topics = {str(name): Topic(*map(str, kind)) for name, *kind in rows}
         except BaseException:
             self.close()
             raise

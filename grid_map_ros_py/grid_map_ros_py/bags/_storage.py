@@ -15,16 +15,27 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_yaml
 
 from ..errors import BagError
-from ..messages._definition import TYPE_HASH
+from ..messages._definition import DEFINITION, TYPE_HASH
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
 
 class Topic(NamedTuple):
-    """Type and encoding of the messages on a topic."""
+    """Type and encoding of the messages on a topic.
+
+    Attributes:
+        type: name of the type, such as `grid_map_msgs/msg/GridMap`.
+        encoding: "cdr" in every bag of ROS 2.
+        qos: quality of service of its publishers, a YAML list of profiles; may be empty.
+        definition: text of the message type with those of all nested types; may be empty.
+        type_hash: hash of the type (REP-2011); may be empty.
+    """
 
     type: str
     encoding: str
+    qos: str = ""
+    definition: str = ""
+    type_hash: str = ""
 
 
 class Entry(NamedTuple):
@@ -55,31 +66,16 @@ FILE_NAME = "metadata.yaml"
 VERSION = 9
 """Version of the metadata that ROS 2 Jazzy writes."""
 
-_UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
-QOS_PROFILES = [
-    {
-        # rosbag2 does not record the history either.
-        "history": "unknown",
-        "depth": 0,
-        "reliability": "reliable",
-        "durability": "transient_local",
-        "deadline": _UNLIMITED,
-        "lifespan": _UNLIMITED,
-        "liveliness": "automatic",
-        "liveliness_lease_duration": _UNLIMITED,
-        "avoid_ros_namespace_conventions": False,
-    }
-]
-"""Quality of service of map topics, which makes `ros2 bag play` publish them latched."""
-
 
 def ros_distro() -> str:
     """Return the ROS distribution that is named in new bags."""
     return os.environ.get("ROS_DISTRO", "jazzy")
 
 
-def information(times: Mapping[str, list[int]], file: str, storage: str) -> dict[str, Any]:
-    """Return the metadata of a bag with one file of maps; `times` are [ns] by topic."""
+def information(
+    topics: Mapping[str, Topic], times: Mapping[str, list[int]], file: str, storage: str
+) -> dict[str, Any]:
+    """Return the metadata of a bag with one file; `times` are [ns] by topic."""
     every = list(chain(*times.values()))
     time = {
         "duration": {"nanoseconds": max(every) - min(every)},
@@ -94,10 +90,10 @@ def information(times: Mapping[str, list[int]], file: str, storage: str) -> dict
             {
                 "topic_metadata": {
                     "name": name,
-                    "type": GRID_MAP_TYPE,
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": QOS_PROFILES,
-                    "type_description_hash": TYPE_HASH,
+                    "type": topics[name].type,
+                    "serialization_format": topics[name].encoding,
+                    "offered_qos_profiles": yaml.safe_load(topics[name].qos),
+                    "type_description_hash": topics[name].type_hash,
                 },
                 "message_count": len(stamps),
             }
@@ -123,6 +119,31 @@ def dump(document: object) -> str:
     """Return a document as YAML."""
     text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False)
     return text
+
+
+_UNLIMITED = {"sec": 9223372036, "nsec": 854775807}
+
+
+def qos_profile(*, reliable: bool, latched: bool) -> dict[str, Any]:
+    """Return the quality of service of a publisher as rosbag2 records it."""
+    return {
+        # rosbag2 does not record the history either.
+        "history": "unknown",
+        "depth": 0,
+        "reliability": "reliable" if reliable else "best_effort",
+        "durability": "transient_local" if latched else "volatile",
+        "deadline": _UNLIMITED,
+        "lifespan": _UNLIMITED,
+        "liveliness": "automatic",
+        "liveliness_lease_duration": _UNLIMITED,
+        "avoid_ros_namespace_conventions": False,
+    }
+
+
+MAPS = Topic(
+    GRID_MAP_TYPE, "cdr", dump([qos_profile(reliable=True, latched=True)]), DEFINITION, TYPE_HASH
+)
+"""A topic of maps in a new bag; `ros2 bag play` publishes it latched."""
 
 
 def save(folder: Path, document: object) -> None:

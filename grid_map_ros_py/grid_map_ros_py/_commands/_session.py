@@ -1,0 +1,115 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A node for commands that listen or publish for a while, and what it sees of other nodes."""
+
+import argparse
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from grid_map_core_py.commands import CommandError, UsageError
+
+from ..messages._packages import messages_of
+
+
+class Session:
+    """A node without parameters, as a context manager. SIGINT and SIGTERM set `ended`.
+
+    Args:
+        command: name of the command, part of the name of the node.
+
+    Attributes:
+        node: the node.
+        ended: set when the command has to end.
+    """
+
+    def __init__(self, command: str) -> None:
+        self.ended = threading.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: self.ended.set())
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        name = f"grid_map_{command}_{os.getpid()}"
+        self.node = Node(name, enable_rosout=False, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+
+    def __enter__(self) -> "Session":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.node.destroy_node()
+        self._executor.shutdown()
+        try_shutdown()
+
+    def spin(self, seconds: float, *, until_ended: bool = True) -> None:
+        """Serve callbacks for a time [s], by default only until `ended` is set."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            if until_ended and self.ended.is_set():
+                return
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
+
+    def topics(self) -> dict[str, list[str]]:
+        """Return the types of all topics by name, in order."""
+        return {name: sorted(types) for name, types in self.node.get_topic_names_and_types()}
+
+    def publishers(self, topic: str) -> list[Any]:
+        """Return the endpoints of other nodes that publish on a topic."""
+        return self._of_others(self.node.get_publishers_info_by_topic(topic))
+
+    def subscribers(self, topic: str) -> list[Any]:
+        """Return the endpoints of other nodes that subscribe to a topic."""
+        return self._of_others(self.node.get_subscriptions_info_by_topic(topic))
+
+    def _of_others(self, endpoints: list[Any]) -> list[Any]:
+        return [one for one in endpoints if one.node_name != self.node.get_name()]
+
+
+def message_class(types: Sequence[str], topic: str) -> Any:
+    """Return the class of the messages on a topic.
+
+    Raises:
+        CommandError: the topic has several types.
+        MissingPackageError: the package of the type is not installed.
+    """
+    if len(types) != 1:
+        raise CommandError(f"{topic}: expected one type of messages, got {', '.join(types)}")
+    package, kind, name = types[0].split("/")
+    return getattr(messages_of(package, topic, kind), name)
+
+
+def quality(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:
+    """Return the quality of service of a publisher or subscriber."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def offers(endpoint: Any) -> dict[str, bool]:
+    """Return whether a publisher is reliable, and whether it serves late subscribers."""
+    qos = endpoint.qos_profile
+    return {
+        "reliable": qos.reliability == ReliabilityPolicy.RELIABLE,
+        "latched": qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+    }
+
+
+def check_positive(options: argparse.Namespace, *names: str) -> None:
+    """Raise a `UsageError` if one of these options is given and not a positive number."""
+    for name in names:
+        value = getattr(options, name)
+        if value is not None and not 0 < value < math.inf:
+            raise UsageError(f"--{name}: expected a positive number, got {value:g}")

@@ -1,0 +1,99 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Publish the messages of a bag at the pace of the recording."""
+
+import argparse
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+from rclpy.duration import Duration
+
+from grid_map_core_py.commands import CommandError, message
+from grid_map_core_py.errors import GridMapError
+
+from ..bags._bag import BagFiles
+from ..bags._storage import Entry, Topic
+from ._session import Session, check_positive, message_class, quality
+
+_DEPTH = 10
+"""Messages that a publisher keeps for late or slow subscribers."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `run` to a parser."""
+    add = parser.add_argument
+    add("bag", metavar="BAG", help="folder of a bag, or its .mcap or .db3 file")
+    add("topics", metavar="TOPIC", nargs="*", help="topics to publish (all)")
+    add("--rate", type=float, default=1.0, help="speed compared with the recording (%(default)s)")
+    add("--loop", action="store_true", help="begin again at the end")
+    text = "time for subscribers to connect before the first message [s] (%(default)s)"
+    add("--delay", type=float, default=1.0, metavar="SECONDS", help=text)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Publish until the end of the bag or a signal."""
+    check_positive(options, "rate", "delay")
+    with BagFiles(options.bag) as bag, Session("play") as session:
+        publishers = _publishers(session, bag, options)
+        entries = bag.entries(publishers)
+        if not entries:
+            raise CommandError(f"{options.bag}: no messages to publish")
+        session.spin(options.delay)
+        count = _play(session, bag, entries, publishers, options.rate)
+        while options.loop and not session.ended.is_set():
+            count += _play(session, bag, entries, publishers, options.rate)
+        for publisher in publishers.values():
+            publisher.wait_for_all_acked(Duration(seconds=1))
+    message(f"published {count} messages of {options.bag}")
+    return 0
+
+
+def _play(
+    session: Session,
+    bag: BagFiles,
+    entries: Sequence[tuple[Entry, int, str]],
+    publishers: dict[str, Any],
+    rate: float,
+) -> int:
+    """Publish messages until the last one or a signal, and return their number."""
+    begin = time.monotonic()
+    for count, (entry, file, topic) in enumerate(entries):
+        data = bag.read(file, entry)
+        due = begin + (entry.time - entries[0][0].time) / rate / 1e9
+        if session.ended.wait(max(0.0, due - time.monotonic())):
+            return count
+        publishers[topic].publish(data)
+    return len(entries)
+
+
+def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) -> dict[str, Any]:
+    """Return a publisher for each wanted topic whose message type is installed."""
+    publishers = {}
+    for topic in options.topics or sorted(bag.topics):
+        if topic not in bag.topics:
+            listed = ", ".join(sorted(bag.topics)) or "(none)"
+            raise CommandError(f"{options.bag}: no topic {topic!r}; topics: {listed}")
+        kind = bag.topics[topic]
+        try:
+            if kind.encoding != "cdr":
+                raise CommandError(f"expected messages encoded as 'cdr', got {kind.encoding!r}")
+            message_type = message_class([kind.type], topic)
+        except GridMapError as error:
+            message(f"warning: {topic} is not published: {error}")
+            continue
+        qos = quality(**_recorded_offer(kind), depth=_DEPTH)
+        publishers[topic] = session.node.create_publisher(message_type, topic, qos)
+    return publishers
+
+
+def _recorded_offer(topic: Topic) -> dict[str, bool]:
+    """Return what all recorded publishers of a topic offered; by default reliable, not latched.
+
+    Bags of rosbag2 have names of policies, and before ROS 2 Jazzy their numbers in rmw.
+    """
+    profiles = yaml.safe_load(topic.qos) or [{}]
+    reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
+    latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
+    return {"reliable": reliable, "latched": latched}

@@ -1,0 +1,149 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Record topics of any type to a bag, until Ctrl-C."""
+
+import argparse
+import math
+import time
+from functools import partial
+from typing import Any
+
+from grid_map_core_py.commands import CommandError, UsageError, byte_count, message
+from grid_map_core_py.errors import GridMapError
+
+from ..bags._bag import BagWriter
+from ..bags._definitions import definition_of
+from ..bags._storage import Topic, dump, qos_profile
+from ..errors import BagError
+from ._session import Session, check_positive, message_class, offers, quality
+
+_LOOK_PERIOD = 0.2
+"""Time between two looks for new publishers [s]."""
+
+_REST = 0.2
+"""Time to take messages that had arrived before the end [s]."""
+
+_DEPTH = 100
+"""Messages of a topic that wait while the disk is busy."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `run` to a parser."""
+    add = parser.add_argument
+    add("topics", metavar="TOPIC", nargs="*", help="topics to record")
+    add("destination", metavar="BAG", help="folder of the new bag (MCAP)")
+    add("-a", "--all", action="store_true", help="record all topics except hidden ones")
+    add("-f", "--force", action="store_true", help="replace an existing bag")
+    add("--compress", action="store_const", const="zstd", default="none", help="compress with zstd")
+    add("--duration", type=float, metavar="SECONDS", help="end after this time")
+    add("--count", type=int, metavar="N", help="end after this number of messages")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Record until a signal, a limit or a full disk; the bag is complete after each of them."""
+    if options.all == bool(options.topics):
+        raise UsageError("name the topics to record, or use --all")
+    check_positive(options, "duration", "count")
+    bag = BagWriter(
+        options.destination, overwrite=options.force, compression=options.compress, in_place=True
+    )
+    with Session("record") as session, bag:
+        recorder = _Recorder(session, bag, options.topics)
+        recorder.record(options.duration or math.inf, options.count or math.inf)
+        if not recorder.total:
+            topics = ", ".join(recorder.counts) or "any topic"
+            raise recorder.failure or CommandError(f"no messages on {topics}")
+    for topic in [name for name, count in recorder.counts.items() if not count]:
+        message(f"warning: no messages on {topic}")
+    size = byte_count(recorder.size)
+    message(f"recorded {recorder.total} messages, {size}, to {options.destination}")
+    if recorder.failure:
+        raise recorder.failure
+    return 0
+
+
+class _Recorder:
+    """Subscribes to topics as they appear, and writes their messages as they were sent.
+
+    Args:
+        session: the node.
+        bag: where to write.
+        topics: names of topics; none for all.
+
+    Attributes:
+        counts: numbers of recorded messages by topic, with zero for topics without messages.
+        size: bytes of all messages.
+        failure: error that ended the recording, such as a full disk.
+    """
+
+    def __init__(self, session: Session, bag: BagWriter, topics: list[str]) -> None:
+        self._session = session
+        self._bag = bag
+        self._all = not topics
+        self.counts = {session.node.resolve_topic_name(topic): 0 for topic in topics}
+        self.size = 0
+        self.failure: BagError | None = None
+        self._most = math.inf
+        self._subscriptions: dict[str, tuple[dict[str, bool], Any]] = {}
+
+    @property
+    def total(self) -> int:
+        """Number of recorded messages."""
+        return sum(self.counts.values())
+
+    def record(self, seconds: float, most: float) -> None:
+        """Record for a time [s] or a number of messages, until a signal or the disk is full."""
+        self._most = most
+        end = time.monotonic() + seconds
+        while not self._session.ended.is_set() and (left := end - time.monotonic()) > 0:
+            for topic, types in self._session.topics().items():
+                hidden = any(part.startswith("_") for part in topic.split("/"))
+                if not hidden if self._all else topic in self.counts:
+                    self._follow(topic, types)
+            self._session.spin(min(left, _LOOK_PERIOD))
+        self._session.spin(_REST, until_ended=False)
+
+    def _follow(self, topic: str, types: list[str]) -> None:
+        """Subscribe with what all publishers of a topic offer, and again if that becomes less."""
+        publishers = self._session.publishers(topic)
+        if not publishers:
+            return
+        every = [offers(one) for one in publishers]
+        offered = {name: all(one[name] for one in every) for name in every[0]}
+        before, subscription = self._subscriptions.get(topic, (None, None))
+        if before is not None and not any(before[name] > offered[name] for name in offered):
+            return
+        if subscription:
+            self._session.node.destroy_subscription(subscription)
+            subscription = None
+        try:
+            kind = message_class(types, topic)
+            recorded = Topic(
+                types[0],
+                "cdr",
+                dump([qos_profile(**one) for one in every]),
+                definition_of(types[0]),
+                str(publishers[0].topic_type_hash),
+            )
+            write = partial(self._write, topic, recorded)
+            qos = quality(**offered, depth=_DEPTH)
+            subscription = self._session.node.create_subscription(kind, topic, write, qos, raw=True)
+            if before is None:
+                message(f"records {topic} ({types[0]})")
+        except GridMapError as error:
+            message(f"warning: {topic} is not recorded: {error}")
+        self._subscriptions[topic] = (offered, subscription)
+
+    def _write(self, topic: str, kind: Topic, data: bytes) -> None:
+        if self.failure or self.total >= self._most:
+            return
+        try:
+            self._bag.write_serialized(topic, kind, time.time_ns(), data)
+        except BagError as error:
+            self.failure = error
+            self._session.ended.set()
+            return
+        self.counts[topic] = self.counts.get(topic, 0) + 1
+        self.size += len(data)
+        if self.total >= self._most:
+            self._session.ended.set()
