@@ -11,13 +11,14 @@
 """
 
 from ..map._geometry import BORDER_TOLERANCE
-from ._line import line_cells, line_cells_between
 from ._polygon import Polygon
 from ._shapes import (
     cells_to_mask,
     circle_cells,
     ellipse_cells,
     half_chords,
+    line_cells,
+    line_cells_between,
     map_cells,
     polygon_cells,
     submap_cells,

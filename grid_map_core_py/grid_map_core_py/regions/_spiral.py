@@ -82,7 +82,14 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
         return empty_cells(0)
-    off_center = _off_center(geometry, center, middle)
+    # x, y from the center of the disc to the center of its cell [m].
+    off_center = [
+        position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
+        for position, length, cell, origin in zip(
+            *(geometry.position.tolist(), geometry.length.tolist(), middle, center.tolist()),
+            strict=True,
+        )
+    ]
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
     # Number of rings that are entirely in the disc and on the map; the center cell always counts.
@@ -103,21 +110,6 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
         if start:
             close_ring(numbers, geometry.size[axis])
     return cells
-
-
-def _off_center(geometry: GridGeometry, center: Positions, middle: Size) -> tuple[float, float]:
-    """Return x, y from the center of the disc to the center of its cell [m]."""
-    x, y = (
-        position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
-        for position, length, cell, origin in zip(
-            geometry.position.tolist(),
-            geometry.length.tolist(),
-            middle,
-            center.tolist(),
-            strict=True,
-        )
-    )
-    return x, y
 
 
 @cache
