@@ -192,7 +192,7 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
     # As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
     below = (-y).searchsorted(-vertices[:, 1], side="right")
-    before = np.roll(below, 1)
+    before = below[np.arange(-1, below.size - 1)]
     counts = np.abs(below - before)
     edges = np.arange(len(vertices)).repeat(counts)
     crossed = np.arange(edges.size)
