@@ -18,7 +18,6 @@ from bags import numbered_map
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
-from rosbags.highlevel import AnyReader
 from std_msgs.msg import String
 
 from grid_map_core_py.testing import assert_maps_equal
@@ -86,6 +85,7 @@ def write_texts(bag: Path, *, type_name: str = "std_msgs/msg/String", count: int
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_recording_ends_with_a_complete_bag(tmp_path, number):
+    highlevel = pytest.importorskip("rosbags.highlevel")
     bag = tmp_path / "bag"
     with peer() as node, command("record", MAP, TEXT, "/silent", bag) as recorder:
         publish_map_and_texts(node)
@@ -95,7 +95,7 @@ def test_recording_ends_with_a_complete_bag(tmp_path, number):
     assert "recorded 6 messages" in recorder.text
     assert_maps_equal(load_from_bag(bag), numbered_map(3))
     assert texts_in(bag) == [f"text {number}" for number in range(5)]
-    with AnyReader([bag]) as independent:
+    with highlevel.AnyReader([bag]) as independent:
         (message,) = [
             independent.deserialize(data, connection.msgtype)
             for connection, _, data in independent.messages()
