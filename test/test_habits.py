@@ -209,7 +209,7 @@ def test_public_modules_have_all(package):
     for name in public_modules(package):
         module = importlib.import_module(name)
         exported = getattr(module, "__all__", None)
-        assert exported, f"{name}: list its public names in __all__, or let its name begin with _"
+        assert exported, f"{name}: give it an __all__, or let its name begin with _"
         assert [name for name in exported if name.startswith("_")] == []
         assert [name for name in exported if not hasattr(module, name)] == []
 

@@ -40,8 +40,7 @@ from rclpy.node import Node
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
-from grid_map_ros_py.nodes import _parameters as parameters
-from grid_map_ros_py.nodes import _spin
+from grid_map_ros_py.nodes import _parameters as parameters, _spin
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,14 +19,16 @@ from matplotlib.patches import Rectangle
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import change_resolution, from_image, to_image
 from grid_map_core_py.map import GridGeometry
-from grid_map_demos_py import image_publisher_node as image_publisher
-from grid_map_demos_py import interpolation_demo_node as interpolation
-from grid_map_demos_py import iterators_demo_node as iterators
-from grid_map_demos_py import move_demo_node as move
-from grid_map_demos_py import normal_filter_comparison_demo_node as comparison
-from grid_map_demos_py import opencv_demo_node as opencv
-from grid_map_demos_py import sdf_demo_node as sdf
-from grid_map_demos_py import tutorial_demo_node as tutorial
+from grid_map_demos_py import (
+    image_publisher_node as image_publisher,
+    interpolation_demo_node as interpolation,
+    iterators_demo_node as iterators,
+    move_demo_node as move,
+    normal_filter_comparison_demo_node as comparison,
+    opencv_demo_node as opencv,
+    sdf_demo_node as sdf,
+    tutorial_demo_node as tutorial,
+)
 from grid_map_demos_py.parts import HEIGHT, star_map
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap

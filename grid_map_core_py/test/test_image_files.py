@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GeometryError, GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import GridMapError

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import ConfigError, GeometryError, GridGeometry, GridMap, GridMapError
 from grid_map_core_py.elevation import RollingMap

@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 from filter_cases import assert_cells_are, filtered, ground, points_in_disc
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 

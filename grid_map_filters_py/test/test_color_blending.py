@@ -6,8 +6,7 @@ import filter_oracles as oracles
 import numpy as np
 import pytest
 from filter_cases import assert_bytes_near, run, terrain
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import color_vector_to_value
 from grid_map_filters_py import FilterConfigError

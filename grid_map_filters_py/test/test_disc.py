@@ -4,8 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py.builtin import MeanInRadius

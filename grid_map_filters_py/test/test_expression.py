@@ -11,8 +11,7 @@ from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py.errors import ExpressionError, FilterError

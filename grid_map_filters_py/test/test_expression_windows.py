@@ -7,8 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from expression_oracle import window_by_window
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from grid_map_filters_py.errors import ExpressionError, FilterError

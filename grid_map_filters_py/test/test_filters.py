@@ -22,8 +22,7 @@ from filter_cases import (
     step_of,
     terrain,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import assert_maps_equal, grid_maps, moved_in_buffer
 from grid_map_filters_py import FILTERS, FilterConfigError, FilterError

@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 from filter_cases import filtered, ground
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning

@@ -5,8 +5,7 @@
 import filter_oracles as oracles
 import numpy as np
 from filter_cases import TO_OUT, run, terrain
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 

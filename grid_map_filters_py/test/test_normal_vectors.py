@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 from filter_cases import CELLS_OF_PLANES, ground, points_in_disc, run, terrain
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 

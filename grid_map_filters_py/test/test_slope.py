@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from filter_cases import filtered, run, terrain
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_filters_py import FilterConfigError
 

@@ -7,8 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from filter_cases import CELLS, assert_cells_are, filtered, ground, points_in_disc
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from grid_map_core_py import circle_cells
 from grid_map_core_py.testing import grid_maps

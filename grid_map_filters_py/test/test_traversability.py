@@ -5,8 +5,7 @@
 import numpy as np
 import pytest
 from filter_cases import filtered, run, terrain
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 TRAVERSABILITY = "gridMapFilters/TraversabilityFilter"
 ALONE = {"input_layers": ["elevation"], "output_layer": "out"}

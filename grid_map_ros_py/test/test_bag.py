@@ -27,8 +27,7 @@ from bags import (
     write_mcap,
 )
 from cpp_recordings import bits, recorded
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError

@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 from bags import DATA, RECORDED_MOVES, TOPIC, numbered_map, write_mcap
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import BagError, BagReader, bag_maps, load_from_bag, save_to_bag

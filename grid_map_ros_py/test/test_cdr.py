@@ -11,8 +11,7 @@ import pytest
 from cpp_recordings import bits
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from nav_msgs.msg import GridCells, OccupancyGrid, Odometry
 from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message

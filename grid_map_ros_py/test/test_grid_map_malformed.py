@@ -15,8 +15,7 @@ from std_msgs.msg import MultiArrayDimension
 from test_grid_map import sample_map
 from wire import set_field
 
-from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_msgs.msg import GridMapInfo
+from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 from grid_map_ros_py import MessageError, from_message, from_serialized_message, to_message
 
 NAN, INF = math.nan, math.inf

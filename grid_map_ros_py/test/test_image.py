@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cpp_golden import cases, to_map
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from sensor_msgs.msg import Image
 from wire import over_the_wire, set_field
 

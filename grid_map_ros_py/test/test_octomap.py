@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from octomap_stand_in import Octomap, message, write_binary, write_full
 
 from grid_map_core_py import GridMap

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from clouds import CODES, FLOAT32, FLOAT64, UINT8, UINT32, packed_cloud, xyz_cloud, xyz_fields
 from cpp_recordings import recorded
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from wire import set_field

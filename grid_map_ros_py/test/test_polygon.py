@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from cpp_golden import assert_header, only
 from geometry_msgs.msg import Point32
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from visualization_msgs.msg import Marker
 from wire import over_the_wire
 

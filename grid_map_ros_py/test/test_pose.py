@@ -15,8 +15,7 @@ from geometry_msgs.msg import (
     TransformStamped,
     Vector3,
 )
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from nav_msgs.msg import Odometry
 from wire import over_the_wire, set_field
 

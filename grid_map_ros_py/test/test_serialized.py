@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from rclpy.serialization import serialize_message
 from test_cdr import assert_encodes
 from test_grid_map import maps, sample_map

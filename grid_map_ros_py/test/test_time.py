@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from grid_map_ros_py import MessageError
 from grid_map_ros_py.messages import from_stamp, to_stamp

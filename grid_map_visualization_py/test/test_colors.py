@@ -7,8 +7,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra import numpy as arrays
 
 from grid_map_core_py import color_vector_to_value

@@ -4,8 +4,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from messages import colors_of, drawn, fields_of, points_of
 from visualization_msgs.msg import Marker
 

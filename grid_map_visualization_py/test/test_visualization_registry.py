@@ -14,8 +14,7 @@ import yaml
 import grid_map_visualization_py
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, LayerNotFoundError
-from grid_map_visualization_py import VISUALIZATIONS, create
-from grid_map_visualization_py import _registry as registry
+from grid_map_visualization_py import VISUALIZATIONS, _registry as registry, create
 from grid_map_visualization_py.builtin import MapRegionVisualization
 
 INF = math.inf

@@ -10,30 +10,23 @@
   `min_of_finites`, `max_of_finites`.
 """
 
-from ._checks import Cells, Layer, Mask, Positions, Size, as_array, as_cells, as_number
-from ._pieces import elementwise, slices
+from ._checks import (
+    Cells as Cells,
+    Layer as Layer,
+    Mask as Mask,
+    Positions as Positions,
+    Size as Size,
+    as_array as as_array,
+    as_cells as as_cells,
+    as_number as as_number,
+)
+from ._pieces import elementwise as elementwise, slices as slices
 from ._statistics import (
-    max_of_finites,
-    mean_of_finites,
-    min_of_finites,
-    number_of_finites,
-    sum_of_finites,
+    max_of_finites as max_of_finites,
+    mean_of_finites as mean_of_finites,
+    min_of_finites as min_of_finites,
+    number_of_finites as number_of_finites,
+    sum_of_finites as sum_of_finites,
 )
 
-__all__ = [
-    "Cells",
-    "Layer",
-    "Mask",
-    "Positions",
-    "Size",
-    "as_array",
-    "as_cells",
-    "as_number",
-    "elementwise",
-    "max_of_finites",
-    "mean_of_finites",
-    "min_of_finites",
-    "number_of_finites",
-    "slices",
-    "sum_of_finites",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

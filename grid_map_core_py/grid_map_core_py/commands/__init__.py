@@ -13,49 +13,32 @@ wrong arguments, 130 after Ctrl-C, 143 after SIGTERM, 141 if the reader of the o
 """
 
 from ._arguments import (
-    add_destination,
-    add_json,
-    add_layers,
-    add_source,
-    complete_layers,
-    completed,
+    add_destination as add_destination,
+    add_json as add_json,
+    add_layers as add_layers,
+    add_source as add_source,
+    complete_layers as complete_layers,
+    completed as completed,
 )
-from ._main import main
-from ._maps import Destination, check_free, describe, open_records, read_map
+from ._main import main as main
+from ._maps import (
+    Destination as Destination,
+    check_free as check_free,
+    describe as describe,
+    open_records as open_records,
+    read_map as read_map,
+)
 from ._output import (
-    CommandError,
-    ProgressBar,
-    UsageError,
-    byte_count,
-    coordinate,
-    message,
-    number,
-    print_json,
-    print_table,
-    shown,
+    CommandError as CommandError,
+    ProgressBar as ProgressBar,
+    UsageError as UsageError,
+    byte_count as byte_count,
+    coordinate as coordinate,
+    message as message,
+    number as number,
+    print_json as print_json,
+    print_table as print_table,
+    shown as shown,
 )
 
-__all__ = [
-    "CommandError",
-    "Destination",
-    "ProgressBar",
-    "UsageError",
-    "add_destination",
-    "add_json",
-    "add_layers",
-    "add_source",
-    "byte_count",
-    "check_free",
-    "complete_layers",
-    "completed",
-    "coordinate",
-    "describe",
-    "main",
-    "message",
-    "number",
-    "open_records",
-    "print_json",
-    "print_table",
-    "read_map",
-    "shown",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -2,49 +2,34 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
-from ._atomic import new_file, new_folder
-from ._clouds import Fields, load_cloud, load_mesh, load_points
-from ._formats import (
-    Format,
-    MapRecord,
-    find_format,
-    formats,
-    load,
-    options_of,
-    save,
+from ._atomic import new_file as new_file, new_folder as new_folder
+from ._clouds import (
+    Fields as Fields,
+    load_cloud as load_cloud,
+    load_mesh as load_mesh,
+    load_points as load_points,
 )
-from ._geotiff import load_geotiff, save_geotiff
-from ._image_files import load_height_image, save_height_image
-from ._image_folder import load_images, save_images
-from ._map_server import load_map_server, save_map_server
-from ._npz import load_npz, save_npz
-from ._shared import load_yaml, map_facts, storage_errors
+from ._formats import (
+    Format as Format,
+    MapRecord as MapRecord,
+    find_format as find_format,
+    formats as formats,
+    load as load,
+    options_of as options_of,
+    save as save,
+)
+from ._geotiff import load_geotiff as load_geotiff, save_geotiff as save_geotiff
+from ._image_files import (
+    load_height_image as load_height_image,
+    save_height_image as save_height_image,
+)
+from ._image_folder import load_images as load_images, save_images as save_images
+from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
+from ._npz import load_npz as load_npz, save_npz as save_npz
+from ._shared import (
+    load_yaml as load_yaml,
+    map_facts as map_facts,
+    storage_errors as storage_errors,
+)
 
-__all__ = [
-    "Fields",
-    "Format",
-    "MapRecord",
-    "find_format",
-    "formats",
-    "load",
-    "load_cloud",
-    "load_geotiff",
-    "load_height_image",
-    "load_images",
-    "load_map_server",
-    "load_mesh",
-    "load_npz",
-    "load_points",
-    "load_yaml",
-    "map_facts",
-    "new_file",
-    "new_folder",
-    "options_of",
-    "save",
-    "save_geotiff",
-    "save_height_image",
-    "save_images",
-    "save_map_server",
-    "save_npz",
-    "storage_errors",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -10,19 +10,11 @@
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
-from ..arrays._checks import select_layers
-from ._geometry import GridGeometry
-from ._grid_map import GridMap
-from ._interpolation import Interpolation
-from ._ring_buffer import BufferRegion, unwrapped
-from ._signed_distance_field import SignedDistanceField
+from ..arrays._checks import select_layers as select_layers
+from ._geometry import GridGeometry as GridGeometry
+from ._grid_map import GridMap as GridMap
+from ._interpolation import Interpolation as Interpolation
+from ._ring_buffer import BufferRegion as BufferRegion, unwrapped as unwrapped
+from ._signed_distance_field import SignedDistanceField as SignedDistanceField
 
-__all__ = [
-    "BufferRegion",
-    "GridGeometry",
-    "GridMap",
-    "Interpolation",
-    "SignedDistanceField",
-    "select_layers",
-    "unwrapped",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

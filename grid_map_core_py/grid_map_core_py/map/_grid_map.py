@@ -28,8 +28,7 @@ from ..arrays._checks import (
     select_layers,
 )
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
-from . import _merge as merge
-from . import _ring_buffer as ring_buffer
+from . import _merge as merge, _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
 from ._ring_buffer import BufferRegion

@@ -10,35 +10,20 @@
 - `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
 """
 
-from ..map._geometry import BORDER_TOLERANCE
-from ._polygon import Polygon
+from ..map._geometry import BORDER_TOLERANCE as BORDER_TOLERANCE
+from ._polygon import Polygon as Polygon
 from ._shapes import (
-    cells_to_mask,
-    circle_cells,
-    ellipse_cells,
-    half_chords,
-    line_cells,
-    line_cells_between,
-    map_cells,
-    polygon_cells,
-    submap_cells,
+    cells_to_mask as cells_to_mask,
+    circle_cells as circle_cells,
+    ellipse_cells as ellipse_cells,
+    half_chords as half_chords,
+    line_cells as line_cells,
+    line_cells_between as line_cells_between,
+    map_cells as map_cells,
+    polygon_cells as polygon_cells,
+    submap_cells as submap_cells,
 )
-from ._sliding_window import sliding_windows, window_array
-from ._spiral import spiral_cells
+from ._sliding_window import sliding_windows as sliding_windows, window_array as window_array
+from ._spiral import spiral_cells as spiral_cells
 
-__all__ = [
-    "BORDER_TOLERANCE",
-    "Polygon",
-    "cells_to_mask",
-    "circle_cells",
-    "ellipse_cells",
-    "half_chords",
-    "line_cells",
-    "line_cells_between",
-    "map_cells",
-    "polygon_cells",
-    "sliding_windows",
-    "spiral_cells",
-    "submap_cells",
-    "window_array",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -12,58 +12,33 @@ A filter takes its parameters of YAML as keyword arguments, and is called with a
     0.0
 """
 
-from ._bilateral import Bilateral
-from ._buffer_normalizer import BufferNormalizer
-from ._color_blending import ColorBlending
-from ._color_fill import ColorFill
-from ._color_map import ColorMap
-from ._curvature import Curvature
-from ._deletion import Deletion
-from ._dilation import Dilation
-from ._duplication import Duplication
-from ._erosion import Erosion
-from ._gaussian_blur import GaussianBlur
-from ._inpaint import Inpaint
-from ._light_intensity import LightIntensity
-from ._math_expression import MathExpression
-from ._mean_in_radius import MeanInRadius
-from ._median_fill import MedianFill
-from ._min_in_radius import MinInRadius
-from ._normal_color_map import NormalColorMap
-from ._normal_vectors import NormalVectors
-from ._roughness import Roughness
-from ._set_basic_layers import SetBasicLayers
-from ._sliding_window_math_expression import SlidingWindowMathExpression
-from ._slope import Slope
-from ._step_height import StepHeight
-from ._threshold import Threshold
-from ._traversability import Traversability
+from ._bilateral import Bilateral as Bilateral
+from ._buffer_normalizer import BufferNormalizer as BufferNormalizer
+from ._color_blending import ColorBlending as ColorBlending
+from ._color_fill import ColorFill as ColorFill
+from ._color_map import ColorMap as ColorMap
+from ._curvature import Curvature as Curvature
+from ._deletion import Deletion as Deletion
+from ._dilation import Dilation as Dilation
+from ._duplication import Duplication as Duplication
+from ._erosion import Erosion as Erosion
+from ._gaussian_blur import GaussianBlur as GaussianBlur
+from ._inpaint import Inpaint as Inpaint
+from ._light_intensity import LightIntensity as LightIntensity
+from ._math_expression import MathExpression as MathExpression
+from ._mean_in_radius import MeanInRadius as MeanInRadius
+from ._median_fill import MedianFill as MedianFill
+from ._min_in_radius import MinInRadius as MinInRadius
+from ._normal_color_map import NormalColorMap as NormalColorMap
+from ._normal_vectors import NormalVectors as NormalVectors
+from ._roughness import Roughness as Roughness
+from ._set_basic_layers import SetBasicLayers as SetBasicLayers
+from ._sliding_window_math_expression import (
+    SlidingWindowMathExpression as SlidingWindowMathExpression,
+)
+from ._slope import Slope as Slope
+from ._step_height import StepHeight as StepHeight
+from ._threshold import Threshold as Threshold
+from ._traversability import Traversability as Traversability
 
-__all__ = [
-    "Bilateral",
-    "BufferNormalizer",
-    "ColorBlending",
-    "ColorFill",
-    "ColorMap",
-    "Curvature",
-    "Deletion",
-    "Dilation",
-    "Duplication",
-    "Erosion",
-    "GaussianBlur",
-    "Inpaint",
-    "LightIntensity",
-    "MathExpression",
-    "MeanInRadius",
-    "MedianFill",
-    "MinInRadius",
-    "NormalColorMap",
-    "NormalVectors",
-    "Roughness",
-    "SetBasicLayers",
-    "SlidingWindowMathExpression",
-    "Slope",
-    "StepHeight",
-    "Threshold",
-    "Traversability",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -6,18 +6,14 @@
 of the values of one cell into one of whole layers, which numba compiles where it is installed.
 """
 
-from ._cell_function import CellFunction, cell_function, choose, clamp, helper, is_finite
-from ._disc import Disc, Tile, tiles, typical_value
+from ._cell_function import (
+    CellFunction as CellFunction,
+    cell_function as cell_function,
+    choose as choose,
+    clamp as clamp,
+    helper as helper,
+    is_finite as is_finite,
+)
+from ._disc import Disc as Disc, Tile as Tile, tiles as tiles, typical_value as typical_value
 
-__all__ = [
-    "CellFunction",
-    "Disc",
-    "Tile",
-    "cell_function",
-    "choose",
-    "clamp",
-    "helper",
-    "is_finite",
-    "tiles",
-    "typical_value",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

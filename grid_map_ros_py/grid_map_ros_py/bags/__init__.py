@@ -3,27 +3,16 @@
 """Maps in bags of rosbag2, read and written without ROS: MCAP and sqlite3 files."""
 
 from ._bag import (
-    STORAGES,
-    BagReader,
-    BagRecord,
-    BagTopic,
-    BagWriter,
-    bag_maps,
-    bag_topics,
-    load_from_bag,
-    save_to_bag,
+    STORAGES as STORAGES,
+    BagReader as BagReader,
+    BagRecord as BagRecord,
+    BagTopic as BagTopic,
+    BagWriter as BagWriter,
+    bag_maps as bag_maps,
+    bag_topics as bag_topics,
+    load_from_bag as load_from_bag,
+    save_to_bag as save_to_bag,
 )
-from ._mcap import COMPRESSIONS
+from ._mcap import COMPRESSIONS as COMPRESSIONS
 
-__all__ = [
-    "COMPRESSIONS",
-    "STORAGES",
-    "BagReader",
-    "BagRecord",
-    "BagTopic",
-    "BagWriter",
-    "bag_maps",
-    "bag_topics",
-    "load_from_bag",
-    "save_to_bag",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]

@@ -27,9 +27,7 @@ from grid_map_core_py.files import new_folder
 from ..errors import BagError, MessageError
 from ..messages._grid_map import from_serialized_message, to_serialized_message
 from ..messages._time import check_nanoseconds
-from . import _mcap as bag_mcap
-from . import _sqlite as bag_sqlite
-from . import _storage as bag_storage
+from . import _mcap as bag_mcap, _sqlite as bag_sqlite, _storage as bag_storage
 from ._mcap import COMPRESSIONS, McapFile, McapWriter
 from ._sqlite import SqliteFile, SqliteWriter
 from ._storage import GRID_MAP_TYPE, MAPS, Entry, Topic, bag_errors

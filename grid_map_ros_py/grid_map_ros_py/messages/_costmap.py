@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grid_map_core_py import GridMap
-from grid_map_core_py import conversions as costs
+from grid_map_core_py import GridMap, conversions as costs
 from grid_map_core_py.conversions import FREE, LETHAL, CostCodec, CostRange, CostTable
 
 from ._checks import as_float32, as_written, check_fields, check_grid, check_positive

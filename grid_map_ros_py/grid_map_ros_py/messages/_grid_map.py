@@ -26,8 +26,7 @@ from ._packages import messages_of
 from ._time import NANOSECONDS, check_nanoseconds, from_stamp
 
 if TYPE_CHECKING:
-    from grid_map_msgs.msg import GridMap as GridMapMessage
-    from grid_map_msgs.msg import GridMapInfo
+    from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 
 LARGEST_START_INDEX = 2**16 - 1
 """The message holds the start index as uint16."""

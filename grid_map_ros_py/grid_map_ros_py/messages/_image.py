@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py import GridMap
-from grid_map_core_py import conversions as pixels
+from grid_map_core_py import GridMap, conversions as pixels
 from grid_map_core_py.arrays import Size
 from grid_map_core_py.conversions import COLOR_LAYER, Order
 

@@ -6,24 +6,14 @@ A visualization is created with the parameters that it has in YAML, by keyword, 
 map; it returns a message.
 """
 
-from ._contours import ContoursVisualization
-from ._flat_point_cloud import FlatPointCloudVisualization
-from ._grid_cells import GridCellsVisualization
-from ._image import ImageVisualization
-from ._map_region import MapRegionVisualization
-from ._occupancy_grid import OccupancyGridVisualization
-from ._point_cloud import PointCloudVisualization
-from ._surface import SurfaceVisualization
-from ._vectors import VectorsVisualization
+from ._contours import ContoursVisualization as ContoursVisualization
+from ._flat_point_cloud import FlatPointCloudVisualization as FlatPointCloudVisualization
+from ._grid_cells import GridCellsVisualization as GridCellsVisualization
+from ._image import ImageVisualization as ImageVisualization
+from ._map_region import MapRegionVisualization as MapRegionVisualization
+from ._occupancy_grid import OccupancyGridVisualization as OccupancyGridVisualization
+from ._point_cloud import PointCloudVisualization as PointCloudVisualization
+from ._surface import SurfaceVisualization as SurfaceVisualization
+from ._vectors import VectorsVisualization as VectorsVisualization
 
-__all__ = [
-    "ContoursVisualization",
-    "FlatPointCloudVisualization",
-    "GridCellsVisualization",
-    "ImageVisualization",
-    "MapRegionVisualization",
-    "OccupancyGridVisualization",
-    "PointCloudVisualization",
-    "SurfaceVisualization",
-    "VectorsVisualization",
-]
+__all__ = [name for name in dir() if not name.startswith("_")]
