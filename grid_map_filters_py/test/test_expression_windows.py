@@ -228,13 +228,9 @@ def test_a_map_of_one_cell_has_windows(edge_handling):
 def test_windows_larger_than_the_map_are_never_inside():
     layer = np.ones((3, 9), np.float32)
     result = Expression("sum(e)").over_windows("e", layer, 5, "inside")
-    assert result.shape == layer.shape
-    assert np.isnan(result).all()
-
-
-def test_wrong_expression_fails_without_any_window_inside():
+    np.testing.assert_array_equal(result, np.full(layer.shape, np.nan))
     with pytest.raises(ExpressionError, match="this one gives 5 x 5"):
-        Expression("e + 1").over_windows("e", np.ones((3, 9), np.float32), 5, "inside")
+        Expression("e + 1").over_windows("e", layer, 5, "inside")
 
 
 @pytest.mark.parametrize("edge_handling", EDGES)
@@ -263,18 +259,13 @@ def test_result_is_float32_and_input_is_unchanged(edge_handling, order):
     assert layer.flags.writeable
 
 
-def test_numbers_are_rounded_to_float32():
+def test_constants_are_float32_and_layers_may_be_integers():
     layer = np.full((3, 3), 0.1, np.float32)
     assert Expression("sum(e > 0.1)")({"e": layer}) == 0
     assert Expression("sum(e > 0.1)").over_windows("e", layer, 3, "inside")[1, 1] == 0
-
-
-@pytest.mark.parametrize("edge_handling", EDGES)
-def test_integer_layers_have_windows(edge_handling):
-    result = Expression("meanOfFinites(e)").over_windows(
-        "e", np.eye(5, dtype=int), 3, edge_handling
-    )
-    assert result[2, 2] == pytest.approx(1 / 3)
+    for edge_handling in EDGES:
+        means = Expression("meanOfFinites(e)").over_windows
+        assert means("e", np.eye(5, dtype=int), 3, edge_handling)[2, 2] == pytest.approx(1 / 3)
 
 
 def test_memory_does_not_grow_with_the_window():
@@ -349,8 +340,3 @@ def test_errors_in_windows_show_the_place(text, column, message):
     assert message in first
     assert line.strip() == text
     assert caret.index("^") - line.index(text) == column
-
-
-def test_kernel_does_not_fit_cropped_windows():
-    with pytest.raises(ExpressionError, match="the shapes 3 x 3 and 2 x 2 do not match"):
-        Expression(f"sumOfFinites({KERNEL} .* e)").over_windows("e", terrain(), 3, "crop")

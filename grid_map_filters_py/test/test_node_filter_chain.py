@@ -134,20 +134,20 @@ def test_each_layer_is_unwrapped_and_copied_once(start, copies):
     assert peak < (copies + 0.1) * len(data)
 
 
-def test_a_late_subscriber_gets_the_last_map(parameters, other_side):
-    with running_node(MODULE, *parameters()):
-        filtered(other_side, to_message(terrain(timestamp=1)), 1)
-        filtered(other_side, to_message(terrain(timestamp=2)), 2)
+def test_late_nodes_and_subscribers_get_the_last_map(parameters, other_side):
+    latched = other_side.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+    latched.publish(to_message(terrain(timestamp=1)))
+    with running_node(MODULE, *parameters()) as node:
+        assert from_message(other_side.expect("/filtered_map")).timestamp == 1
+        # A volatile publisher.
+        other_side.publish("/grid_map", to_message(terrain(timestamp=2)), 1)
+        other_side.expect("/filtered_map", 2)
         with peer() as late:
             late.listen("/filtered_map", GridMapMessage)
             assert from_message(late.expect("/filtered_map")).timestamp == 2
-
-
-def test_a_late_node_gets_the_last_map(parameters, other_side):
-    latched = other_side.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
-    latched.publish(to_message(terrain()))
-    with running_node(MODULE, *parameters()):
-        other_side.expect("/filtered_map")
+        other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
+        text = "no messages from a publisher of /grid_map: incompatible quality of service"
+        wait_until(lambda: text in node.text, "the warning")
 
 
 MALFORMED = [
@@ -165,16 +165,11 @@ def test_malformed_maps_are_named_and_the_next_is_filtered(parameters, other_sid
             setattr(message, field, value)
             other_side.publish("/grid_map", message)
             wait_until(lambda text=text: text in node.text, f"{text!r} in the log")
+        other_side.publish("/grid_map", to_message(without_elevation()))
+        wait_until(lambda: NO_ELEVATION in node.text, "the missing layer in the log")
         assert not other_side.received["/filtered_map"]
         result = filtered(other_side, to_message(terrain()), 1)
         assert_maps_equal(result, FilterChain.from_config(FILTERS)(terrain()))
-
-
-def test_map_without_the_layer_is_dropped_with_a_message(parameters, other_side):
-    with running_node(MODULE, *parameters()) as node:
-        other_side.publish("/grid_map", to_message(without_elevation()))
-        wait_until(lambda: NO_ELEVATION in node.text, "the message")
-        filtered(other_side, to_message(terrain()), 1)
 
 
 NO_ELEVATION = (
@@ -220,6 +215,10 @@ def test_diagnostics_count_maps_and_time_every_step(parameters, other_side):
         for count in (1, 2):
             filtered(other_side, to_message(terrain()), count)
         status = expect_status(other_side, maps_in="3", maps_out="2", maps_dropped="1")
+        assert set_all(other_side, filter4={"name": "rough"}) == OK
+        filtered(other_side, to_message(terrain()), 3)
+        renamed = values(expect_status(other_side, maps_in="4", maps_out="3"))
+    assert ("ms rough" in renamed, "ms roughness" in renamed) == (True, False)
     assert status.level == DiagnosticStatus.OK
     found = values(status)
     steps = [step["name"] for step in FILTERS.values()]
@@ -401,17 +400,6 @@ def test_empty_list_parameter_can_be_filled(parameters, other_side):
         assert filtered(other_side, message, 2).layers == ()
 
 
-def test_step_times_restart_with_another_chain(parameters, other_side):
-    other_side.listen("/diagnostics", DiagnosticArray, 10)
-    with running_node(MODULE, *parameters(diagnostics_period=0.1)):
-        filtered(other_side, to_message(terrain()), 1)
-        assert set_all(other_side, filter4={"name": "rough"}) == OK
-        filtered(other_side, to_message(terrain()), 2)
-        found = values(expect_status(other_side, maps_in="2", maps_out="2"))
-    assert "ms rough" in found
-    assert "ms roughness" not in found
-
-
 # --- topics ---------------------------------------------------------------------------------------
 
 
@@ -428,22 +416,6 @@ def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
     with running_node(MODULE, "--ros-args", "--params-file", str(path)):
         other_side.publish("/in", to_message(terrain()))
         other_side.expect("/out")
-
-
-def test_maps_of_volatile_publishers_are_filtered(parameters, other_side):
-    with running_node(MODULE, *parameters()):
-        other_side.publish("/grid_map", to_message(terrain()), 1)
-        other_side.expect("/filtered_map")
-        with peer() as latched:
-            latched.publish("/grid_map", to_message(terrain(timestamp=7)))
-            assert from_message(other_side.expect("/filtered_map", 2)).timestamp == 7
-
-
-def test_best_effort_publisher_is_named(parameters, other_side):
-    with running_node(MODULE, *parameters()) as node:
-        other_side.node.create_publisher(GridMapMessage, "/grid_map", qos_profile_sensor_data)
-        text = "no messages from a publisher of /grid_map: incompatible quality of service"
-        wait_until(lambda: text in node.text, "the warning")
 
 
 def test_the_result_keeps_the_start_index_without_a_normalizer(parameters, other_side):
