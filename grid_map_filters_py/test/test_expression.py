@@ -120,16 +120,7 @@ def test_operators_between_numbers(text, number):
     np.testing.assert_equal(Expression(text)({}), number)
 
 
-def test_a_scalar_makes_every_operator_elementwise():
-    elevation = layers()["elevation"]
-    for text in ["2*elevation", "elevation.*2", "elevation*[2]", "elevation(0,1)*elevation"]:
-        np.testing.assert_array_equal(value(text), 2 * elevation)
-    np.testing.assert_array_equal(value("2/elevation"), 2 / elevation)
-    np.testing.assert_array_equal(value("elevation^2"), elevation * elevation)
-    np.testing.assert_array_equal(value("5.*elevation"), 5 * elevation)
-
-
-def test_one_by_one_matrix_fits_every_shape():
+def test_one_by_one_layer_fits_every_shape():
     cell = fortran([[4]])
     assert value("sqrt(cell)", cell=cell).shape == (1, 1)
     assert value("min(cell, other)", cell=cell, other=fortran([[3]])) == 3
@@ -262,6 +253,11 @@ def test_plain_reductions_keep_nan_and_finite_reductions_skip_it():
         ("square_ * square_", [[7, 10], [15, 22]]),
         ("square_ .* square_", [[1, 4], [9, 16]]),
         ("square_ ^ square_", [[1, 4], [27, 256]]),
+        *((text, [[2, 4], [6, 8]]) for text in ("2*square_", "square_.*2", "square_*[2]")),
+        ("5.*square_", [[5, 10], [15, 20]]),
+        ("square_(0,1)*square_", [[2, 4], [6, 8]]),
+        ("2/square_", [[2, 1], [np.float32(2 / 3), 0.5]]),
+        ("square_^2", [[1, 4], [9, 16]]),
         ("(square_ + 1) .* (square_ + 1) - (square_ + 1)", [[2, 6], [12, 20]]),
     ],
 )

@@ -136,11 +136,6 @@ def test_a_disc_larger_than_the_map_covers_it(type_name):
     np.testing.assert_allclose(filtered(type_name, ground(STEPS), **params), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("type_name", ["Roughness", "Slope"])
-def test_planes_are_fitted_to_discs_larger_than_the_map(type_name):
-    assert np.isfinite(filtered(type_name, ground(STEPS), radius=1e6)).all()
-
-
 BILATERAL = {"sigma_space": 1, "sigma_range": 1}
 FILL = {"fill_hole_radius": 0.2, "fill_mask_layer": "mask"}
 RAMP = {"min_value": -1, "max_value": 3, "min_color": [0, 0, 0], "max_color": [1, 1, 1]}

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from grid_map_core_py.errors import ConfigError
 from grid_map_filters_py import FILTERS
 from grid_map_filters_py._registry import BUILT_IN
 
@@ -79,8 +78,3 @@ def test_short_names_of_built_in_filters_are_taken(tmp_path):
     result = run_python(tmp_path, USE)
     assert result.returncode == 1
     assert "the type 'Threshold' is registered twice: as lift_filters:Lift" in result.stderr
-
-
-def test_unknown_type_is_an_error_that_lists_the_known_ones():
-    with pytest.raises(ConfigError, match="unknown type ''; known: gridMapCv/InpaintFilter, "):
-        FILTERS[""]
