@@ -7,31 +7,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
 from .._shared.colors import check_color, or_none, pack
+from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, clamp, is_finite
 
 _FIRST, _LAST = np.float32(0), np.float32(1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorMap:
+class ColorMap(LayerFilter):
     """Color a layer by a linear ramp between two values, each with a color.
 
     Values beyond the ramp get the color of its end. Cells that are not finite have no color.
 
     Attributes:
-        input_layer: layer with the values.
-        output_layer: layer for the result.
         min_value: first value of the ramp. In YAML also `min: {value, color}` and `min/value`.
         max_value: last value of the ramp, above `min_value`.
         min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].
     """
 
-    input_layer: str
-    output_layer: str
     min_value: float
     max_value: float
     min_color: tuple[float, ...]
@@ -49,12 +46,11 @@ class ColorMap:
         check(in_range, "max/value", f"a ramp of at most {longest:g}", self.max_value)
         _color.prepare()
 
-    def __call__(self, grid_map: GridMap) -> GridMap:
+    def _filter(self, layer: Layer, _resolution: float) -> Layer:
         first, last = (255 * np.clip(color, 0, 1) for color in (self.min_color, self.max_color))
         width = np.float32(self.max_value) - np.float32(self.min_value)
         ramp = (self.min_value, width, *(last - first), *first)
-        colors = _color([grid_map[self.input_layer]], ramp)
-        return grid_map.with_layers({self.output_layer: colors})
+        return _color([layer], ramp)
 
 
 @cell_function(takes=np.float32, gives=np.uint32, numbers=8)

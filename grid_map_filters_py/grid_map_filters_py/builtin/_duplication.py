@@ -4,20 +4,14 @@
 
 from dataclasses import dataclass
 
-from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
+
+from .._shared.layer_filter import LayerFilter
 
 
 @dataclass(frozen=True, kw_only=True)
-class Duplication:
-    """Copy `input_layer` to `output_layer`.
+class Duplication(LayerFilter):
+    """Copy `input_layer` to `output_layer`."""
 
-    Attributes:
-        input_layer: layer to copy.
-        output_layer: layer for the copy.
-    """
-
-    input_layer: str
-    output_layer: str
-
-    def __call__(self, grid_map: GridMap) -> GridMap:
-        return grid_map.with_layers({self.output_layer: grid_map[self.input_layer].copy("F")})
+    def _filter(self, layer: Layer, _resolution: float) -> Layer:
+        return layer.copy("F")
