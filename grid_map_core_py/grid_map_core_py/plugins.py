@@ -26,6 +26,7 @@ __all__ = [
     "check",
     "describe",
     "mismatch",
+    "nested",
 ]
 
 T = TypeVar("T")
