@@ -257,18 +257,3 @@ def test_folder_made_by_another_process_meanwhile_is_replaced(tmp_path):
     assert read_folder(folder) == {"ours"}
     assert names(folder) == ["one", "two"]
     assert names(tmp_path) == ["folder"]
-
-
-def test_missing_parent_folder_is_an_error(tmp_path):
-    missing = tmp_path / "missing"
-    with pytest.raises(FileNotFoundError, match="missing"), new_file(missing / "file"):
-        pass
-    with pytest.raises(FileNotFoundError, match="missing"), new_folder(missing / "folder", print):
-        pass
-    assert not missing.exists()
-
-
-@pytest.mark.parametrize("make", [new_file, lambda path: new_folder(path, print)])
-def test_unwritable_parent_folder_is_an_error(make):
-    with pytest.raises(OSError, match="/proc/"), make("/proc/map"):
-        pass

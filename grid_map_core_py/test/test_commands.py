@@ -281,6 +281,16 @@ def test_error_keeps_existing_data(command):
     assert not [path for path in Path().iterdir() if "partial" in path.name]
 
 
+@pytest.mark.parametrize("ending", ["npz", "tif", "png"])
+def test_full_disk_is_an_error_and_keeps_existing_data(command, full_disk, ending):
+    assert command(f"convert site.npz out.{ending} --layer elevation")[0] == 0
+    before = Path(f"out.{ending}").read_bytes()
+    with full_disk(200):
+        found = command(f"convert site.npz out.{ending} --force")
+    assert found == (1, "", f"grid-map: error: out.{ending}: cannot be written: File too large\n")
+    assert Path(f"out.{ending}").read_bytes() == before
+
+
 def test_control_characters_in_names_are_escaped(command):
     save_npz(GridMap((1, 1), 0.5, layers={"\x1b[31mred": 1.0}, frame_id="a\nb"), "evil.npz")
     for line in ("info evil.npz", "inspect evil.npz"):
