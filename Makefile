@@ -9,7 +9,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-fast test-oldest explore fuzz check format tables docs bench clean distclean
+.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables docs bench clean distclean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -27,6 +27,9 @@ demo: build  ## Publish and filter a terrain, write pictures to demo_output/ (VI
 
 test: build  ## Run all tests
 	@tools/test
+
+test-shuffled: build  ## Run all tests in random order (SEED=... repeats an order)
+	@seed=$(or $(SEED),$$RANDOM); echo "The order of the tests is that of SEED=$$seed."; GRID_MAP_SHUFFLE=$$seed tools/test
 
 test-fast: build  ## Run the tests of core and filters that start no node, in less than two minutes
 	@$(ENTER) for package in grid_map_core_py grid_map_filters_py; do \

@@ -5,9 +5,11 @@
 import ast
 import importlib.util
 import json
+import os
 import re
 import sys
 from pathlib import Path
+from subprocess import CompletedProcess
 from xml.etree import ElementTree
 
 import pytest
@@ -15,8 +17,9 @@ from pages import page
 
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
+from grid_map_ros_py.testing import environment
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
-from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables
+from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, run
 
 ROSDEP_KEYS = {
     "contourpy": "python3-matplotlib",  # matplotlib depends on contourpy
@@ -174,3 +177,68 @@ def test_readme_and_architecture_name_every_room(package):
     assert rooms - words(package, "README.md") == set()
     tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
     assert rooms == {*re.findall(r"^[├└]── (\w+)", tree.partition("\n\n")[0], re.MULTILINE)}
+
+
+# --- tests beside ROS -----------------------------------------------------------------------------
+
+STAND_IN = """
+from _pytest.pathlib import import_path
+
+def pytest_pycollect_makemodule(module_path, parent):
+    import_path(module_path, root=parent.config.rootpath)
+"""
+"""Plug-in that imports the modules of tests while it collects, as launch_testing of ROS does."""
+
+WITHOUT_KEYS = {"argcomplete", "mcap", "playwright", "pypcd4", "rasterio", "rosbags", "trimesh"}
+"""Modules that rosdep does not know, so that a machine with ROS lacks them."""
+
+HIDE = """
+from functools import partial
+from importlib.machinery import PathFinder
+
+find_spec = PathFinder.find_spec
+
+def find(name, path=None, target=None):
+    return None if name.partition(".")[0] in {hidden} else find_spec(name, path, target)
+
+PathFinder.find_spec = partial(find)  # which pytest cannot bind
+"""
+
+
+def run_tests(package: Path, folder: Path, hidden: set[str], *words: str) -> CompletedProcess[str]:
+    """Run pytest in the folder of a package with the stand-in, without the hidden modules."""
+    (folder / "launch_testing_stand_in.py").write_text(STAND_IN)
+    (folder / "sitecustomize.py").write_text(HIDE.format(hidden=sorted(hidden)))
+    path = f"{folder}:{os.environ['PYTHONPATH']}"
+    command = (sys.executable, "-m", "pytest", "-q", "-p", "launch_testing_stand_in", *words)
+    return run(*command, environ={**environment(), "PYTHONPATH": path}, cwd=package)
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)
+def test_launch_testing_collects_tests_without_optional_modules(package, tmp_path):
+    done = run_tests(package, tmp_path, OPTIONAL | WITHOUT_KEYS, "--collect-only")
+    assert done.returncode == 0, done.stdout
+    *tests, _, last = done.stdout.splitlines()
+    assert re.fullmatch(rf"{len(tests)} tests collected in .*", last), last
+    modules = {path.name for path in (package / "test").glob("test_*.py")}
+    assert modules == {Path(test.partition("::")[0]).name for test in tests}
+
+
+def test_tests_of_a_package_run_or_are_skipped_beside_ros(tmp_path):
+    files = ("test/test_files.py", "test/test_costmap.py")
+    done = run_tests(PYTHON_PACKAGES[0], tmp_path, WITHOUT_KEYS, *files)
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"\n[1-9]\d* passed, [1-9]\d* skipped in", done.stdout), done.stdout
+
+
+def test_package_without_tests_fails(tmp_path):
+    done = run_tests(PYTHON_PACKAGES[0], tmp_path, set(), "-k", "no_test_has_this_name")
+    assert done.returncode == 1
+    assert "no test was collected, which counts as a failure" in done.stdout
+
+
+def test_one_line_says_that_hypothesis_is_missing(tmp_path):
+    done = run_tests(PYTHON_PACKAGES[0], tmp_path, {"hypothesis"})
+    assert (done.returncode, done.stdout) == (4, "")
+    (line,) = done.stderr.strip().splitlines()
+    assert "hypothesis, which is not installed: run `rosdep install" in line

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.testing import register_profiles
-
-register_profiles()
 
 
 @pytest.fixture

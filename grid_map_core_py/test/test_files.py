@@ -12,8 +12,7 @@ from grid_map_core_py.conversions import from_mesh
 from grid_map_core_py.files import load_mesh, load_points
 
 # Optional under ROS, because rosdep has no key for them; `make test` installs both.
-pytest.importorskip("pypcd4")
-pytest.importorskip("trimesh")
+pytestmark = pytest.mark.needs("pypcd4", "trimesh")
 
 XYZ = np.array([(0, 0, 0.5), (1, 0, 1.5), (1, 2, -2.25), (0, 2, 4)], np.float32)
 INTENSITY = np.array([0.25, 1, 7, 100], np.float32)

@@ -18,10 +18,6 @@ SECOND = 1_000_000_000
 
 RECORDED_MOVES = ["cpp_move_mcap", "cpp_move_sqlite"]
 
-mcap_writer = pytest.importorskip("mcap.writer")
-mcap_reader = pytest.importorskip("mcap.reader")
-rosbag2 = pytest.importorskip("rosbags.rosbag2")
-
 
 def numbered_map(number: int, side: int = 4) -> GridMap:
     """Return a map whose values and time [s] equal a number."""
@@ -37,9 +33,12 @@ def number_of(grid_map: GridMap) -> int:
 
 def write_mcap(path: Path, times: list[int], *, schema: str = GRID_MAP_TYPE, **options) -> Path:
     """Write a file of numbered maps with the package `mcap` alone, in the order of `times` [s]."""
+    mcap = pytest.importorskip("mcap.writer")
     channel = {"topic": TOPIC, "message_encoding": options.pop("encoding", "cdr")}
+    if "index_types" in options:
+        options["index_types"] = mcap.IndexType[options["index_types"]]
     with path.open("wb") as file:
-        writer = mcap_writer.Writer(file, **options)
+        writer = mcap.Writer(file, **options)
         writer.start("ros2", "test")
         key = writer.register_schema(schema, "ros2msg", b"")
         key = writer.register_channel(schema_id=key, **channel)
@@ -52,6 +51,7 @@ def write_mcap(path: Path, times: list[int], *, schema: str = GRID_MAP_TYPE, **o
 
 def write_bag(folder: Path, numbers: list[int], storage: str, *, compressed: str = "") -> Path:
     """Write a bag of numbered maps with the package `rosbags`."""
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
     plugin = rosbag2.StoragePlugin[storage.upper()]
     writer = rosbag2.Writer(folder, version=9, storage_plugin=plugin)
     if compressed:

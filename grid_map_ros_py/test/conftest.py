@@ -11,10 +11,7 @@ from types import ModuleType
 import nav2_stand_in
 import pytest
 
-from grid_map_core_py.testing import register_profiles
 from grid_map_ros_py.testing import Peer, Process, peer
-
-register_profiles()
 
 Start = Callable[..., Process]
 

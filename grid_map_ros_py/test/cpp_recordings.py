@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
 
-make_reader = pytest.importorskip("mcap.reader").make_reader
-
 DATA = Path(__file__).parent / "data"
 
 
@@ -52,7 +50,8 @@ def bits(value: Any) -> Any:
 
 def _from_mcap(bag: Path, topic: str) -> list[bytes]:
     with bag.open("rb") as file:
-        return [message.data for _, _, message in make_reader(file).iter_messages(f"/{topic}")]
+        reader = pytest.importorskip("mcap.reader").make_reader(file)
+        return [message.data for _, _, message in reader.iter_messages(f"/{topic}")]
 
 
 def _from_sqlite(recording: str, topic: str) -> list[bytes]:

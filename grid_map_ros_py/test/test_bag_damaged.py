@@ -19,6 +19,8 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import BagError, BagReader, bag_maps, load_from_bag, save_to_bag
 from grid_map_ros_py.bags._mcap import LARGEST_CHUNK
 
+pytestmark = pytest.mark.needs("mcap", "rosbags")
+
 
 @pytest.fixture
 def path(tmp_path) -> Path:

@@ -19,6 +19,8 @@ from bags import TOPIC, number_of, numbered_map
 from grid_map_core_py import GridMap
 from grid_map_ros_py import BagError, bag_maps, load_from_bag, save_to_bag
 
+pytestmark = pytest.mark.needs("mcap", "rosbags")
+
 SAVE_FOR_EVER = """
 import sys
 sys.path.insert(0, sys.argv[1])

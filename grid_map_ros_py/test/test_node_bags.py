@@ -13,6 +13,8 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
 from grid_map_ros_py.testing import peer, running_node, start_node, wait_until
 
+pytestmark = pytest.mark.needs("mcap", "rosbags")
+
 LOADER = "grid_map_ros_py._executables.grid_map_loader"
 SAVER = "grid_map_ros_py._executables.grid_map_saver"
 

@@ -8,11 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from grid_map_core_py.testing import register_profiles
 from grid_map_ros_py import testing
 from grid_map_ros_py.testing import Peer
-
-register_profiles()
 
 
 @pytest.fixture

@@ -18,8 +18,6 @@ from grid_map_ros_py import testing, to_message
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
 from grid_map_visualization_py._viewer.glb import on_screen
 
-playwright = pytest.importorskip("playwright.sync_api")
-
 MODULE = "grid_map_visualization_py._executables.web_viewer"
 TALKATIVE = f"""
 import sys
@@ -168,6 +166,7 @@ def node() -> Iterator[Process]:
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[object]:
+    playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield browser
