@@ -128,7 +128,7 @@ class Newcomer:
             self.listener.listen(topic, GridMapMessage)
             self.listener.expect(topic)
         else:
-            self.listener.wait_until(lambda: re.search(r"at http\S+", program.text), "a page")
+            self.listener.wait_until(lambda: re.search(r"at\nhttp\S+\n", program.text), "a page")
             address = re.search(r"at (http\S+)", program.text)[1]
             assert b"<html" in urllib.request.urlopen(address, timeout=10).read()
 

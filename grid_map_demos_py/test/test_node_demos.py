@@ -115,7 +115,7 @@ def test_filters_demo_ignores_ros_arguments_and_runs_until_interrupted():
 def test_filters_demo_is_shown_in_the_browser():
     pytest.importorskip("viser")
     demo, mark = start_marked("--view", "0")
-    pattern = re.compile(r"shows /filtered_map at (http://127\.0\.0\.1:\d+)")
+    pattern = re.compile(r"shows /filtered_map in the browser at\n(http://127\.0\.0\.1:\d+)\n")
     wait_until(lambda: pattern.search(demo.text), "the address of the page")
     with urlopen(pattern.search(demo.text)[1], timeout=30) as answer:
         assert b"<html" in answer.read()

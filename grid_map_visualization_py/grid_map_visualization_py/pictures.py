@@ -13,6 +13,7 @@ ground keeps its color, slopes that face the light are lighter and slopes that f
 import math
 from io import BytesIO
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -241,19 +242,23 @@ def save_picture(
     Args:
         grid_map: the map.
         layer: gives the colors of a flat picture, else the heights.
-        path: the file; an existing one is replaced. It is a PDF or an SVG file if its name ends
-            so, else a PNG file.
+        path: the file, whose ending decides its format: .jpeg, .jpg, .pdf, .png or .svg. An
+            existing one is replaced.
         style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
         dpi: pixels per inch.
         options: those of that function, except `ax`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer.
-        ConfigError: the color map is unknown, or another option is invalid.
+        ConfigError: the color map is unknown, the name has another ending, or another option is
+            invalid.
         OSError: the file cannot be written.
     """
-    styles = "flat", "surface", "relief"
+    styles, endings = ("flat", "surface", "relief"), (".jpeg", ".jpg", ".pdf", ".png", ".svg")
     check(style in styles, "style", f"one of {', '.join(styles)}", style)
+    ending = Path(path).suffix.lower()
+    expected = f"a name that ends in {', '.join(endings)}"
+    check(ending in endings, "path", expected, Path(path).name)
     figure = Figure(figsize=(9.0, 7.0), dpi=dpi, layout="constrained")
     if style == "flat":
         plot(grid_map, layer, figure.add_subplot(), **options)
@@ -268,8 +273,7 @@ def save_picture(
         plot_relief(grid_map, layer, figure.add_axes((0.0, 0.0, 1.0, top)), **options)
     # On a full disk, Matplotlib raises errors of its own for PDF files.
     picture = BytesIO()
-    ending = str(path).rpartition(".")[2].lower()
-    figure.savefig(picture, format=ending if ending in ("pdf", "svg") else "png")
+    figure.savefig(picture, format=ending[1:])
     with new_file(path) as temporary:
         temporary.write_bytes(picture.getbuffer())
 

@@ -59,7 +59,7 @@ def test_the_ending_decides_the_kind_of_picture(command):
 @pytest.mark.parametrize(
     ("line", "code", "text"),
     [
-        ("plot site.npz map.jpg", 2, "expected a name that ends in .png, .pdf, .svg"),
+        ("plot site.npz map.bmp", 2, "expected a name that ends in .jpg, .pdf, .png, .svg"),
         ("plot site.npz site.npz", 2, "expected a name"),
         ("plot site.npz map.png --layer hight", 1, "no layer 'hight'; available: elevation"),
         ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 1 to 1200"),

@@ -131,4 +131,4 @@ def test_misconfigured_visualizations_are_named_and_skipped_on_request(peer, arg
     assert "skipped: visualization 'wrong' of type 'surface': parameter 'color_map'" in first
     assert "skipped: parameter 'grid_map_visualizations': " in second
     assert "'no topic'" in second
-    assert "shows /grid_map as region, while" in start
+    assert "shows /grid_map as /region, while" in start

@@ -178,11 +178,18 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, arguments):
         publisher.publish(elevation_map(0.5))
         peer.expect("grid")
     start, *problems = [line for line in node.lines if line != "a map\n"]
-    assert "shows /grid_map as region, grid" in start
+    assert "shows /grid_map as /region, /grid, while" in start
     assert len(problems) == 3
     assert "visualization 'grid': no layer 'elevation'; available: height" in problems[0]
     assert "info.resolution: expected a positive finite number, got -1.0" in problems[1]
     assert "info.resolution: expected a positive finite number, got -2.0" in problems[2]
+
+
+def test_resolved_topics_are_logged(peer, arguments):
+    words = arguments(**two_outputs(grid_map_topic="terrain"))
+    with running_node(MODULE, *words, "-r", "terrain:=/robot/ground", "-r", "grid:=costs") as node:
+        peer.wait_until(lambda: node.lines, "the topics")
+    assert "shows /robot/ground as /region, /costs, while" in node.text
 
 
 def test_empty_list_of_visualizations_is_no_error(peer, arguments):

@@ -224,18 +224,29 @@ def test_saved_picture_replaces_the_old_file(corner_map, tmp_path, style):
     assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
 
 
-def test_failed_picture_keeps_the_old_one(corner_map, tmp_path, monkeypatch):
-    def fill_the_disk(_figure, file, **_options):
-        file.write_bytes(b"half a pic")
-        raise OSError("no space left on device")
+@pytest.mark.parametrize(
+    ("ending", "start"),
+    [("jpg", b"\xff\xd8\xff"), ("JPEG", b"\xff\xd8\xff"), ("png", b"\x89PNG"), ("pdf", b"%PDF")],
+)
+def test_ending_of_the_name_decides_the_kind_of_picture(corner_map, tmp_path, ending, start):
+    path = tmp_path / f"map.{ending}"
+    save_picture(corner_map, "a", path)
+    assert path.read_bytes().startswith(start)
 
+
+@pytest.mark.parametrize("name", ["map.bmp", "map", "map.png.old", ".png"])
+def test_name_with_another_ending_is_refused(corner_map, tmp_path, name):
+    expected = "'path': expected a name that ends in .jpeg, .jpg, .pdf, .png, .svg, got"
+    with pytest.raises(ConfigError, match=expected):
+        save_picture(corner_map, "a", tmp_path / name)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_failed_picture_keeps_the_old_one(corner_map, tmp_path):
     path = tmp_path / "picture.png"
     path.write_bytes(b"old")
     with pytest.raises(LayerNotFoundError):
         save_picture(corner_map, "b", path)
-    monkeypatch.setattr(Figure, "savefig", fill_the_disk)
-    with pytest.raises(OSError, match="no space left"):
-        save_picture(corner_map, "a", path)
     assert path.read_bytes() == b"old"
     assert [file.name for file in tmp_path.iterdir()] == ["picture.png"]
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw a map from above, as a surface or as terrain in relief to a PNG, PDF or SVG file."""
+"""Draw a map from above, as a surface or as terrain in relief to a PNG, JPEG, PDF or SVG file."""
 
 import argparse
 from functools import partial
@@ -21,7 +21,7 @@ from grid_map_core_py.commands import (
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
 
-ENDINGS = (".png", ".pdf", ".svg")
+ENDINGS = (".jpg", ".pdf", ".png", ".svg")
 
 _STYLES_OF = {
     "shade_by": (("flat",), "without --3d and --relief"),

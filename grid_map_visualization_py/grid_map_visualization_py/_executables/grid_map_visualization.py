@@ -59,8 +59,9 @@ class GridMapVisualizationNode(Node):
             )
         # Events tell when subscribers come and go; the timer is for lost events.
         steady_timer(self, 1 / rate, self._follow_subscribers)
-        names = ", ".join(output.name for output in self._outputs) or "nothing"
-        self.get_logger().info(f"shows {self._topic} as {names}, while there are subscribers")
+        topic = self.resolve_topic_name(self._topic)
+        names = ", ".join(output.publisher.topic_name for output in self._outputs) or "nothing"
+        self.get_logger().info(f"shows {topic} as {names}, while there are subscribers")
 
     def _match(self, output: "Output", status: Any) -> None:
         # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough

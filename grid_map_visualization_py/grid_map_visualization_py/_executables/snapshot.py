@@ -34,11 +34,12 @@ class SnapshotNode(Node):
     def __init__(self, options: argparse.Namespace) -> None:
         super().__init__("grid_map_snapshot")
         self._options = options
-        self._topic = check_topic(self, "--topic", options.topic)
+        topic = check_topic(self, "--topic", options.topic)
+        self._topic = self.resolve_topic_name(topic)
         # A timer of ROS counts nanoseconds in 64 bits.
         is_time = 0 < options.timeout <= 1e9
         check(is_time, "--timeout", "a positive time up to 1e+09 s", options.timeout)
-        self._subscription = MapSubscription(self, self._topic, self._receive)
+        self._subscription = MapSubscription(self, topic, self._receive)
         self.create_timer(options.timeout, self._give_up)
 
     def _receive(self, received: ReceivedMap) -> None:

@@ -37,7 +37,9 @@ class WebViewerNode(Node):
         self._log = LogThrottle(self.get_logger())
         self._maps = MapSubscription(self, topic, self._viewer.receive)
         steady_timer(self, period, self._update)
-        self.get_logger().info(f"shows {topic} at {self._page.url}")
+        # The address stands alone on its line, so that it is easy to find and to copy.
+        resolved = self.resolve_topic_name(topic)
+        self.get_logger().info(f"shows {resolved} in the browser at\n{self._page.url}")
 
     def destroy_node(self) -> None:
         """Destroy the node and close its page."""
