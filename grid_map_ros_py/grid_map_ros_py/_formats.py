@@ -22,17 +22,21 @@ def _is_bag(path: Path) -> bool:
 
 
 def _describe_bag(
-    path: str | PathLike[str], *, topic: str | None = None, index: int = -1
+    path: str | PathLike[str],
+    *,
+    topic: str | None = None,
+    index: int = -1,
+    recover: bool = False,
 ) -> dict[str, Any]:
     """Return the topics of a bag, each topic of maps with the facts of one map."""
-    chosen = [one for one in bag_topics(path) if topic in (None, one.name)]
+    chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]
     if topic is not None and not chosen:
-        BagReader(path, topic)  # raises: the topic does not exist
+        BagReader(path, topic, recover=recover)  # raises: the topic does not exist
     topics = []
     for one in chosen:
         facts = asdict(one)
         if one.holds_maps:
-            with BagReader(path, one.name) as bag:
+            with BagReader(path, one.name, recover=recover) as bag:
                 facts["map"] = map_facts(bag[index].grid_map(unwrap=False))
         topics.append(facts)
     return {"topics": topics}

@@ -39,6 +39,7 @@ def targets() -> list[tuple[str, tuple[bytes, ...], Callable[[bytes], Any]]]:
     save_images(GridMap((0.4, 0.5), 0.1, layers={"a": values}), pictures)
     readers: list[tuple[str, Iterable[Path], Path, Callable[[Path], Any]]] = [
         ("MCAP", mcaps, folder / "damaged", _maps),
+        ("MCAP recovered", mcaps, folder / "damaged", _recovered),
         ("sqlite3", databases, folder / "damaged", _maps),
         ("metadata.yaml", [folder / "none/metadata.yaml"], folder / "none/metadata.yaml", _bag),
         ("npz", folder.glob("*.npz"), folder / "damaged", load_npz),
@@ -53,6 +54,10 @@ def targets() -> list[tuple[str, tuple[bytes, ...], Callable[[bytes], Any]]]:
 
 def _maps(file: Path) -> tuple[GridMap, ...]:
     return tuple(bag_maps(file, TOPIC))
+
+
+def _recovered(file: Path) -> tuple[GridMap, ...]:
+    return tuple(bag_maps(file, TOPIC, recover=True))
 
 
 def _bag(metadata: Path) -> tuple[GridMap, ...]:

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 from ..commands._arguments import add_destination, add_layers, add_source
 from ..commands._maps import Destination, TimedMap, open_records
-from ..commands._output import ProgressBar
+from ..commands._output import ProgressBar, message
+from ..errors import GridMapError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +32,13 @@ def run(options: argparse.Namespace) -> int:
 
         def maps() -> Iterator[TimedMap]:
             for done, record in enumerate(records, 1):
-                grid_map = record.grid_map(options.layers, unwrap=False)
+                try:
+                    grid_map = record.grid_map(options.layers, unwrap=False)
+                except GridMapError as error:
+                    if not options.recover:
+                        raise
+                    message(f"left out: {error}")
+                    continue
                 if options.frame is not None:
                     grid_map.frame_id = options.frame
                 yield record.time, grid_map

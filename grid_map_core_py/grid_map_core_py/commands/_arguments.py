@@ -51,6 +51,8 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     group.add_argument(
         "--index", type=int, help=f"which map, 0 is the first, -1 the last ({which})"
     )
+    about = "read what is there of a damaged MCAP file, such as one that was cut off"
+    group.add_argument("--recover", action="store_const", const=True, help=about)
 
 
 def add_layers(parser: argparse.ArgumentParser, text: str) -> None:

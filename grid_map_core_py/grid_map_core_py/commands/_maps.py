@@ -29,7 +29,7 @@ STANDARD = "-"
 """Names standard input or output, which are of the format npz."""
 
 _READING = (
-    *("topic", "index", "resolution", "black", "white", "height_layer"),
+    *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
     *("kind", "reduction", "min_height", "max_height"),
 )
 _WRITING = ("compress", "bits", "mode", "crs", "storage", "output_topic", "black", "white")
@@ -159,8 +159,10 @@ def open_records(
     if found.open_maps is None:
         yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
         return
-    with found.open_maps(options.source, topic=given.get("topic")) as records:
-        index = given.get("index")
+    index = given.pop("index", None)
+    with found.open_maps(options.source, **given) as records:
+        if lost := getattr(records, "lost", None):
+            message(f"{options.source}: {lost}")
         if destination.takes_many:
             bag = Path(options.source).resolve()
             if Path(destination.path).resolve() in (bag, bag.parent):

@@ -53,8 +53,9 @@ class Format:
         save: `save(grid_map, path, **options)` writes one map; None if it is not written.
         describe: `describe(path, **options)` quickly returns the metadata of a file as JSON values;
             "map" holds those of its map. None loads the map for them.
-        open_maps: for formats of many maps: `open_maps(path, topic=None)` returns a context manager
-            of a sequence of `MapRecord` with an attribute `topic`.
+        open_maps: for formats of many maps: `open_maps(path, **options)` with the options of `load`
+            but `layers` and `index` returns a context manager of a sequence of `MapRecord` with an
+            attribute `topic`. If it has an attribute `lost` that is true, commands print it.
         save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
             time [ns] (or None) and map, one at a time, and returns their number.
     """

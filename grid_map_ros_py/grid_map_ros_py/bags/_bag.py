@@ -246,6 +246,7 @@ def load_from_bag(
     index: int = -1,
     time: int | None = None,
     unwrap: bool = True,
+    recover: bool = False,
 ) -> GridMap:
     """Return a map from a bag: by default the last one on the topic.
 
@@ -256,6 +257,8 @@ def load_from_bag(
         index: index of the map in time order: 0 is the first, -1 the last.
         time: take the last map that is not later than this [ns], whatever `index` is.
         unwrap: as for `from_message`.
+        recover: read what is there of a damaged MCAP file, such as one that an interrupted recorder
+            leaves; see `BagReader.lost`.
 
     Raises:
         BagError: the bag is damaged or missing, lacks the topic or the map, or the topic is not one
@@ -263,20 +266,24 @@ def load_from_bag(
         LayerNotFoundError: the map lacks a layer.
         MissingPackageError: the package `mcap` is needed and not installed.
     """
-    with BagReader(path, topic) as bag:
+    with BagReader(path, topic, recover=recover) as bag:
         record = bag[index] if time is None else bag.at(time)
         return record.grid_map(layers, unwrap=unwrap)
 
 
 def bag_maps(
-    path: str | PathLike[str], topic: str | None = None, layers: Iterable[str] | None = None
+    path: str | PathLike[str],
+    topic: str | None = None,
+    layers: Iterable[str] | None = None,
+    *,
+    recover: bool = False,
 ) -> Iterator[GridMap]:
     """Yield the maps on a topic in time order, each read when it is asked for.
 
     Arguments and errors: see `load_from_bag`.
     """
     names = _once(layers)
-    with BagReader(path, topic) as bag:
+    with BagReader(path, topic, recover=recover) as bag:
         for record in bag:
             yield record.grid_map(names)
 
@@ -304,17 +311,18 @@ class BagTopic:
         return self.type == GRID_MAP_TYPE and self.count > 0
 
 
-def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
+def bag_topics(path: str | PathLike[str], *, recover: bool = False) -> list[BagTopic]:
     """Return the topics of a bag in the order of their names; no message is read.
 
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+        recover: as for `load_from_bag`.
 
     Raises:
         BagError: the bag is damaged or missing.
         MissingPackageError: the package `mcap` is needed and not installed.
     """
-    with BagFiles(path) as files:
+    with BagFiles(path, recover=recover) as files:
         times: dict[str, list[int]] = {name: [] for name in sorted(files.topics)}
         for entry, _, name in files.entries(times):
             times[name].append(entry.time)
@@ -322,6 +330,25 @@ def bag_topics(path: str | PathLike[str]) -> list[BagTopic]:
             BagTopic(name, files.topics[name].type, len(found), *(found[:1] + found[-1:]))
             for name, found in times.items()
         ]
+
+
+class Lost(NamedTuple):
+    """Number of what cannot be read of a bag.
+
+    Attributes:
+        messages: missing messages, of all topics, by the metadata of the bag; None without.
+        size: damaged bytes in MCAP files.
+    """
+
+    messages: int | None
+    size: int
+
+    def __bool__(self) -> bool:
+        return bool(self.messages or self.size)
+
+    def __str__(self) -> str:
+        counted = "" if self.messages is None else f"{self.messages} messages, "
+        return f"lost: {counted}{self.size} bytes cannot be read"
 
 
 class BagRecord(NamedTuple):
@@ -359,24 +386,32 @@ class BagFiles:
 
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+        recover: as for `load_from_bag`.
 
     Attributes:
+        paths: the files.
         topics: type, encoding and quality of service of every topic.
+        lost: count of what cannot be read.
 
     Raises:
         BagError: the bag is damaged or missing.
         MissingPackageError: the package `mcap` is needed and not installed.
     """
 
-    def __init__(self, path: str | PathLike[str]) -> None:
+    def __init__(self, path: str | PathLike[str], *, recover: bool = False) -> None:
         self._open: tuple[int, _Storage] | None = None
-        self.topics: dict[str, Topic] = {}
-        with bag_errors(Path(path)):
-            self.paths = bag_storage.files_of(Path(path))
+        self._path, self._recover = Path(path), recover
+        with bag_errors(self._path):
+            self.paths = bag_storage.files_of(self._path, recover=recover)
         try:
-            for number, file in enumerate(self.paths):
-                with bag_errors(file):
-                    self.topics |= self._storage(number).topics
+            try:
+                self._look()
+            except bag_storage.CutOffError:
+                # 'ros2 bag reindex' counts what is there, and leaves the files as they are.
+                self._recover = True
+                self._look()
+                if self.lost.messages != 0:
+                    raise
         except BaseException:
             self.close()
             raise
@@ -392,6 +427,19 @@ class BagFiles:
         if self._open is not None:
             self._open[1].close()
             self._open = None
+
+    def _look(self) -> None:
+        self.topics: dict[str, Topic] = {}
+        count = size = 0
+        for number, path in enumerate(self.paths):
+            with bag_errors(path):
+                storage = self._storage(number)
+                self.topics |= storage.topics
+                if self._recover:
+                    count += sum(len(storage.entries(name)) for name in storage.topics)
+                    size += storage.lost
+        expected = bag_storage.message_count(self._path) if self._recover else None
+        self.lost = Lost(None if expected is None else max(expected - count, 0), size)
 
     def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
         """Return the messages on topics in time order, with the numbers of their files."""
@@ -421,7 +469,7 @@ class BagFiles:
         """Open a file and close the last one: a bag may have more files than a process may open."""
         if self._open is None or self._open[0] != file:
             self.close()
-            self._open = file, _open(self.paths[file])
+            self._open = file, _open(self.paths[file], recover=self._recover)
         return self._open[1]
 
 
@@ -436,13 +484,17 @@ class BagReader:
     Attributes:
         topic: the topic.
         topics: type and encoding of every topic in the bag.
+        lost: count of what cannot be read, false if that is nothing: `messages` are those of all
+            topics that the metadata counts (None without metadata), `size` is in bytes.
     """
 
-    def __init__(self, path: str | PathLike[str], topic: str | None = None) -> None:
+    def __init__(
+        self, path: str | PathLike[str], topic: str | None = None, *, recover: bool = False
+    ) -> None:
         self._path = Path(path)
-        self._files = BagFiles(path)
+        self._files = BagFiles(path, recover=recover)
         try:
-            self.topics = self._files.topics
+            self.topics, self.lost = self._files.topics, self._files.lost
             self.topic = self._chosen(topic)
             self._entries = self._files.entries([self.topic])
         except BaseException:
@@ -506,12 +558,12 @@ class BagReader:
         return f"topics: {listed or '(none)'}"
 
 
-def _open(path: Path) -> _Storage:
+def _open(path: Path, *, recover: bool) -> _Storage:
     """Open a file in the format that its first bytes identify."""
     with path.open("rb") as file:
         magic = file.read(len(bag_sqlite.MAGIC))
     if magic.startswith(bag_mcap.MAGIC):
-        return McapFile(path)
+        return McapFile(path, recover=recover)
     if magic == bag_sqlite.MAGIC:
         return SqliteFile(path)
     if magic.startswith(_ROS1_MAGIC):

@@ -12,14 +12,14 @@ import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 from grid_map_core_py.errors import MissingPackageError
 
 from ..errors import BagError
-from ._storage import Entry, Topic, dump
+from ._storage import CutOffError, Entry, Topic, dump
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -27,6 +27,12 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 
 LARGEST_CHUNK = 2**31
 """Bytes of a chunk, unpacked; no message that ROS can send is larger."""
+
+_CUT_OFF = (
+    "is cut off: the recording was interrupted or the copy is not complete; recover=True, or "
+    "'grid-map convert --recover', reads what is in it, and so do 'ros2 bag reindex' followed by "
+    "'ros2 bag convert', and 'mcap recover'"
+)
 
 _CHUNK_SIZE = 768 * 1024
 """Size [bytes] at which a chunk is written, the same as in rosbag2."""
@@ -74,10 +80,20 @@ def package(module: str, path: Path) -> Any:
 
 
 class McapFile:
-    """A file that is open for reading."""
+    """A file that is open for reading.
 
-    def __init__(self, path: Path) -> None:
+    Args:
+        path: the file.
+        recover: read what is there of a damaged file, without its index.
+
+    Attributes:
+        lost: bytes that cannot be read.
+    """
+
+    def __init__(self, path: Path, *, recover: bool = False) -> None:
         self._path = path
+        self._recover = recover
+        self.lost = 0
         self._records = package("mcap.records", path)
         self._streams = package("mcap.data_stream", path)
         self._schemas: dict[int, Any] = {}
@@ -85,10 +101,11 @@ class McapFile:
         self._chunks: list[Any] = []
         self._scanned: dict[int, list[Entry]] | None = None
         self._chunk: tuple[int, _Source] | None = None
+        self._last: tuple[int, _Source] | None = None
         self._file = path.open("rb")
         self._source = _Source(self._read_file, path.stat().st_size)
         try:
-            self._read_summary()
+            self._scan() if recover else self._read_summary()
         except BaseException:
             self.close()
             raise
@@ -136,11 +153,7 @@ class McapFile:
         """Read schemas, channels and the places of chunks; scan the file if they are missing."""
         end = self._source.size - _FOOTER.size - len(MAGIC)
         if end <= 0 or self._source.at(end + _FOOTER.size, len(MAGIC)) != MAGIC:
-            raise BagError(
-                self._path,
-                "is cut off: the recording was interrupted or the copy is not complete; "
-                "'mcap recover' saves what is in it",
-            )
+            raise CutOffError(self._path, _CUT_OFF)
         code, size, start, _, checksum = _FOOTER.unpack(self._source.at(end, _FOOTER.size))
         if (code, size) != (_FOOTER_CODE, _FOOTER.size - _RECORD.size) or not 0 <= start <= end:
             raise BagError(self._path, "its footer is damaged")
@@ -182,25 +195,56 @@ class McapFile:
 
     def _scan(self) -> None:
         """Find all messages without an index."""
-        found: dict[int, list[Entry]] = {}
+        self._scanned = {}
+        done, size = len(MAGIC), self._source.size
+        try:
+            for offset, code, body in self._source.records(
+                done, size if self._recover else size - len(MAGIC)
+            ):
+                if code == _DATA_END:
+                    return
+                if code == 0:
+                    raise ValueError(f"no record at {offset}")
+                if code == _CHUNK:
+                    self._scan_chunk(offset, body)
+                else:
+                    self._note(code, body, (-1, offset))
+                done = offset + _RECORD.size + len(body)
+        except (ValueError, struct.error):
+            if not self._recover:
+                raise
+            self._scan_end(done)
 
-        def note(code: int, body: memoryview, place: tuple[int, int]) -> None:
-            if code == _MESSAGE:
-                channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
-                found.setdefault(channel, []).append(Entry(time, place))
-            elif code in (_SCHEMA, _CHANNEL):
-                self._parsed(code, body)
+    def _scan_end(self, offset: int) -> None:
+        """Find the messages in a chunk that the end of the file has cut off."""
+        rest = self._source.at(offset, self._source.size - offset)
+        if rest[:1] == bytes([_CHUNK]) and len(rest) > _RECORD.size + _CHUNK_HEAD.size:
+            self._scan_chunk(offset, rest[_RECORD.size :])
+        else:
+            self.lost += len(rest)
 
-        for offset, code, body in self._source.records(len(MAGIC), self._source.size - len(MAGIC)):
-            if code == _DATA_END:
-                break
-            if code == _CHUNK:
-                source = self._unpack(body)
-                for inside, inner, content in source.records(0, source.size):
-                    note(inner, content, (offset, inside))
-            else:
-                note(code, body, (-1, offset))
-        self._scanned = found
+    def _scan_chunk(self, offset: int, body: memoryview) -> None:
+        end, source = 0, None
+        try:
+            source = self._unpack(body)
+            for inside, code, content in source.records(0, source.size):
+                self._note(code, content, (offset, inside))
+                end = inside + _RECORD.size + len(content)
+        # Depending on the damage, the packages that unpack raise any kind of exception.
+        except Exception:
+            if not self._recover:
+                raise
+            self.lost += len(body) if source is None else source.size - end
+        if source is not None and self._recover:
+            self._last = offset, source
+
+    def _note(self, code: int, body: memoryview, place: tuple[int, int]) -> None:
+        assert self._scanned is not None
+        if code == _MESSAGE:
+            channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
+            self._scanned.setdefault(channel, []).append(Entry(time, place))
+        elif code in (_SCHEMA, _CHANNEL):
+            self._parsed(code, body)
 
     # Records and chunks
 
@@ -216,6 +260,8 @@ class McapFile:
 
     def _unpacked(self, offset: int) -> "_Source":
         """Return the content of the chunk at an offset; the last chunk is cached."""
+        if self._last is not None and self._last[0] == offset:
+            return self._last[1]
         if self._chunk is None or self._chunk[0] != offset:
             code, body = self._source.record_at(offset)
             if code != _CHUNK:
@@ -235,22 +281,25 @@ class McapFile:
         (packed_size,) = _SIZE.unpack_from(body, begin)
         data = body[begin + _SIZE.size :][:packed_size]
         if compression:
-            data = memoryview(unpack(compression, data, size, self._path))
-        if len(data) != size:
+            data = memoryview(unpack(compression, data, size, self._path, recover=self._recover))
+        if len(data) != size and not (self._recover and len(data) < size):
             raise BagError(self._path, f"a chunk of {size} bytes holds {len(data)}")
-        if checksum:
+        if checksum and len(data) == size:
             self._check_sum(data, checksum, "chunk")
-        return _Source(lambda offset, length: data[offset : offset + length], size)
+        return _Source(lambda offset, length: data[offset : offset + length], len(data))
 
     def _check_sum(self, data: memoryview, checksum: int, what: str) -> None:
         if zlib.crc32(data) != checksum:
             raise BagError(self._path, f"is damaged: the checksum of a {what} is wrong")
 
 
-def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
+def unpack(
+    compression: str, data: memoryview, size: int, path: Path, *, recover: bool = False
+) -> bytes:
     """Return decompressed data, at most one byte more than `size`.
 
-    Memory grows with the decompressed data, not with the size in its header.
+    Memory grows with the decompressed data, not with the size in its header. With `recover` the
+    compressed data may be cut off.
     """
     if compression == "lz4":
         stream = package("lz4.frame", path).open(io.BytesIO(data))
@@ -258,9 +307,11 @@ def unpack(compression: str, data: memoryview, size: int, path: Path) -> bytes:
         stream = package("zstandard", path).ZstdDecompressor().stream_reader(data)
     with stream:
         pieces, room = [], size + 1
-        while room > 0 and (piece := stream.read(min(room, 2**20))):
-            pieces.append(piece)
-            room -= len(piece)
+        with suppress(EOFError) if recover else nullcontext():
+            # A read that meets the end of cut off data returns nothing of what it has unpacked.
+            while room > 0 and (piece := stream.read(min(room, 2**10 if recover else 2**20))):
+                pieces.append(piece)
+                room -= len(piece)
         return b"".join(pieces)
 
 

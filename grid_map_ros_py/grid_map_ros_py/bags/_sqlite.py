@@ -78,6 +78,9 @@ class SqliteWriter:
 class SqliteFile:
     """A database of rosbag2, of any version of its schema, open for reading only."""
 
+    lost = 0
+    """A damaged database is not read."""
+
     def __init__(self, path: Path) -> None:
         self._path = path
         # A recorder that was killed, or still writes, leaves messages in a log beside the database.

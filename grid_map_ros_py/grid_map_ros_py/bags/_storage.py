@@ -45,6 +45,10 @@ class Entry(NamedTuple):
     place: Any
 
 
+class CutOffError(BagError):
+    """A file ends too early."""
+
+
 @contextmanager
 def bag_errors(path: Path, doing: str = "read") -> Iterator[None]:
     """Turn every exception into one `BagError` that names the file."""
@@ -152,11 +156,12 @@ def save(folder: Path, document: object) -> None:
     (folder / FILE_NAME).write_text(text, encoding="utf-8")
 
 
-def files_of(path: Path) -> list[Path]:
+def files_of(path: Path, *, recover: bool = False) -> list[Path]:
     """Return the files with the messages of a bag, in the order in which they were recorded.
 
     Args:
         path: the folder of the bag, or a single file.
+        recover: take the files in a folder without metadata, which an interrupted recorder leaves.
 
     Raises:
         BagError: the folder is no bag, its metadata is damaged, or its files are missing or
@@ -166,6 +171,10 @@ def files_of(path: Path) -> list[Path]:
         raise BagError(path, "no such file or folder")
     if not path.is_dir():
         return [path]
+    if recover and not (path / FILE_NAME).is_file():
+        # The names end in numbers without leading zeros.
+        files = [file for file in _stored(path) if file.stat().st_size]
+        return sorted(files, key=lambda file: (len(file.name), file.name))
     # Old versions include the folder; paths to other folders are not followed.
     files = [path / Path(name).name for name in _listed_files(path)]
     for file in files:
@@ -174,16 +183,34 @@ def files_of(path: Path) -> list[Path]:
     return files
 
 
-def _listed_files(folder: Path) -> list[str]:
+def _stored(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix in (".mcap", ".db3"))
+
+
+def message_count(path: Path) -> int | None:
+    """Return the number of messages of a bag by its metadata; None if that is unknown."""
+    if not (path / FILE_NAME).is_file():
+        return None
+    count = _information(path).get("message_count")
+    return count if isinstance(count, int) else None
+
+
+def _information(folder: Path) -> dict[str, Any]:
     path = folder / FILE_NAME
-    if not path.is_file():
-        files = sorted(file.name for file in folder.iterdir() if file.suffix in (".mcap", ".db3"))
-        hint = f"; name the file itself to read {files[0]}" if files else ""
-        raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
     document = load_yaml(path)
     found = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
     if not isinstance(found, dict):
         raise BagError(path, "no metadata of a bag: 'rosbag2_bagfile_information' is missing")
+    return found
+
+
+def _listed_files(folder: Path) -> list[str]:
+    path = folder / FILE_NAME
+    if not path.is_file():
+        files = _stored(folder)
+        hint = f"; name the file itself to read {files[0].name}, or recover=True" if files else ""
+        raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
+    found = _information(folder)
     if str(found.get("compression_mode")).lower() == "file":
         raise BagError(
             folder,
