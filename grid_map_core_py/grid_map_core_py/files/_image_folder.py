@@ -35,7 +35,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
-from ._shared import StoredMap, load_yaml, storage_errors
+from ._shared import StoredMap, check_ending, load_yaml, storage_errors
 
 YAML_NAME = "map.yaml"
 VERSION = 1
@@ -97,6 +97,7 @@ def save_images(
         images.append(to_north_up(image))
     target = Path(folder)
     target = target.parent if target.name == YAML_NAME else target
+    check_ending(target)
     with storage_errors(target, "written"), new_folder(target, _check_old) as temporary:
         for entry, image in zip(entries, images, strict=True):
             (temporary / entry["image"]).write_bytes(encode_image(image, ".png"))

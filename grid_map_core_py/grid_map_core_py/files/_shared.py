@@ -33,11 +33,11 @@ _KNOWN = frozenset(
 
 
 def check_ending(path: str | PathLike[str], *own: str) -> None:
-    """Refuse to write a file whose name ends like another kind of file than its own endings."""
+    """Refuse a name that ends like another kind of file; without `own` endings, like any file."""
     ending = Path(path).suffix.lower()
     if ending in _KNOWN and ending not in own:
-        expected = " or ".join(own)
-        raise GridMapError(f"{path}: expected a name that ends in {expected}, got {ending}")
+        expected = f"a name that ends in {' or '.join(own)}" if own else "the name of a folder"
+        raise GridMapError(f"{path}: expected {expected}, got {ending}")
 
 
 @contextmanager
