@@ -35,8 +35,9 @@ def write_mcap(path: Path, times: list[int], *, schema: str = GRID_MAP_TYPE, **o
     """Write a file of numbered maps with the package `mcap` alone, in the order of `times` [s]."""
     mcap = pytest.importorskip("mcap.writer")
     channel = {"topic": TOPIC, "message_encoding": options.pop("encoding", "cdr")}
-    if "index_types" in options:
-        options["index_types"] = mcap.IndexType[options["index_types"]]
+    for name, kind in (("index_types", mcap.IndexType), ("compression", mcap.CompressionType)):
+        if name in options:
+            options[name] = kind[options[name]]
     with path.open("wb") as file:
         writer = mcap.Writer(file, **options)
         writer.start("ros2", "test")
