@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The errors of this package, each below its base class.
+"""The errors of this package, each below its base class, and values in their messages.
 
 GridMapError
 ├── LayerNotFoundError (KeyError)
@@ -10,6 +10,8 @@ GridMapError
 └── MissingPackageError (ImportError)
 """
 
+import math
+import reprlib
 from collections.abc import Iterable
 
 __all__ = [
@@ -19,6 +21,7 @@ __all__ = [
     "LayerNotFoundError",
     "MissingPackageError",
     "OutOfMapError",
+    "short",
 ]
 
 
@@ -61,3 +64,22 @@ class MissingPackageError(GridMapError, ImportError):
     def __str__(self) -> str:
         package, feature, remedy = self.args
         return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
+
+
+_LONGEST = 80  # characters of a value in a message
+_MOST_ELEMENTS = 4  # elements of an array that is shown in full
+
+_repr = reprlib.Repr()
+_repr.maxstring = _repr.maxlong = _repr.maxother = _LONGEST
+
+
+def short(value: object) -> str:
+    """Return a value as one line of at most 80 characters, for the message of an error.
+
+    Larger arrays are described by their shape and type.
+    """
+    shape, dtype = getattr(value, "shape", None), getattr(value, "dtype", None)
+    if dtype is not None and isinstance(shape, tuple) and math.prod(shape) > _MOST_ELEMENTS:
+        return f"an array of shape {shape} and type {dtype}"
+    text = " ".join(_repr.repr(value).split())
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."

@@ -17,7 +17,7 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin
 
-from .errors import ConfigError
+from .errors import ConfigError, short
 
 __all__ = [
     "Registry",
@@ -103,7 +103,7 @@ def cast(name: str, value: object, hint: Any) -> Any:
 
 def mismatch(name: str, expected: str, value: object) -> ConfigError:
     """Return a `ConfigError` that says what was expected and what was given."""
-    found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+    found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return ConfigError(f"parameter {name!r}: expected {expected}, got {found}")
 
 

@@ -10,7 +10,7 @@ GridMapError (grid_map_core_py)
 └── RequestError
 """
 
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError, MissingPackageError, short
 
 __all__ = ["BagError", "MessageError", "MissingPackageError", "NodeFailedError", "RequestError"]
 
@@ -31,7 +31,7 @@ class MessageError(GridMapError, ValueError):
         super().__init__(field, expected, found)
 
     def __str__(self) -> str:
-        return f"{self.field}: expected {self.expected}, got {self.found!r}"
+        return f"{self.field}: expected {self.expected}, got {short(self.found)}"
 
 
 class BagError(GridMapError):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.plugins import Registry, build
 
 from . import builtin
@@ -66,7 +66,7 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
     # ROS passes an empty mapping as a parameter without type.
     parameters = {} if config.get("params") is None else config["params"]
     if not isinstance(parameters, Mapping):
-        raise ConfigError(f"{label}: params: expected parameters by name, got {parameters!r}")
+        raise ConfigError(f"{label}: params: expected parameters by name, got {short(parameters)}")
     try:
         return build(VISUALIZATIONS[type_name], parameters)
     except GridMapError as error:

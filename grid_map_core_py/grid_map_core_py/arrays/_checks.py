@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..errors import GeometryError, GridMapError, LayerNotFoundError
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
 Layer: TypeAlias = npt.NDArray[np.float32]
 """(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
@@ -46,7 +47,7 @@ def as_pair(values: ArrayLike, name: str) -> Positions:
     pair = as_array(values, np.float64, name)
     # For two numbers, plain Python is several times faster than NumPy.
     if pair.shape != (2,) or not all(map(math.isfinite, pair.tolist())):
-        raise GeometryError(f"{name}: expected two finite numbers, got {values!r}")
+        raise GeometryError(f"{name}: expected two finite numbers, got {short(values)}")
     return pair.copy()
 
 
@@ -63,7 +64,7 @@ def as_number(value: object, name: str) -> float:
     try:
         return float(value)  # type: ignore[arg-type]
     except (OverflowError, TypeError, ValueError) as error:
-        raise GeometryError(f"{name}: expected a number, got {value!r}") from error
+        raise GeometryError(f"{name}: expected a number, got {short(value)}") from error
 
 
 def as_finite(
@@ -78,12 +79,14 @@ def as_finite(
     number = as_number(value, name)
     if not (math.isfinite(number) and number >= least and number > above):
         limit = f" >= {least:g}" if math.isfinite(least) else ""
-        raise GeometryError(f"{name}: expected {expected}{limit}, got {value!r}")
+        raise GeometryError(f"{name}: expected {expected}{limit}, got {short(value)}")
     return number
 
 
 def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
     """Return `values` as an array of real numbers of any type; masked values become NaN."""
+    if type(values) is np.ndarray and values.dtype.kind in "biuf":
+        return values
     try:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(np.float64), np.nan)
@@ -92,7 +95,7 @@ def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
         if numbers.dtype.kind not in "biuf" and numbers.size:
             raise TypeError(numbers.dtype)
     except (TypeError, ValueError) as error:
-        raise GeometryError(f"{name}: expected numbers, got {values!r}") from error
+        raise GeometryError(f"{name}: expected numbers, got {short(values)}") from error
     return numbers
 
 
@@ -109,7 +112,7 @@ def as_size(values: ArrayLike, name: str) -> Size:
     """Return `values` as a pair of Python integers."""
     size = _as_integers(values, name)
     if size.shape != (2,):
-        raise GeometryError(f"{name}: expected two integers, got {values!r}")
+        raise GeometryError(f"{name}: expected two integers, got {short(values)}")
     return int(size[0]), int(size[1])
 
 
@@ -138,12 +141,27 @@ def as_cells(values: ArrayLike, name: str = "index") -> Cells:
 
 
 def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
-    """Return a copy of a scalar or a (rows, cols) array as a layer."""
-    data = as_array(value, np.float32, f"layer {name!r}")
+    """Return a copy of a scalar or a (rows, cols) array as a layer.
+
+    Warns if finite values are beyond float32, as NumPy does when they are written into a layer.
+    """
+    data = as_numbers(value, f"layer {name!r}")
     if data.ndim and data.shape != size:
-        raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}")
+        hint = ""
+        if data.shape == size[::-1]:
+            hint = ". Rows run along x: transpose an image-like array with values.T"
+        raise GeometryError(f"layer {name!r}: expected shape {size}, got {data.shape}{hint}")
     layer: Layer = np.empty(size, dtype=np.float32, order="F")
-    layer[...] = data
+    if data.dtype == np.float32:
+        layer[...] = data
+        return layer
+
+    def warn(*_: object) -> None:
+        text = f"layer {name!r}: values beyond float32 become infinite"
+        warnings.warn(text, RuntimeWarning, stacklevel=4)
+
+    with np.errstate(over="call", call=warn):
+        layer[...] = data
     return layer
 
 
@@ -153,7 +171,7 @@ def as_names(names: str | Iterable[str]) -> tuple[str, ...]:
         # A string would be iterated letter by letter.
         return (names,) if isinstance(names, str) else tuple(names)
     except TypeError:
-        raise GridMapError(f"layers: expected names of layers, got {names!r}") from None
+        raise GridMapError(f"layers: expected names of layers, got {short(names)}") from None
 
 
 def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) -> tuple[str, ...]:
@@ -181,5 +199,5 @@ def as_text(values: ArrayLike) -> str:
 def _as_integers(values: ArrayLike, name: str) -> Integers:
     integers = as_numbers(values, name)
     if integers.size and integers.dtype.kind not in "iu":
-        raise GeometryError(f"{name}: expected integers, got {values!r}")
+        raise GeometryError(f"{name}: expected integers, got {short(values)}")
     return integers.astype(np.int64, copy=False)

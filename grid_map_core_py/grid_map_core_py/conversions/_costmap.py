@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
 from ..arrays._pieces import elementwise
-from ..errors import GeometryError
+from ..errors import GeometryError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 
@@ -233,5 +233,5 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
 def _as_costs(costs: ArrayLike) -> npt.NDArray[Any]:
     array = as_numbers(costs, "costs")
     if array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() > UNKNOWN)):
-        raise GeometryError(f"costs: expected integers from 0 to {UNKNOWN}, got {costs!r}")
+        raise GeometryError(f"costs: expected integers from 0 to {UNKNOWN}, got {short(costs)}")
     return array

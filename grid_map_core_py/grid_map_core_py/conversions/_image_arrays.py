@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from ..arrays._checks import Layer, Size, as_finite, as_number
 from ..arrays._pieces import piece_of, slices
 from ..arrays._statistics import max_of_finites, min_of_finites
-from ..errors import GeometryError
+from ..errors import GeometryError, short
 from ..map import _ring_buffer as ring_buffer
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
@@ -395,7 +395,7 @@ def _as_image(image: ArrayLike, size: Size | None = None) -> Image:
     try:
         pixels = np.asarray(image)
     except ValueError as error:
-        raise GeometryError(f"image: expected an array of pixels, got {image!r}") from error
+        raise GeometryError(f"image: expected an array of pixels, got {short(image)}") from error
     pixels = pixels.astype(_pixel_type(pixels.dtype, "image"), copy=False)
     shape = pixels.shape if pixels.ndim != 2 else (*pixels.shape, 1)
     sensible = len(shape) == 3 and shape[2] in (1, 3, 4) and 0 not in shape
@@ -420,4 +420,4 @@ def _check_order(order: str) -> None:
 
 def _check(condition: bool | np.bool_, name: str, expected: str, found: object) -> None:
     if not condition:
-        raise GeometryError(f"{name}: expected {expected}, got {found!r}")
+        raise GeometryError(f"{name}: expected {expected}, got {short(found)}")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Integers, Positions, Size
 from ..arrays._pieces import expanded, slices
-from ..errors import GeometryError, GridMapError
+from ..errors import GeometryError, GridMapError, short
 from ..map._geometry import BORDER_TOLERANCE
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
@@ -110,7 +110,7 @@ def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
         given = np.asarray(faces)
     except ValueError as error:
         raise GeometryError(
-            f"faces: expected the same number of vertices in each, got {faces!r}"
+            f"faces: expected the same number of vertices in each, got {short(faces)}"
         ) from error
     if given.ndim != 2 or given.shape[1] < 3 or given.dtype.kind not in "iu":
         raise GeometryError(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays._checks import Integers, Positions, as_array, as_number
-from ..errors import ConfigError, GeometryError, GridMapError
+from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 from ..plugins import build, check
 from ._point_layers import as_points, fitting_geometry
@@ -277,7 +277,7 @@ def downsample(points: npt.ArrayLike, voxel_size: npt.ArrayLike) -> Positions:
     """
     sides = as_array(voxel_size, np.float64, "voxel_size")
     if sides.shape != (3,) or not (np.isfinite(sides).all() and (sides > 0).all()):
-        raise GeometryError(f"voxel_size: expected three positive numbers, got {voxel_size!r}")
+        raise GeometryError(f"voxel_size: expected three positive numbers, got {short(voxel_size)}")
     xyz = finite_points(points)
     if not len(xyz):
         return xyz
@@ -365,7 +365,7 @@ _TRIPLES = {"translation": "xyz", "rotation": "rpy", "voxel_size": "xyz"}
 
 def _as_mapping(parameters: object) -> Mapping[str, Any]:
     if not isinstance(parameters, Mapping):
-        raise ConfigError(f"expected a mapping of parameters, got {parameters!r}")
+        raise ConfigError(f"expected a mapping of parameters, got {short(parameters)}")
     return parameters
 
 

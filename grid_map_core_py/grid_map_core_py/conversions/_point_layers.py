@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, as_pair
 from ..arrays._pieces import slices
-from ..errors import ConfigError, GeometryError, GridMapError
+from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
@@ -259,9 +259,13 @@ def _sources(
     for name, mapping in given.items():
         check(isinstance(mapping, Mapping), name, "a mapping from names", mapping)
     for name in layers.keys() & fields.keys():
-        raise GridMapError(f"fields: expected other names than those of the layers, got {name!r}")
+        raise GridMapError(
+            f"fields: expected other names than those of the layers, got {short(name)}"
+        )
     for name in field_reductions.keys() - fields.keys():
-        raise ConfigError(f"field_reductions: expected fields, of {list(fields)}, got {name!r}")
+        raise ConfigError(
+            f"field_reductions: expected fields, of {list(fields)}, got {short(name)}"
+        )
     heights = cloud[:, 2]
     sources = {name: (heights, _chosen(REDUCERS, name, kind)) for name, kind in layers.items()}
     for name, field in fields.items():

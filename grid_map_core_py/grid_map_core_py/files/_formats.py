@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import GridMapError, MissingPackageError
+from ..errors import GridMapError, MissingPackageError, short
 from ..map._grid_map import GridMap
 from ._clouds import describe_cloud, load_cloud
 from ._geotiff import describe_geotiff, load_geotiff, save_geotiff
@@ -178,7 +178,7 @@ def find_format(
     else:
         done = "written" if writes else "read"
         raise GridMapError(
-            f"format: expected one that is {done}, {', '.join(usable)}, got {name!r}"
+            f"format: expected one that is {done}, {', '.join(usable)}, got {short(name)}"
         )
     if not fitting:
         raise _unknown(path, usable.values(), writes=writes)
@@ -190,7 +190,7 @@ def find_format(
     unknown = next(option for option in given if option not in takes[0])
     raise GridMapError(
         f"{path}: {unknown}: expected an option of the format {fitting[0].name} "
-        f"({', '.join(takes[0]) or 'none'}), got {unknown!r}"
+        f"({', '.join(takes[0]) or 'none'}), got {short(unknown)}"
     )
 
 

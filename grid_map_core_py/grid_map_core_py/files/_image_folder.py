@@ -30,7 +30,7 @@ from ..conversions._image_arrays import (
     to_color_image,
     to_image,
 )
-from ..errors import GridMapError
+from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_folder
@@ -75,7 +75,7 @@ def save_images(
         GridMapError: there are no layers, `bits` is neither, or the folder cannot be written.
     """
     if bits not in _DTYPES:
-        raise GridMapError(f"bits: expected 8 or 16, got {bits!r}")
+        raise GridMapError(f"bits: expected 8 or 16, got {short(bits)}")
     names = select_layers(grid_map, layers)
     if not names:
         raise GridMapError(f"{folder}: cannot be written: there are no layers")
@@ -156,7 +156,7 @@ def _opened(path: str | PathLike[str]) -> StoredMap:
             elif mode == "values":
                 add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
             else:
-                raise ValueError(f"mode: expected 'values' or 'color', got {mode!r}")
+                raise ValueError(f"mode: expected 'values' or 'color', got {short(mode)}")
         return grid_map[name]
 
     return StoredMap(empty, [*entries], found["basic_layers"], read)

@@ -27,7 +27,7 @@ import yaml
 
 from ..arrays._checks import Layer, select_layers
 from ..conversions._image_arrays import Image
-from ..errors import GridMapError
+from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import build, check
@@ -119,7 +119,7 @@ def save_map_server(
     file = Path(path)
     check_ending(file, ".yaml", ".yml")
     if mode not in MODES:
-        raise GridMapError(f"mode: expected one of {', '.join(MODES)}, got {mode!r}")
+        raise GridMapError(f"mode: expected one of {', '.join(MODES)}, got {short(mode)}")
     usual_occupied, usual_free = _THRESHOLDS[mode]
     occupied = usual_occupied if occupied_thresh is None else float(occupied_thresh)
     free = usual_free if free_thresh is None else float(free_thresh)

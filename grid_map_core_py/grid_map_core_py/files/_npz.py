@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays._checks import Layer
-from ..errors import GridMapError
+from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_file
@@ -157,7 +157,7 @@ def _read_metadata(archive: zipfile.ZipFile) -> dict[str, Any]:
         raise ValueError(f"version {metadata.get('version')!r}, only {VERSION} is known")
     for name in metadata["layers"]:
         if not isinstance(name, str):
-            raise ValueError(f"expected the name of a layer, got {name!r}")
+            raise ValueError(f"expected the name of a layer, got {short(name)}")
     return metadata
 
 

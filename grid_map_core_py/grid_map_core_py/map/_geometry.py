@@ -28,7 +28,7 @@ from ..arrays._checks import (
     as_text,
 )
 from ..arrays._pieces import PIECE, slices
-from ..errors import GeometryError, OutOfMapError
+from ..errors import GeometryError, OutOfMapError, short
 from . import _ring_buffer as ring_buffer
 
 BORDER_TOLERANCE = 1e-9
@@ -63,7 +63,9 @@ class GridGeometry:
         length = as_pair(self.length, "length")
         resolution = as_number(self.resolution, "resolution")
         if not _SMALLEST_RESOLUTION <= resolution < math.inf:
-            raise GeometryError(f"resolution: expected a positive number, got {self.resolution!r}")
+            raise GeometryError(
+                f"resolution: expected a positive number, got {short(self.resolution)}"
+            )
         # For two numbers, plain Python is several times faster than NumPy.
         x, y = sides = tuple(length.tolist())
         if not min(sides) > 0:

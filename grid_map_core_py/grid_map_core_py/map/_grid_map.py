@@ -27,7 +27,7 @@ from ..arrays._checks import (
     as_text,
     select_layers,
 )
-from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, short
 from . import _merge as merge, _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
@@ -41,7 +41,8 @@ class GridMap(MutableMapping[str, Layer]):
     A map is a mutable mapping from names to layers: `map[layer]` is the live (rows, cols) array,
     and writing into it changes the map; `map[layer] = values` adds or replaces a layer. Row 0,
     column 0 of a map that has not moved is the corner with the largest x and y; rows run towards
-    -x, columns towards -y. NaN means "no data". After `move` the rows and columns of the arrays are
+    -x, columns towards -y. NaN means "no data"; finite values beyond float32 become infinite, with
+    a `RuntimeWarning`. After `move` the rows and columns of the arrays are
     rotated (a circular buffer that begins at `start_index`). `axes()`, positions and regions follow
     the rotation; `unwrapped(layer)` and `set_unwrapped(layer, values)` use map order instead.
 
@@ -209,7 +210,7 @@ class GridMap(MutableMapping[str, Layer]):
     @frame_id.setter
     def frame_id(self, frame_id: str) -> None:
         if not isinstance(frame_id, str):
-            raise GridMapError(f"frame_id: expected a string, got {frame_id!r}")
+            raise GridMapError(f"frame_id: expected a string, got {short(frame_id)}")
         self._frame_id = frame_id
 
     @property
@@ -223,7 +224,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._timestamp = operator.index(timestamp)
         except TypeError:
             raise GridMapError(
-                f"timestamp: expected an integer of nanoseconds, got {timestamp!r}"
+                f"timestamp: expected an integer of nanoseconds, got {short(timestamp)}"
             ) from None
 
     if not TYPE_CHECKING:  # Type checkers find wrong names themselves.
@@ -322,7 +323,9 @@ class GridMap(MutableMapping[str, Layer]):
         Float32 arrays in Fortran order are adopted without a copy.
         """
         if not isinstance(layers, Mapping):
-            raise GridMapError(f"layers: expected a mapping of names to values, got {layers!r}")
+            raise GridMapError(
+                f"layers: expected a mapping of names to values, got {short(layers)}"
+            )
         adopted = {n: self._adopt(n, data) for n, data in self._in_my_order(layers).items()}
         return self._with({**self._layers, **adopted})
 
@@ -742,7 +745,7 @@ class GridMap(MutableMapping[str, Layer]):
 
 def _check_name(layer: object) -> None:
     if not isinstance(layer, str) or not layer:
-        raise GridMapError(f"layer: expected a name, a non-empty string, got {layer!r}")
+        raise GridMapError(f"layer: expected a name, a non-empty string, got {short(layer)}")
 
 
 def _finite_or_nan(vector: Positions) -> Positions:

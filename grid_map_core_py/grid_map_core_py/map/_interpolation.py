@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
 from ..arrays._pieces import chunks
-from ..errors import GridMapError, OutOfMapError
+from ..errors import GridMapError, OutOfMapError, short
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def interpolate(
     except ValueError:
         known = ", ".join(method.value for method in Interpolation)
         raise GridMapError(
-            f"interpolation: expected one of {known}, got {interpolation!r}"
+            f"interpolation: expected one of {known}, got {short(interpolation)}"
         ) from None
     surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
     positions = as_positions(positions)

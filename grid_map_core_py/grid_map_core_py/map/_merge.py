@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays._checks import Mask, select_layers
-from ..errors import GridMapError
+from ..errors import GridMapError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
 
 def _check_frames(grid_map: GridMap, other: GridMap) -> None:
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
-        raise GridMapError(f"other: expected a map, got {other!r}")
+        raise GridMapError(f"other: expected a map, got {short(other)}")
     if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
         raise GridMapError(
             f"other: expected a map in frame {grid_map.frame_id!r}, got {other.frame_id!r}. "

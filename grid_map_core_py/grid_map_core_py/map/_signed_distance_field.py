@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, as_array, as_number
 from ..arrays._pieces import CHUNK, chunks
-from ..errors import GeometryError, GridMapError
+from ..errors import GeometryError, GridMapError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 from ._grid_map import GridMap
 
@@ -289,7 +289,7 @@ def _as_points(values: ArrayLike) -> tuple[Positions, Positions]:
 def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
     """Return the heights (rows, cols) in map order, C order; -inf where there is no column."""
     if unknown not in (None, "free"):
-        raise GridMapError(f"unknown: expected None or 'free', got {unknown!r}")
+        raise GridMapError(f"unknown: expected None or 'free', got {short(unknown)}")
     heights = np.array(grid_map.unwrapped(layer), order="C")
     missing = np.isnan(heights)
     if unknown is None and missing.any():
@@ -308,7 +308,7 @@ def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Pos
     if not (math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest):
         raise GeometryError(
             "min_height, max_height: expected two finite numbers, the second one not smaller, "
-            f"got {min_height!r}, {max_height!r}"
+            f"got {short(min_height)}, {short(max_height)}"
         )
     steps = (highest - lowest - BORDER_TOLERANCE) / geometry.resolution
     rows, columns = geometry.size

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Positions, as_finite
 from ..arrays._pieces import slices
-from ..errors import GeometryError
+from ..errors import GeometryError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def _as_rigid(transform: ArrayLike) -> Positions:
     except (TypeError, ValueError):
         matrix = np.empty(0)
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
-        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {transform!r}")
+        raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
     if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
         raise GeometryError(
             f"transform: expected (0, 0, 0, 1) as the last row, got {tuple(matrix[3].tolist())}"

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
 from ..arrays._pieces import slices
-from ..errors import GeometryError
+from ..errors import GeometryError, short
 from ..map._geometry import BORDER_TOLERANCE
 
 _CHUNK = 2**16  # number of pairs of a point and an edge in a chunk, which fits into the cache
@@ -55,7 +55,9 @@ class Polygon:
         given = as_numbers(vertices, "vertices")
         points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices").copy()
         if points.ndim != 2 or not np.isfinite(points).all():
-            raise GeometryError(f"vertices: expected finite x, y of shape (V, 2), got {vertices!r}")
+            raise GeometryError(
+                f"vertices: expected finite x, y of shape (V, 2), got {short(vertices)}"
+            )
         points.flags.writeable = False
         self._vertices = points
 
@@ -191,7 +193,7 @@ class Polygon:
             GeometryError: there are not 2 distinct vertices, or the thickness is not finite.
         """
         if len(self._vertices) != 2 or (self._vertices[0] == self._vertices[1]).all():
-            raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {self!r}")
+            raise GeometryError(f"thicken_line: expected 2 distinct vertices, got {short(self)}")
         start, end = self._vertices
         x, y = as_finite(thickness, "thickness") * _normalized(end - start)
         across = np.array([y, -x])
@@ -271,7 +273,7 @@ class Polygon:
 
     def _need_vertices(self, count: int, what: str) -> None:
         if len(self._vertices) < count:
-            raise GeometryError(f"{what}: expected at least {count} vertices, got {self!r}")
+            raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
     def _corners(self) -> tuple[Positions, npt.NDArray[np.int64]]:
         """Return the (C, 2) vertices without repetitions, and the index of each vertex among them.
@@ -285,7 +287,7 @@ class Polygon:
         if len(corners) < 3 or not (
             abs(_doubled_areas(corners).sum()) > 1e-12 * np.ptp(corners, axis=0).max() ** 2
         ):
-            raise GeometryError(f"expected a polygon with an area, got {self!r}")
+            raise GeometryError(f"expected a polygon with an area, got {short(self)}")
         # Vertices before the first of these map to index -1, the last one.
         return corners, np.cumsum(begins) - 1
 
@@ -342,5 +344,5 @@ def _chain(points: list[list[float]]) -> list[list[float]]:
 
 def _number(n: int, least: int) -> int:
     if not isinstance(n, int | np.integer) or n < least:
-        raise GeometryError(f"n: expected at least {least} vertices, got {n!r}")
+        raise GeometryError(f"n: expected at least {least} vertices, got {short(n)}")
     return int(n)

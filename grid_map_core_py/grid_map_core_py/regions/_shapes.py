@@ -21,7 +21,7 @@ from ..arrays._checks import (
     as_text,
 )
 from ..arrays._pieces import slices
-from ..errors import GeometryError, OutOfMapError
+from ..errors import GeometryError, OutOfMapError, short
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
@@ -151,7 +151,7 @@ def ellipse_cells(
     """
     center, half_axes = as_pair(center, "center"), 0.5 * as_pair(length, "length")
     if (half_axes < 0).any():
-        raise GeometryError(f"length: expected no negative numbers, got {length!r}")
+        raise GeometryError(f"length: expected no negative numbers, got {short(length)}")
     angle = as_finite(rotation, "rotation", "a finite angle [rad]")
     cosine, sine = math.cos(angle), math.sin(angle)
     (a, b), (squared_a, squared_b) = half_axes, half_axes**2

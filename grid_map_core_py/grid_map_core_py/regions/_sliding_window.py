@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 
 from ..arrays._checks import Layer, Size, as_finite
-from ..errors import GeometryError, GridMapError
+from ..errors import GeometryError, GridMapError, short
 from ..map._grid_map import GridMap
 
 EdgeHandling: TypeAlias = Literal["inside", "crop", "empty", "mean"]
@@ -96,7 +96,7 @@ def window_array(
 def _check_edge_handling(edge_handling: object, known: tuple[str, ...]) -> None:
     if edge_handling not in known:
         raise GridMapError(
-            f"edge_handling: expected one of {', '.join(known)}, got {edge_handling!r}"
+            f"edge_handling: expected one of {', '.join(known)}, got {short(edge_handling)}"
         )
 
 
@@ -110,7 +110,7 @@ def _window_cells(resolution: float, size: int | None, length: float | None) -> 
         cells = math.floor(meters / resolution + 0.5)
         return cells if cells % 2 else cells + 1
     if not isinstance(size, int | np.integer) or size < 1 or size % 2 == 0:
-        raise GeometryError(f"window_size: expected an odd number of cells, got {size!r}")
+        raise GeometryError(f"window_size: expected an odd number of cells, got {short(size)}")
     return int(size)
 
 

@@ -22,6 +22,7 @@ from types import TracebackType
 from typing import NamedTuple, TypeAlias
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.errors import short
 from grid_map_core_py.files import new_folder
 
 from ..errors import BagError, MessageError
@@ -120,7 +121,7 @@ class BagWriter:
         ):
             if value not in known:
                 expected = " or ".join(map(repr, known))
-                raise BagError(self._path, f"{name}: expected {expected}, got {value!r}")
+                raise BagError(self._path, f"{name}: expected {expected}, got {short(value)}")
 
     def __enter__(self) -> "BagWriter":
         with bag_errors(self._path, "written"), ExitStack() as stack:

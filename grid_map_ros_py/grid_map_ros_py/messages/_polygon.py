@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GeometryError, Polygon
 from grid_map_core_py.arrays import as_array, as_number
+from grid_map_core_py.errors import short
 
 from ..errors import MessageError
 from ._checks import check_fields
@@ -138,7 +139,9 @@ def _filled(
     """Give a marker its points and `count` equal colors."""
     rgba = as_array(color, np.float32, "color")
     if rgba.shape != (4,) or not ((rgba >= 0) & (rgba <= 1)).all():
-        raise GeometryError(f"color: expected red, green, blue, alpha from 0 to 1, got {color!r}")
+        raise GeometryError(
+            f"color: expected red, green, blue, alpha from 0 to 1, got {short(color)}"
+        )
     r, g, b, a = rgba.tolist()
     point, color_type = messages_of("geometry_msgs").Point, messages_of("std_msgs").ColorRGBA
     marker.points = [point(x=x, y=y, z=z) for x, y, z in _raised(vertices, height).tolist()]

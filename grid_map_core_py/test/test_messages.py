@@ -1,0 +1,127 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values in error messages are one short line."""
+
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GeometryError, GridMap, GridMapError, Polygon, circle_cells
+from grid_map_core_py.errors import short
+from grid_map_core_py.plugins import cast
+
+WORDS = np.full((300, 200), "high")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "None"),
+        ("map", "'map'"),
+        (1.5, "1.5"),
+        (["a", 1], "['a', 1]"),
+        ({"a": [1]}, "{'a': [1]}"),
+        (np.array([1.0, np.nan]), "array([ 1., nan])"),
+        (WORDS, "an array of shape (300, 200) and type <U4"),
+    ],
+)
+def test_short_values_are_shown_and_arrays_described(value, text):
+    assert short(value) == text
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "filters:\n" * 1000,
+        list(range(10**6)),
+        {str(number): number for number in range(1000)},
+        [[1, 2, [3] * 100] * 50] * 50,
+        np.eye(3, dtype=object),
+        [np.zeros((100, 100))] * 3,
+        10**400,
+        MappingProxyType({"a": "b" * 1000}),
+        Polygon.from_circle((0, 0), 1.0, 5000),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_long_values_become_one_line_of_80_characters(value):
+    assert len(short(value)) <= 80
+    assert "\n" not in short(value)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda m: m.add("e", WORDS),
+        lambda m: m.add("e", WORDS.tolist()),
+        lambda m: m.update({"e": WORDS}),
+        lambda m: m.with_layers({"e": WORDS}),
+        lambda m: m.with_layers(WORDS),
+        lambda m: m.set_unwrapped("e", WORDS),
+        lambda m: m.get_indices(WORDS),
+        lambda m: m.get_index(WORDS),
+        lambda m: m.get_submap(WORDS, (1, 1)),
+        lambda m: m.get_submap(np.zeros((300, 2)), (1, 1)),
+        lambda m: m.is_valid(np.zeros((300, 2))),
+        lambda m: m.get_position(np.zeros((300, 2), int)),
+        lambda m: m.at_position("a", (0, 0), WORDS),
+        lambda m: m.add_data_from(WORDS, extend_map=False, overwrite_data=False),
+        lambda m: m.get_transformed_map(WORDS, "a", "odom"),
+        lambda m: m.__setitem__(("e",) * 1000, 1.0),
+        lambda m: setattr(m, "timestamp", WORDS),
+        lambda m: setattr(m, "frame_id", "\n".join(["map"] * 1000).split()),
+        lambda m: circle_cells(m, (0, 0), WORDS),
+        lambda _: Polygon(WORDS),
+        lambda _: Polygon(np.full((300, 2), np.nan)),
+        lambda _: Polygon.from_circle((0, 0), 1.0, 5000).thicken_line(1.0),
+        lambda _: GridMap((1, 1), WORDS),
+        lambda _: GridMap((1, 1), 0.5, layers={"e": WORDS}),
+        lambda _: cast("filters", "filters:\n" * 1000, list[float]),
+    ],
+)
+def test_messages_show_no_arrays_and_no_files(call):
+    with pytest.raises(GridMapError) as caught:
+        call(GridMap((4, 4), 1.0, layers=["a"]))
+    assert len(str(caught.value)) < 220
+    assert "\n" not in str(caught.value)
+
+
+def test_transposed_layer_is_told_how_to_turn_it():
+    grid_map = GridMap((3, 2), 1.0)
+    expected = r"layer 'e': expected shape \(3, 2\), got \(2, 3\)\. Rows run along x: .*values\.T"
+    for call in (
+        grid_map.add,
+        grid_map.set_unwrapped,
+        lambda *pair: GridMap.update(grid_map, [pair]),
+    ):
+        with pytest.raises(GeometryError, match=expected):
+            call("e", np.zeros((2, 3)))
+    with pytest.raises(GeometryError, match=r"got \(3, 3\)$"):
+        grid_map["e"] = np.zeros((3, 3))
+
+
+SETTERS = {
+    "item": lambda m, value: m.__setitem__("e", value),
+    "add": lambda m, value: m.add("e", value),
+    "update": lambda m, value: m.update(e=value),
+    "with_layers": lambda m, value: m.update(m.with_layers({"e": value})),
+    "set_unwrapped": lambda m, value: m.set_unwrapped("e", value),
+    "constructor": lambda m, value: m.update(GridMap((3, 2), 1.0, layers={"e": value})),
+}
+
+
+@pytest.mark.parametrize("setter", SETTERS.values(), ids=SETTERS)
+@pytest.mark.parametrize("value", [1e300, [[0, 1e300]] * 3, np.full((3, 2), -1e39)])
+def test_values_beyond_float32_warn_with_the_layer(setter, value):
+    grid_map = GridMap((3, 2), 1.0)
+    with pytest.warns(RuntimeWarning, match="layer 'e': values beyond float32 become infinite"):
+        setter(grid_map, value)
+    assert np.isinf(grid_map["e"]).any()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [3.4e38, np.inf, -np.inf, np.nan, 1e-300, 2**60])
+def test_other_values_are_set_without_warning(value):
+    for setter in SETTERS.values():
+        setter(GridMap((3, 2), 1.0), value)
