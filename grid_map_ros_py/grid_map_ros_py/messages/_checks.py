@@ -49,6 +49,21 @@ def check_position(field: str, position: "Point") -> tuple[float, float]:
     return position.x, position.y
 
 
+def check_finite(
+    field: str,
+    rows: npt.NDArray[np.floating[Any]],
+    expected: str = "finite coordinates",
+    found: npt.NDArray[np.float64] | None = None,
+) -> Any:
+    """Return (N, k) rows if all are finite; the error shows the row of `found`, else of `rows`."""
+    finite = np.isfinite(rows).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        shown = rows if found is None else found
+        raise MessageError(f"{field}[{index}]", expected, tuple(shown[index].tolist()))
+    return rows
+
+
 def check_unrotated(field: str, orientation: "Quaternion") -> None:
     """Raise if a grid is rotated; the rows of a map run along x.
 

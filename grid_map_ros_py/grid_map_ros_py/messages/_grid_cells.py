@@ -14,7 +14,7 @@ from grid_map_core_py.conversions import fitting_geometry
 
 from ..errors import MessageError
 from ._cdr import serialize
-from ._checks import as_float32, as_written, check_cells, check_fields, check_positive
+from ._checks import as_float32, as_written, check_cells, check_fields, check_finite, check_positive
 from ._packages import messages_of
 from ._time import from_stamp, to_header
 
@@ -75,7 +75,8 @@ def from_grid_cells(
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
     timestamp = from_stamp(message.header.stamp)
     side = _side(message, resolution)
-    centers = _centers(message)
+    pairs = [(cell.x, cell.y) for cell in message.cells]
+    centers = check_finite("cells", np.array(pairs, np.float64).reshape(-1, 2))
     if geometry is not None:
         _side(message, geometry.resolution)
     elif not len(centers):
@@ -150,14 +151,3 @@ def _side(message: "GridCells", resolution: float | None) -> float:
         if as_written(getattr(message, name)) != held:
             raise MessageError(name, f"the resolution {side}", getattr(message, name))
     return side
-
-
-def _centers(message: "GridCells") -> npt.NDArray[np.float64]:
-    """Return (N, 2) x, y of the cells, all finite."""
-    pairs = [(cell.x, cell.y) for cell in message.cells]
-    centers = np.array(pairs, np.float64).reshape(-1, 2)
-    finite = np.isfinite(centers).all(axis=1)
-    if not finite.all():
-        index = int(np.argmin(finite))
-        raise MessageError(f"cells[{index}]", "finite coordinates", pairs[index])
-    return centers

@@ -13,7 +13,7 @@ from grid_map_core_py.arrays import as_array, as_number
 from grid_map_core_py.errors import short
 
 from ..errors import MessageError
-from ._checks import check_fields
+from ._checks import check_fields, check_finite
 from ._packages import messages_of
 from ._time import from_stamp, to_stamp
 
@@ -46,11 +46,7 @@ def to_polygon(
     vertices = _raised(polygon.vertices, height)
     with np.errstate(over="ignore"):
         single = vertices.astype(np.float32)
-    finite = np.isfinite(single).all(axis=1)
-    if not finite.all():
-        index = int(np.argmin(finite))
-        found = tuple(vertices[index].tolist())
-        raise MessageError(f"polygon.points[{index}]", "coordinates that float32 can hold", found)
+    check_finite("polygon.points", single, "coordinates that float32 can hold", vertices)
     message.polygon.points = [messages.Point32(x=x, y=y, z=z) for x, y, z in single.tolist()]
     return message
 
@@ -64,11 +60,7 @@ def from_polygon(message: "PolygonStamped") -> Polygon:
     check_fields(message, "geometry_msgs/PolygonStamped", "header", "polygon")
     from_stamp(message.header.stamp)
     pairs = [(point.x, point.y) for point in message.polygon.points]
-    finite = np.isfinite(np.array(pairs).reshape(-1, 2)).all(axis=1)
-    if not finite.all():
-        index = int(np.argmin(finite))
-        raise MessageError(f"polygon.points[{index}]", "finite coordinates", pairs[index])
-    return Polygon(pairs)
+    return Polygon(check_finite("polygon.points", np.array(pairs, np.float64).reshape(-1, 2)))
 
 
 # --- markers --------------------------------------------------------------------------------------
