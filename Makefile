@@ -69,7 +69,7 @@ docs: build  ## Build the documentation site in build/docs/
 	@tools/workspace docs
 	@$(ENTER) libraries=$$(python3 -c 'import sysconfig; print(sysconfig.get_path("purelib"))') && \
 	    PYTHONPATH=$(SOURCES):$$PYTHONPATH:$$libraries .venv-docs/bin/python -m sphinx -qEW -j auto --keep-going -c docs . build/docs && \
-	    PYTHONPATH=$$libraries .venv-docs/bin/python -m pytest -q -p no:cacheprovider test/built_site.py && \
+	    PYTHONPATH=$$libraries .venv-docs/bin/python -m pytest -q --noconftest -p no:cacheprovider test/built_site.py && \
 	    echo "The site is build/docs/index.html"
 
 bench: build  ## Run the benchmarks

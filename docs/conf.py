@@ -37,6 +37,7 @@ exclude_patterns = [".*", "build", "install", "log", "demo_output"]
 html_theme = "furo"
 html_title = project
 html_copy_source = False
+html_search_scorer = str(DOCS / "search_scorer.js")
 copybutton_selector = "div:not(.highlight-text) > div.highlight > pre"
 copybutton_prompt_text = r">>> |\.\.\. "
 copybutton_prompt_is_regexp = True
