@@ -26,10 +26,11 @@ demo: build  ## Publish and filter a terrain, write pictures to demo_output/ (VI
 	    tools/run grid_map_demos_py filters_demo $(if $(VIEW),--view,--report demo_output)
 
 test: build  ## Run all tests
-	@tools/test
+	@tools/workspace browser && tools/test
 
 test-shuffled: build  ## Run all tests in random order (SEED=... repeats an order)
-	@seed=$(or $(SEED),$$RANDOM); echo "The order of the tests is that of SEED=$$seed."; GRID_MAP_SHUFFLE=$$seed tools/test
+	@seed=$(or $(SEED),$$RANDOM); echo "The order of the tests is that of SEED=$$seed."; \
+	    tools/workspace browser && GRID_MAP_SHUFFLE=$$seed tools/test
 
 test-fast: build  ## Run the tests of core and filters that start no node, in less than two minutes
 	@$(ENTER) for package in grid_map_core_py grid_map_filters_py; do \

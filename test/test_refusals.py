@@ -27,23 +27,35 @@ def refusal(workspace: Path, *prefix: str, **changes: object) -> str:
     return sentence
 
 
-def bare_path(folder: Path) -> Path:
-    """Return a folder that offers a shell and nothing to build with."""
+BUILDERS = {"cmake": "cmake", "make": "make", "cc": "a C compiler", "c++": "a C++ compiler"}
+"""Programs that builds need, and how the set-up calls them."""
+
+
+def bare_path(folder: Path, *programs: str) -> Path:
+    """Return a folder that offers a shell and some stand-ins of programs."""
     folder.mkdir()
     for program in SHELL_PROGRAMS:
         (folder / program).symlink_to(shutil.which(program))
+    for program in programs:
+        fake(folder / program, "")
     return folder
 
 
-def fake_python(path: Path, version: str) -> Path:
-    path.write_text(f"#!/bin/sh\necho {version}\n")
+def fake(path: Path, script: str) -> Path:
+    path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
     return path
 
 
+def user(folder: Path, number: int) -> Path:
+    """Return a folder for PYTHONPATH that makes Python take its user for this one."""
+    (folder / "sitecustomize.py").write_text(f"import os\nos.geteuid = lambda: {number}\n")
+    return folder
+
+
 @pytest.mark.parametrize("version", ["3.10", "3.13", "2.7"])
 def test_old_or_new_python_is_refused(workspace, tmp_path, version):
-    python = fake_python(tmp_path / "python3", version)
+    python = fake(tmp_path / "python3", f"echo {version}")
     sentence = refusal(workspace, PYTHON=python)
     assert "needs Python 3.11 or 3.12" in sentence
     assert f"{python} is {version}" in sentence
@@ -62,7 +74,7 @@ def test_variable_that_makes_no_sense_is_named(workspace, changes, text):
 
 def test_fitting_python_on_the_path_is_found_or_missed(workspace, tmp_path):
     folder = bare_path(tmp_path / "bin")
-    fake_python(folder / "python3", "3.9")
+    fake(folder / "python3", "echo 3.9")
     sentence = refusal(workspace, PATH=folder, PYTHON="")
     assert "python3 is 3.9" in sentence
     assert "apt install" in sentence
@@ -70,15 +82,95 @@ def test_fitting_python_on_the_path_is_found_or_missed(workspace, tmp_path):
     assert "lacks cmake" in refusal(workspace, PATH=folder, PYTHON="")
 
 
-def test_no_cmake_and_no_compilers(workspace, tmp_path):
-    sentence = refusal(workspace, PATH=bare_path(tmp_path / "bin"))
-    assert "lacks cmake, make, a C compiler, a C++ compiler" in sentence
-    assert "apt install cmake make gcc g++)" in sentence
+@pytest.mark.parametrize("hidden", [*BUILDERS, ""])
+def test_each_missing_program_is_named(workspace, tmp_path, hidden):
+    others = BUILDERS.keys() - {hidden} if hidden else ()
+    sentence = refusal(workspace, PATH=bare_path(tmp_path / "bin", *others))
+    lacking = [BUILDERS[hidden]] if hidden else BUILDERS.values()
+    assert f"This machine lacks {', '.join(lacking)}: install what is missing" in sentence
+    assert hidden or "apt install cmake make gcc g++)" in sentence
 
 
 def test_no_venv_module(workspace, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['ensurepip'] = None\n")
-    assert "apt install python3-venv" in refusal(workspace, PYTHONPATH=tmp_path)
+    path = bare_path(tmp_path / "bin", *BUILDERS)
+    assert "apt install python3-venv" in refusal(workspace, PATH=path, PYTHONPATH=tmp_path)
+
+
+APT = """
+echo "$@" >>{log}
+if [ "$1" = install ]; then
+    for program in cmake make cc c++; do ln -s "$(command -v true)" {folder}/$program; done
+fi
+"""
+
+
+@pytest.mark.parametrize("number", [0, 1000])
+def test_only_root_gets_missing_programs_installed(workspace, tmp_path, number):
+    folder, log = bare_path(tmp_path / "bin", "true"), tmp_path / "log"
+    fake(folder / "ln", f'exec {shutil.which("ln")} "$@"')
+    fake(folder / "apt-get", APT.format(log=log, folder=folder))
+    changes = {"PATH": str(folder), "PYTHONPATH": str(user(tmp_path, number))}
+    environ = fresh_environment(PYTHON=str(BASE_PYTHON), PIP_NO_INDEX="1", **changes)
+    done = run(workspace / "tools" / "workspace", "setup", environ=environ)
+    # Without an index pip fails, after the check of the machine.
+    assert done.returncode == 1
+    if number:
+        assert "lacks cmake, make, a C compiler, a C++ compiler: install" in done.stderr
+        assert not log.exists()
+    else:
+        assert done.stderr.startswith(
+            "Installing cmake make gcc g++ with apt-get ...\nMaking .venv"
+        )
+        install = "install -qq -y --no-install-recommends cmake make gcc g++"
+        assert log.read_text().splitlines() == ["update -qq", install]
+
+
+PYTHON_OF_VENV = """
+echo "$@" >>{log}
+case "$*" in
+    *" install "*) {install} ;;
+    *) echo {chromium} ;;
+esac
+"""
+INSTALL = "printf '#!/bin/sh\\nexit {code}\\n' >{chromium}; chmod +x {chromium}"
+
+
+@pytest.mark.parametrize(
+    ("programs", "install", "installs", "code"),
+    [
+        (["chromium"], "exit 1", False, 0),
+        ([], INSTALL.format(code=0, chromium="{chromium}"), True, 0),
+        ([], INSTALL.format(code=127, chromium="{chromium}"), True, 1),
+        ([], "exit 1", True, 1),
+    ],
+    ids=["there", "installed", "without libraries", "offline"],
+)
+def test_tests_find_or_install_chromium_or_refuse(
+    workspace, tmp_path, programs, install, installs, code
+):
+    log, chromium = tmp_path / "log", tmp_path / "chrome"
+    python = workspace / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    script = PYTHON_OF_VENV.format(
+        log=log, install=install.format(chromium=chromium), chromium=chromium
+    )
+    fake(python, script)
+    path = bare_path(tmp_path / "bin", *programs)
+    fake(path / "chmod", f'exec {shutil.which("chmod")} "$@"')
+    code_of_tools = "import os, environment; environment.ensure_browser(os.environ)"
+    environ = {"PATH": str(path), "PYTHONPATH": f"{user(tmp_path, 1000)}:{workspace}/tools"}
+    start = (
+        "import steps, sys\ntry:\n    exec(sys.argv[1])\n"
+        "except steps.Refusal as refusal:\n    sys.exit(str(refusal))"
+    )
+    done = run(BASE_PYTHON, "-c", start, code_of_tools, environ=environ)
+    assert done.returncode == code, done.stderr
+    calls = log.read_text() if log.exists() else ""
+    assert ("-m playwright install chromium\n" in calls) == installs
+    assert ("need Chromium, which cannot be installed here: install it" in done.stderr) == bool(
+        code
+    )
 
 
 def test_a_machine_without_wheels(workspace):

@@ -3,6 +3,7 @@
 """Set-up and build: one at a time, repeated after an interruption, then quick and offline."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -77,6 +78,23 @@ def test_repeated_run_is_quick_silent_and_offline(command):
     done = run(ROOT / "tools/workspace", command, environ={**os.environ, **NO_NETWORK})
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert time.monotonic() - started < 3.0
+
+
+SLOW = """
+import sys, steps
+steps.PERIOD = 0.2
+steps.run(sys.executable, "-uc", sys.argv[1], environ={}, takes_long=True)
+"""
+
+
+@pytest.mark.parametrize("end", ["", "sys.exit('no compiler')"])
+def test_long_step_shows_its_progress_and_why_it_fails(end):
+    program = f"import sys, time; print('begun'); print('[ 40%] Built'); time.sleep(1); {end}"
+    environ = {**os.environ, "PYTHONPATH": str(ROOT / "tools")}
+    done = run(sys.executable, "-c", SLOW, program, environ=environ)
+    assert re.search(r"^ +\d s  \[ 40%\] Built$", done.stderr, re.MULTILINE)
+    assert (done.stdout, done.returncode) == ("", 1 if end else 0)
+    assert ("no compiler" in done.stderr, "begun\n" in done.stderr) == (bool(end), bool(end))
 
 
 # --- builds: of changed packages only -------------------------------------------------------------

@@ -3,16 +3,18 @@
 """The Python environments of the workspace, and the shell environment around them."""
 
 import importlib.metadata
+import os
 import platform
 import re
 import shutil
+import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from machine import BOOTSTRAP_GUARD
-from steps import ROOT, digest, run, say, write_atomically
+from machine import BOOTSTRAP_GUARD, apt_install
+from steps import ROOT, Refusal, digest, run, say, write_atomically
 
 VENV = ROOT / ".venv"
 VENV_DOCS = ROOT / ".venv-docs"
@@ -24,6 +26,14 @@ REQUIREMENTS = ROOT / "tools" / "requirements.txt"
 REQUIREMENTS_DOCS = ROOT / "tools" / "requirements-docs.txt"
 REQUIREMENTS_OLDEST = ROOT / "tools" / "requirements-oldest.txt"
 CONSTRAINTS = ROOT / "tools" / "constraints.txt"
+
+BROWSERS = VENV / "browsers"
+BROWSERS_PATH = "PLAYWRIGHT_BROWSERS_PATH"
+WHERE_CHROMIUM_IS = """
+from playwright.sync_api import sync_playwright
+with sync_playwright() as driver:
+    print(driver.chromium.executable_path)
+"""
 
 RECIPE = "1"
 """Change it when a change of this program must remake the environments that exist."""
@@ -82,6 +92,54 @@ def is_set_up(ros: bool) -> bool:
     return _is_complete(VENV, _wanted(ros))
 
 
+def ensure_browser(inner: Mapping[str, str]) -> None:
+    """Install a Chromium for the tests of the viewer, unless there is one that starts."""
+    if _chromium_starts(inner):
+        return
+    try:
+        # The package of Ubuntu needs snap, which containers lack.
+        is_debian = platform.freedesktop_os_release().get("ID") == "debian"
+        if not (is_debian and apt_install(["chromium", "fonts-dejavu-core"], inner)):
+            say("Installing Chromium of Playwright into .venv/browsers ...")
+            dependencies = ["--with-deps"] if os.geteuid() == 0 else []
+            command = (VENV / "bin" / "python", "-m", "playwright", "install", *dependencies)
+            run(*command, "chromium", environ={**inner, BROWSERS_PATH: str(BROWSERS)})
+        installed = _chromium_starts(inner)
+    except Refusal:
+        installed = False
+    if not installed:
+        raise Refusal(
+            "The tests of the viewer need Chromium, which cannot be installed here: install it as"
+            " root (Debian: apt install chromium), or the libraries of Playwright's own"
+            " (.venv/bin/python -m playwright install-deps chromium)."
+        )
+
+
+def _chromium_starts(inner: Mapping[str, str]) -> bool:
+    """Return whether the system's Chromium or else that of Playwright can be started."""
+    path = inner.get("PATH", "")
+    found = (shutil.which(name, path=path) for name in ("chromium", "chromium-browser"))
+    program = next(filter(None, found), None)
+    if program is None:
+        environ = {**inner, **_browsers()}
+        done = subprocess.run(
+            [VENV / "bin" / "python", "-c", WHERE_CHROMIUM_IS],
+            env=environ,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        program = done.stdout.strip()
+    if not Path(program).is_file():
+        return False
+    return subprocess.run([program, "--version"], capture_output=True, check=False).returncode == 0
+
+
+def _browsers() -> dict[str, str]:
+    """Return the variable that leads Playwright to its own browsers, if it has installed them."""
+    return {BROWSERS_PATH: str(BROWSERS)} if BROWSERS.is_dir() else {}
+
+
 def _wanted(ros: bool) -> str:
     return _fingerprint("beside ROS" if ros else "with ROS", REQUIREMENTS, CONSTRAINTS)
 
@@ -123,9 +181,9 @@ def _ensure_venv(
 
 
 def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
-    install = ("-m", "pip", "install", "-qq", "--no-input", "--disable-pip-version-check")
-    environ = {**outer, BOOTSTRAP_GUARD: "1"}
-    run(venv / "bin" / "python", *install, *arguments, environ=environ)
+    install = ("-m", "pip", "install", "--no-input", "--disable-pip-version-check")
+    environ = {**outer, BOOTSTRAP_GUARD: "1", "PIP_PROGRESS_BAR": "off"}
+    run(venv / "bin" / "python", *install, *arguments, environ=environ, takes_long=True)
 
 
 def _install_ros(outer: Mapping[str, str]) -> None:
@@ -183,7 +241,7 @@ def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
             BOOTSTRAP_GUARD: "1",
             "RMW_IMPLEMENTATION": outer.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
         }
-    return {**outer, **ours, "GRID_MAP_PY_ROOT": str(ROOT)}
+    return {**outer, **ours, **_browsers(), "GRID_MAP_PY_ROOT": str(ROOT)}
 
 
 def _path_list(*entries: str | Path | None) -> str:

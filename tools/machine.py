@@ -3,14 +3,15 @@
 """Checks of this machine and of the calling shell before any work."""
 
 import importlib.util
+import os
 import platform
 import shutil
 import sys
 import sysconfig
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from steps import ROOT, Refusal
+from steps import ROOT, Refusal, run, say
 
 PATH_LISTS = (
     "PATH",
@@ -72,7 +73,10 @@ def ros_is_sourced(outer: Mapping[str, str]) -> bool:
 
 
 def check(outer: Mapping[str, str], ros: bool) -> None:
-    """Refuse a machine on which the set-up or the build would fail, before any work."""
+    """Refuse a machine on which the set-up or the build would fail, before any work.
+
+    Root on Debian or Ubuntu gets the missing packages instead.
+    """
     if " " in str(ROOT):
         raise Refusal(f"Move the workspace out of '{ROOT}' to a path without spaces.")
     system = f"{platform.system()} {platform.machine()}"
@@ -81,10 +85,10 @@ def check(outer: Mapping[str, str], ros: bool) -> None:
             f"Wheels of ROS 2 exist for x86-64 Linux only, and this is {system}: install ROS 2"
             " Jazzy and source it, or work in a container that has it."
         )
-    lacking = _lacking_programs(outer, ros)
-    if ros:
-        absent = (module for module in BESIDE_ROS if importlib.util.find_spec(module) is None)
-        lacking |= {module: BESIDE_ROS[module] for module in absent}
+    lacking = _lacking(outer, ros)
+    if lacking and apt_install(lacking.values(), outer):
+        importlib.invalidate_caches()
+        lacking = _lacking(outer, ros)
     if lacking:
         raise Refusal(
             f"This machine lacks {', '.join(lacking)}: install what is missing (Debian and Ubuntu:"
@@ -92,8 +96,19 @@ def check(outer: Mapping[str, str], ros: bool) -> None:
         )
 
 
-def _lacking_programs(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
-    """Return the missing programs that builds need, each with its Debian package."""
+def apt_install(packages: Iterable[str], outer: Mapping[str, str]) -> bool:
+    """Install Debian packages after saying so; return False for users who may not."""
+    if os.geteuid() != 0 or shutil.which("apt-get", path=outer.get("PATH", "")) is None:
+        return False
+    say(f"Installing {' '.join(packages)} with apt-get ...")
+    environ = {**outer, "DEBIAN_FRONTEND": "noninteractive"}
+    run("apt-get", "update", "-qq", environ=environ)
+    run("apt-get", "install", "-qq", "-y", "--no-install-recommends", *packages, environ=environ)
+    return True
+
+
+def _lacking(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
+    """Return missing programs that builds need, and modules, each with its Debian package."""
 
     def absent(*programs: str) -> bool:
         return not any(shutil.which(program, path=outer.get("PATH", "")) for program in programs)
@@ -109,4 +124,6 @@ def _lacking_programs(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
         "venv": (f"{python}-venv", importlib.util.find_spec("ensurepip") is None),
         "colcon": ("python3-colcon-common-extensions", ros and absent("colcon")),
     }
+    for module, package in BESIDE_ROS.items() if ros else ():
+        needs[module] = (package, importlib.util.find_spec(module) is None)
     return {what: package for what, (package, missing) in needs.items() if missing}

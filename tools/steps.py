@@ -9,10 +9,15 @@ import os
 import shlex
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+
+PERIOD = 10.0
+"""Time between two lines about the progress of a program [s]."""
 
 
 class Refusal(Exception):
@@ -36,12 +41,29 @@ def exclusive_lock() -> Iterator[None]:
         yield
 
 
-def run(*command: str | Path, environ: Mapping[str, str]) -> None:
-    """Run a program in the root of the workspace; it holds the lock until it ends."""
+def run(*command: str | Path, environ: Mapping[str, str], takes_long: bool = False) -> None:
+    """Run a program in the root of the workspace; it holds the lock until it ends.
+
+    If it takes long, every few seconds the last line of its output is shown, and all of its output
+    if it fails.
+    """
     words = [str(word) for word in command]
+    output = subprocess.PIPE if takes_long else None
     # Without close_fds=False the program would not inherit the lock.
-    code = subprocess.run(words, env=environ, cwd=ROOT, close_fds=False, check=False).returncode
+    with subprocess.Popen(
+        words, env=environ, cwd=ROOT, close_fds=False, stdout=output, text=True
+    ) as process:
+        lines: list[str] = []
+        if process.stdout is not None:
+            started = time.monotonic()
+            reader = threading.Thread(target=lines.extend, args=[process.stdout], daemon=True)
+            reader.start()
+            while reader.join(PERIOD) or reader.is_alive():
+                last = lines[-1].strip()[:80] if lines else ""
+                say(f"{time.monotonic() - started:5.0f} s  {last}")
+    code = process.returncode
     if code != 0:
+        sys.stderr.writelines(lines)
         what = shlex.join(words[:4])
         raise Refusal(f"`{what} ...` failed with exit code {code}; its own messages stand above.")
 

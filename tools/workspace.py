@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Set up and build this workspace.
 
-Usage: tools/workspace setup|build|docs|oldest|exports
+Usage: tools/workspace setup|build|browser|docs|oldest|exports
 
     setup       make the Python environment `.venv`
     build       the same, then `colcon build` of what has changed
+    browser     the same as `setup`, then find or install a Chromium for the tests
     docs        make `.venv-docs` with what builds the documentation
     oldest      make `.venv-oldest` with the oldest supported versions of what we require
     exports     print the assignments that tools/env.sh evaluates
@@ -50,7 +51,15 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
         shutil.rmtree(ROOT / "install" / name, ignore_errors=True)
     if outdated := [name for name in wanted if name not in current]:
         say(f"Building {', '.join(outdated)} ...")
-        run("colcon", "build", "--packages-select", *outdated, environ=inner)
+        # Lines of the compilers, which tell their progress, come at once.
+        words = (
+            "--event-handlers",
+            "console_direct+",
+            "console_stderr-",
+            "--packages-select",
+            *outdated,
+        )
+        run("colcon", "build", *words, environ=inner, takes_long=True)
     write_atomically(BUILT, json.dumps(wanted))
 
 
@@ -94,12 +103,16 @@ def carry_out(command: str) -> None:
             environment.setup_oldest(outer)
             return
         fingerprint = environment.setup(outer, ros)
+        inner = environment.inner_environment(outer, ros)
         if command == "build":
-            build(environment.inner_environment(outer, ros), fingerprint)
+            build(inner, fingerprint)
+        if command == "browser":
+            environment.ensure_browser(inner)
 
 
 def main(arguments: list[str]) -> int:
-    if len(arguments) != 1 or arguments[0] not in ("setup", "build", "docs", "oldest", "exports"):
+    known = ("setup", "build", "browser", "docs", "oldest", "exports")
+    if len(arguments) != 1 or arguments[0] not in known:
         say(str(__doc__))
         return 2
     try:
