@@ -11,7 +11,7 @@ import difflib
 import numbers
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
@@ -27,6 +27,7 @@ __all__ = [
     "describe",
     "mismatch",
     "nested",
+    "node_sections",
 ]
 
 T = TypeVar("T")
@@ -52,6 +53,15 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
             raise ConfigError(f"missing parameter {name!r}")
     hints = typing.get_type_hints(cls)
     return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
+
+
+def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the name of a node, such as `/robot/viewer`, and its parameters, from a ROS file."""
+    for key, value in content.items():
+        if key == "ros__parameters" and isinstance(value, Mapping):
+            yield path or "/", value
+        elif isinstance(value, Mapping):
+            yield from node_sections(value, f"{path}/{key}".replace("//", "/"))
 
 
 def nested(parameters: Mapping[str, object]) -> dict[str, Any]:

@@ -89,7 +89,9 @@ class GridMapToImageDemoNode(Demo):
         expected += " and transparency" * is_transparent
         check(keeps(self._file, pixel), "file", expected, str(self._file))
         self._subscription = MapSubscription(self, topic, self._receive)
-        self.get_logger().info(f"saves {self._layer!r} of {topic} to {self._file}")
+        self.get_logger().info(
+            f"saves {self._layer!r} of {self._subscription.topic_name} to {self._file}"
+        )
 
     def _receive(self, received: ReceivedMap) -> None:
         try:

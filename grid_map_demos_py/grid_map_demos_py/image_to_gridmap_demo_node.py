@@ -49,7 +49,7 @@ class ImageToGridmapDemoNode(Demo):
         self._subscription = LatchedSubscription(
             self, Image, topic, self._receive, hears_best_effort=True
         )
-        self.get_logger().info(f"makes maps from the images on {topic}")
+        self.get_logger().info(f"makes maps from the images on {self._subscription.topic_name}")
 
     def _receive(self, message: Image) -> None:
         if self._map is None:

@@ -91,7 +91,9 @@ class SdfDemoNode(Demo):
             for name in ("full_sdf", "free_space", "occupied_space")
         )
         self._subscription = MapSubscription(self, maps, self._receive)
-        self.get_logger().info(f"makes distance fields from {self._layer!r} of the maps on {maps}")
+        self.get_logger().info(
+            f"makes distance fields from {self._layer!r} of {self._subscription.topic_name}"
+        )
 
     def _receive(self, received: ReceivedMap) -> None:
         grid_map = received.decode([self._layer])

@@ -7,7 +7,7 @@ is a list. Both hold steps of the form `{name, type, params}`.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from grid_map_core_py.errors import ConfigError
-from grid_map_core_py.plugins import nested
+from grid_map_core_py.plugins import nested, node_sections
 
 from .errors import FilterConfigError
 
@@ -77,7 +77,8 @@ def read_chain(path: str | Path, name: str) -> object:
     if not isinstance(content, Mapping):
         raise _unexpected(path, "a YAML mapping", content)
     try:
-        nodes = {node: params for node, params in _ros_parameters(content) if name in params}
+        sections = ((node, nested(params)) for node, params in node_sections(content))
+        nodes = {node: params for node, params in sections if name in params}
     except ConfigError as error:
         raise FilterConfigError(f"{path}: {error}") from None
     if len(nodes) > 1:
@@ -109,15 +110,6 @@ _Loader.add_implicit_resolver(
     re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
     "-+.0123456789",
 )
-
-
-def _ros_parameters(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the name and the parameters of every node in a parameter file."""
-    for key, value in content.items():
-        if key == "ros__parameters" and isinstance(value, Mapping):
-            yield path or "/", nested(value)
-        elif isinstance(value, Mapping):
-            yield from _ros_parameters(value, f"{path}/{key}".replace("//", "/"))
 
 
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:

@@ -388,6 +388,9 @@ def test_filters_are_added_replaced_and_removed_while_maps_flow(parameters, othe
         assert_maps_equal(filtered(other_side, message, 4), first)
         successful, reason = set_all(other_side, filter1=dict.fromkeys(("name", "type")))
         assert (successful, reason) == (False, "filters: filter1 is missing before filter2")
+        for missing in ("filters.filter9.name", "input_topics"):
+            refusal = f"no parameter {missing!r} to delete"
+            assert set_one(other_side, missing, None) == (False, refusal)
 
 
 def test_empty_list_parameter_can_be_filled(parameters, other_side):
@@ -444,5 +447,6 @@ def test_wrong_parameters_end_the_node_with_one_message(parameters, wrong, messa
     node = start_node(MODULE, *parameters(**wrong))
     assert node.wait() == 1
     assert node.text.count(message) == 1
+    assert "[grid_map_filters]: " in node.text
     assert "Traceback" not in node.text
     assert len(node.text.strip().splitlines()) == 1, node.text

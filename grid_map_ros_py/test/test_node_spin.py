@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -100,7 +101,7 @@ def test_failing_node_logs_one_error_and_fails(start: Start, habit: str, message
     process = start("living.py", habit)
     assert process.wait() == 1
     (line,) = [line for line in process.lines if line not in ("alive\n", "destroyed\n")]
-    assert re.fullmatch(rf"\[FATAL\] .*\[living\]: {message}\n", line)
+    assert re.fullmatch(rf"\[FATAL\] .*\[being\]: {message}\n", line)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +117,47 @@ def test_unexpected_exception_keeps_its_traceback(start: Start, habit: str, erro
     assert "Traceback" in process.text
     assert "FATAL" not in process.text
     assert f"{error}: a bug\n" in process.text
+
+
+def test_given_parameters_that_are_not_used_are_warned_of(start: Start, tmp_path: Path) -> None:
+    file = tmp_path / "parameters.yaml"
+    shared = "{other: 1, forest: {leaf: 2}}"
+    file.write_text(
+        f"/**: {{ros__parameters: {shared}}}\n"
+        "being: {ros__parameters: {other: 1, dely: 0.0, tree.stem: 1, tree.root: 2}}\n"
+        "robot/*: {ros__parameters: {delay: 0.0}}\n"
+    )
+    given = ["--ros-args", "--params-file", str(file), "-p", "quite_unlike:=1"]
+    process = start("living.py", "idle", *given)
+    wait_until(lambda: "alive\n" in process.lines, "a sign of life")
+    (warning,) = [line for line in process.lines if "WARN" in line]
+    assert re.search(r"\[being\]: unknown parameters, not used: (.*)\n", warning)[1] == (
+        "'dely' (did you mean 'delay'?), 'quite_unlike', 'tree'"
+    )
+
+
+@pytest.mark.parametrize("habit", ["idle", "misconfigured"])
+@pytest.mark.parametrize("section", ["beings", "robot/being", "/*/being", "robot: {being"])
+def test_parameter_file_without_section_for_the_node_is_reported(
+    start: Start, tmp_path: Path, section: str, habit: str
+) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(f"{section}: {{ros__parameters: {{delay: 0.0}}}}" + "}" * section.count("{"))
+    process = start("living.py", habit, "--ros-args", "--params-file", str(file))
+    name = "/" + section.strip("/").replace(": {", "/")
+    text = f"no section of {file} matches /being; the file has {name}"
+    wait_until(lambda: text in process.text, "a warning")
+    assert process.text.count(text) == 1
+
+
+@pytest.mark.parametrize("section", ["being", "/being", "/*", "/**", "/**/being"])
+def test_parameter_file_with_section_for_the_node_is_not_reported(
+    start: Start, tmp_path: Path, section: str
+) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(f"{section}: {{ros__parameters: {{delay: 0.001}}}}")
+    process = start("living.py", "idle", "--ros-args", "--params-file", str(file))
+    wait_until_alive(process)
 
 
 @pytest.mark.parametrize("wrong", [["--nonsense"], ["--params-file", "/missing.yaml"]])

@@ -100,7 +100,7 @@ class FilterChainNode(Node):
         self.add_on_set_parameters_callback(self._prepare_chain)
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
-        self.get_logger().info(f"{self._chain} on {topic}")
+        self.get_logger().info(f"{self._chain} on {self._subscription.topic_name}")
 
     # --- parameters -------------------------------------------------------------------------------
 
@@ -112,7 +112,10 @@ class FilterChainNode(Node):
         self._next_chain = None
         try:
             for change in changes:
-                if not (self._is_of_chain(change.name) or self.has_parameter(change.name)):
+                is_there = self.has_parameter(change.name)
+                if change.type_ == Parameter.Type.NOT_SET and not is_there:
+                    raise ConfigError(f"no parameter {change.name!r} to delete")
+                if not (self._is_of_chain(change.name) or is_there):
                     raise ConfigError(
                         f"unknown parameter {change.name!r}; those that can be set begin with "
                         f"'{self._chain_name}.'"

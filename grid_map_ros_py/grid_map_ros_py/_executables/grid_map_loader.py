@@ -34,8 +34,9 @@ class GridMapLoaderNode(Node):
             qos.lifespan = Duration(nanoseconds=round(duration * 1e9))
         grid_map = load_from_bag(path, bag_topic or None, unwrap=False)
         self._publisher = self.create_publisher(GridMapMessage, topic, qos)
+        name = self._publisher.topic_name
         self._publisher.publish(to_serialized_message(grid_map))
-        self.get_logger().info(f"publishes {grid_map} from {path} on {topic}")
+        self.get_logger().info(f"publishes {grid_map} from {path} on {name}")
 
 
 def main() -> int:

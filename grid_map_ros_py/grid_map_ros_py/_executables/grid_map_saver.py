@@ -32,7 +32,7 @@ class GridMapSaverNode(Node):
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)
         self._subscription = MapSubscription(self, topic, self._on_map)
-        self.get_logger().info(f"saves maps of {topic} to {self._path}")
+        self.get_logger().info(f"saves maps of {self._subscription.topic_name} to {self._path}")
 
     def _bag(self) -> BagWriter:
         return BagWriter(self._path, storage=self._storage, compression=self._compression)

@@ -41,7 +41,9 @@ class OctomapToGridMapNode(Node):
         self._max_bound = self._read_bound("max", "more")
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         source = self._listen()
-        self.get_logger().info(f"publishes the octomaps of {source} on {topic}")
+        self.get_logger().info(
+            f"publishes the octomaps of {source} on {self._publisher.topic_name}"
+        )
 
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Return the bounds at one end of the three axes; NaN means no bound."""
@@ -62,13 +64,13 @@ class OctomapToGridMapNode(Node):
         if not service:
             octomap = messages_of("octomap_msgs", NAME).Octomap
             self._subscription = LatchedSubscription(self, octomap, topic, self._publish)
-            return topic
+            return self._subscription.topic_name
         self._service = messages_of("octomap_msgs", NAME, "srv").GetOctomap
         self._client = self.create_client(self._service, service)
         self._answer: Any = None
         # The service may start after the node.
         self._timer = steady_timer(self, min(1.0, self._period), self._ask)
-        return service
+        return str(self._client.srv_name)
 
     def _ask(self) -> None:
         if not self._client.service_is_ready():

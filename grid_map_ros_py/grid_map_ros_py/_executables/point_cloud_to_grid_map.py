@@ -105,8 +105,8 @@ class PointCloudToGridMapNode(Node):
         reliability = _read_choice(self, "input_reliability", "best_effort", RELIABILITIES)
         qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
-        self.create_subscription(PointCloud2, topic, self._on_cloud, qos, raw=True)
-        self.get_logger().info(f"maps the clouds of {topic}, poses: {self._source}")
+        clouds = self.create_subscription(PointCloud2, topic, self._on_cloud, qos, raw=True)
+        self.get_logger().info(f"maps the clouds of {clouds.topic_name}, poses: {self._source}")
 
     # --- parameters -------------------------------------------------------------------------------
 

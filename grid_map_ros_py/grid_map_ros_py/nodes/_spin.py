@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from traceback import walk_tb
 from types import FrameType
 
 import rclpy
@@ -23,6 +24,7 @@ from rclpy.utilities import ok, try_shutdown
 from grid_map_core_py.errors import GridMapError
 
 from ..errors import NodeFailedError
+from ._overrides import unknown_parameters, unmatched_files
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
@@ -41,7 +43,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
             raises, or a name that ROS refuses, is logged as one message: the configuration is
-            wrong. So is a `NodeFailedError` of a callback. Other exceptions pass through.
+            wrong. So is a `NodeFailedError` of a callback. Other exceptions pass through. Given
+            parameters that the node has not declared are warned of.
         args: command line arguments; None means those of the process.
 
     Returns:
@@ -50,9 +53,12 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
     """
     signals = _Signals()
     try:
-        _spin(_start(create_node, None if args is None else list(args)), signals)
+        _spin(_start(create_node, sys.argv if args is None else list(args)), signals)
     except NodeFailedError as error:
-        get_logger(Path(sys.argv[0]).stem or "grid_map").fatal(str(error))
+        node = _node_of(error)
+        name = Path(sys.argv[0]).stem or "grid_map"
+        logger = get_logger(name) if node is None else node.get_logger()
+        logger.fatal(str(error))
         return 1
     except KeyboardInterrupt:
         pass
@@ -89,20 +95,37 @@ class _Signals:
         self.has_come = True
 
 
-def _start(create_node: Callable[[], Node], args: list[str] | None) -> Node:
+def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     """Return the node; whatever its user may have done wrong becomes a `NodeFailedError`."""
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except _ARGUMENT_ERRORS as error:
         raise NodeFailedError(str(error)) from error
     try:
-        return create_node()
-    except GridMapError as error:
-        raise NodeFailedError(str(error)) from error
-    except NameValidationException as error:
-        # The last line is only a caret below the line before.
-        message, _, _ = str(error).rpartition("\n")
-        raise NodeFailedError(" ".join(message.split())) from error
+        node = create_node()
+    except (GridMapError, NameValidationException) as error:
+        text = str(error)
+        if isinstance(error, NameValidationException):
+            # The last line is only a caret below the line before.
+            text = " ".join(text.rpartition("\n")[0].split())
+        unfinished = _node_of(error)
+        hint = unmatched_files(unfinished, args) if unfinished else ""
+        raise NodeFailedError(f"{text}; {hint}" if hint else text) from error
+    for text in (unmatched_files(node, args), unknown_parameters(node, args)):
+        if text:
+            node.get_logger().warning(text)
+    return node
+
+
+def _node_of(error: BaseException | None) -> Node | None:
+    """Return the node in whose code an error or its cause was raised."""
+    while error is not None:
+        for frame, _ in walk_tb(error.__traceback__):
+            for value in frame.f_locals.values():
+                if isinstance(value, Node) and hasattr(value, "_logger"):
+                    return value
+        error = error.__cause__
+    return None
 
 
 def _spin(node: Node, signals: _Signals) -> None:

@@ -55,6 +55,9 @@ class LatchedSubscription:
         raw: whether the callback gets the bytes of the message.
         hears_best_effort: whether to become best effort on meeting a best-effort publisher, as
             sensors have; otherwise such a publisher is only named in the log.
+
+    Attributes:
+        topic_name: full name of the topic.
     """
 
     def __init__(
@@ -69,7 +72,7 @@ class LatchedSubscription:
         hears_best_effort: bool = False,
     ) -> None:
         self._node = node
-        self._topic = topic
+        self.topic_name: str = node.resolve_topic_name(topic)
         self._callback = callback
         self._qos = qos or map_qos()
         self._can_give_up = [*WEAKER][: 0 if qos else 1 + hears_best_effort]
@@ -97,15 +100,15 @@ class LatchedSubscription:
         except NodeFailedError:
             raise
         except GridMapError as error:
-            self._log.error(f"dropped a message of {self._topic}: {error}")
+            self._log.error(f"dropped a message of {self.topic_name}: {error}")
 
     def _on_incompatible(self, event: Any) -> None:
         kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor
         policy = kind.name.lower()
         if kind not in self._can_give_up:
             self._node.get_logger().warning(
-                f"no messages from a publisher of {self._topic}: incompatible quality of service "
-                f"({policy})"
+                f"no messages from a publisher of {self.topic_name}: "
+                f"incompatible quality of service ({policy})"
             )
         elif executor is not None and getattr(self._qos, policy) != WEAKER[kind]:
             setattr(self._qos, policy, WEAKER[kind])
@@ -115,7 +118,7 @@ class LatchedSubscription:
     def _subscribe_again(self, weaker: str) -> None:
         if self._subscription is not None:
             self._node.get_logger().info(
-                f"a publisher of {self._topic} is {weaker}: from now on, the subscription is too"
+                f"a publisher of {self.topic_name} is {weaker}: now the subscription is, too"
             )
             self.destroy()
             self._subscription = self._subscribe()

@@ -10,7 +10,7 @@ from std_msgs.msg import Empty
 
 from grid_map_core_py import GridMapError
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import run
+from grid_map_ros_py.nodes import read_parameter, run
 
 HABIT = sys.argv[1]
 TOPIC = "no topic" if HABIT == "misnamed" else "/beat"
@@ -18,7 +18,8 @@ TOPIC = "no topic" if HABIT == "misnamed" else "/beat"
 
 class Living(Node):
     def __init__(self) -> None:
-        super().__init__("living")
+        super().__init__("being")
+        self.delay = read_parameter(self, "delay", float, 0.0)
         if HABIT == "misconfigured":
             raise GridMapError("filter 3 'smooth': unknown parameter 'radiu'")
         if HABIT == "buggy":
@@ -28,7 +29,7 @@ class Living(Node):
         if HABIT == "slow":
             print("alive", flush=True)
             self.dawdle()
-        self.timer = self.create_timer(0.0, self.live)
+        self.timer = self.create_timer(self.delay, self.live)
 
     def live(self) -> None:
         """Print "alive" once; a busy node publishes all the time, a stuck one never returns."""

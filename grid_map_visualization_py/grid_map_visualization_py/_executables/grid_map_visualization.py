@@ -132,8 +132,8 @@ def _read_outputs(node: Node) -> list[Output]:
     outputs = []
     for name in names:
         try:
-            check_topic(node, parameter, name)
             config = read_parameter_tree(node, name, description=about)
+            check_topic(node, parameter, name)
             outputs.append(Output(name, create(name, config)))
         except GridMapError as error:
             if not skip_invalid:

@@ -38,8 +38,8 @@ class WebViewerNode(Node):
         self._maps = MapSubscription(self, topic, self._viewer.receive)
         steady_timer(self, period, self._update)
         # The address stands alone on its line, so that it is easy to find and to copy.
-        resolved = self.resolve_topic_name(topic)
-        self.get_logger().info(f"shows {resolved} in the browser at\n{self._page.url}")
+        name = self._maps.topic_name
+        self.get_logger().info(f"shows {name} in the browser at\n{self._page.url}")
 
     def destroy_node(self) -> None:
         """Destroy the node and close its page."""
