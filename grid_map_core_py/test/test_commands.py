@@ -199,6 +199,9 @@ def test_points_and_meshes_become_maps(command):
     assert (cloud.frame_id, cloud.layers) == ("map", ("height",))
     assert cloud.at_position("height", (0.55, 0.45)) == 2.0
     assert cloud.at_position("height", (1.5, 0.5)) == 2.0
+    assert (cloud.size, cloud.position.tolist()) == ((2, 1), [1.0, 0.5])
+    assert command(f"convert cloud.ply tight.npz {words} --tight")[0] == 0
+    np.testing.assert_allclose(load_npz("tight.npz").position, (1.0, 0.45))
     assert command("convert ramp.obj ramp.npz --resolution 1")[0] == 0
     assert load_npz("ramp.npz")["elevation"].tolist() == [[1.5, 1.5], [0.5, 0.5]]
     _, text, _ = command("info ramp.obj --json")
@@ -206,7 +209,7 @@ def test_points_and_meshes_become_maps(command):
     assert (told["points"], told["faces"], told["upper"]) == (4, 2, [2.0, 2.0, 2.0])
     for line, expected, text in (
         ("convert ramp.obj x.npz", 1, "resolution: expected the side of a cell [m]"),
-        ("convert ramp.obj x.npz --resolution 1 --reduce mean", 1, "max_height are for points"),
+        ("convert ramp.obj x.npz --resolution 1 --reduce mean", 1, "tight are for points"),
         ("convert cloud.ply x.npz --resolution 1 --layer z", 1, "no layer 'z'; available: elev"),
         ("info cloud.ply --topic /points", 2, "--topic is for"),
         ("inspect ramp.obj", 1, "the extent is 2 x 2 x 2 m"),

@@ -18,7 +18,7 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
-from grid_map_core_py.conversions import from_points, rasterize
+from grid_map_core_py.conversions import fitting_geometry, from_points, rasterize
 from grid_map_core_py.conversions._point_layers import as_points
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
@@ -193,9 +193,9 @@ def test_fitted_map_holds_every_point_and_no_spare_row(cloud, resolution, shift)
     finite = cloud[np.isfinite(cloud).all(axis=1)]
     if not len(finite):
         with pytest.raises(GridMapError, match="points: expected a finite one"):
-            from_points(cloud, resolution)
+            from_points(cloud, resolution, tight=True)
         return
-    grid_map = from_points(cloud, resolution, {"n": "count"})
+    grid_map = from_points(cloud, resolution, {"n": "count"}, tight=True)
     assert grid_map["n"].sum() == len(finite)
     extent = np.ptp(finite[:, :2], axis=0)
     assert (grid_map.length - extent <= 1.001 * resolution).all()
@@ -203,10 +203,69 @@ def test_fitted_map_holds_every_point_and_no_spare_row(cloud, resolution, shift)
     np.testing.assert_allclose(grid_map.position, middle, rtol=1e-15, atol=1e-9)
 
 
+@given(
+    clouds(),
+    clouds(),
+    st.sampled_from([0.05, 0.1, 0.3, 1.0]),
+    st.floats(-50, 50) | st.sampled_from([0.0, 5e6, -4.5e5]),
+)
+def test_maps_of_two_clouds_share_their_cells(first, second, resolution, shift):
+    rounding = 1e-9 + 1e-14 * abs(shift)
+    maps = []
+    for cloud in (first, second + (shift, -shift, 0)):
+        finite = cloud[np.isfinite(cloud).all(axis=1)]
+        if not len(finite):
+            return
+        grid_map = from_points(cloud, resolution, {"n": "count"})
+        assert grid_map["n"].sum() == len(finite)
+        for border in (grid_map.geometry.corner, grid_map.geometry.corner - grid_map.length):
+            off = border - resolution * np.round(border / resolution)
+            assert np.abs(off).max() <= rounding
+        # No row or column is spare, apart from rounding.
+        lower, upper = finite[:, :2].min(axis=0), finite[:, :2].max(axis=0)
+        corner = grid_map.geometry.corner
+        assert (corner - upper <= resolution + rounding).all()
+        assert (lower - (corner - grid_map.length) <= resolution + rounding).all()
+        maps.append(grid_map)
+    if abs(shift) <= 50:
+        whole, other = maps
+        total = whole["n"].sum() + other["n"].sum()
+        whole.extend_to_include(other)
+        shared, inside = whole.get_indices(other.get_positions())
+        assert inside.all()
+        both = np.nan_to_num(whole["n"])
+        np.add.at(both, shared, other["n"].ravel("F"))
+        assert both.sum() == total
+        np.testing.assert_allclose(
+            whole.get_positions(shared), other.get_positions(), rtol=0, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("hold_edges", [False, True])
+@pytest.mark.parametrize(
+    ("lower", "upper", "size", "position"),
+    [
+        ((0.01, -0.04), (0.29, 0.06), (3, 2), (0.15, 0.0)),
+        ((-7.6e-06, 0.0001), (0.2, 0.1), (3, 1), (0.05, 0.05)),
+        ((0.15, 0.15), (0.15, 0.15), (1, 1), (0.15, 0.15)),
+    ],
+)
+def test_aligned_grid_has_borders_at_multiples(hold_edges, lower, upper, size, position):
+    geometry = fitting_geometry(
+        np.array(lower), np.array(upper), 0.1, hold_edges=hold_edges, align=True
+    )
+    assert geometry.size == size
+    np.testing.assert_allclose(geometry.position, position, rtol=0, atol=1e-12)
+    on_borders = fitting_geometry(
+        np.zeros(2), np.array([0.3, 0.6]), 0.1, hold_edges=hold_edges, align=True
+    )
+    assert on_borders.size == ((4, 7) if hold_edges else (3, 6))
+
+
 def test_points_on_a_lattice_get_a_cell_each():
     x, y = np.meshgrid(np.arange(11) * 0.1, np.arange(6) * 0.1)
     points = np.column_stack([x.ravel(), y.ravel(), x.ravel()])
-    grid_map = from_points(points, 0.1, {"n": "count"}, frame_id="odom", timestamp=5)
+    grid_map = from_points(points, 0.1, {"n": "count"}, tight=True, frame_id="odom", timestamp=5)
     assert grid_map.size == (11, 6)
     assert (grid_map["n"] == 1).all()
     assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 5)
@@ -217,9 +276,9 @@ def test_points_on_a_lattice_get_a_cell_each():
 def test_rounding_drops_no_cell_of_a_lattice(steps, resolution):
     """Some of these extents come a little short of whole cells, and some go beyond."""
     points = [(0, 0, 1), (steps * resolution, 0, 1)]
-    grid_map = from_points(points, resolution, {"n": "count"})
+    grid_map = from_points(points, resolution, {"n": "count"}, tight=True)
     assert grid_map.size == (steps + 1, 1)
-    assert grid_map["n"].sum() == 2
+    assert grid_map["n"].sum() == from_points(points, resolution, {"n": "count"})["n"].sum() == 2
 
 
 def test_length_and_position_may_be_given():

@@ -154,9 +154,11 @@ def test_cloud_of_the_cpp_demo_gives_its_map() -> None:
 
 def test_map_without_position_fits_the_points() -> None:
     cloud = xyz_cloud([(0.0, 0.0, 1.0), (0.9, 1.9, 2.0), (0.9, 1.9, 3.0)])
+    assert from_point_cloud(cloud, resolution=1.0, tight=True)["elevation"].tolist() == [[3.0, 1.0]]
     result = from_point_cloud(cloud, resolution=1.0)
+    # The borders are at multiples of the resolution, and a point there belongs to the smaller cell.
+    assert (result.size, result.position.tolist()) == ((2, 3), [0.0, 0.5])
     assert result.layers == ("elevation",)
-    assert result["elevation"].tolist() == [[3.0, 1.0]]
     assert (result.frame_id, result.timestamp) == ("map", 7_000_000_000)
     lowest = from_point_cloud(cloud, "ground", 1.0, "min", more_layers={"n": "count"})
     assert lowest.layers == ("ground", "n")

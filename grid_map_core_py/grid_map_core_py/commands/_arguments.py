@@ -45,6 +45,12 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
         choices=("max", "min", "mean", "median", "first", "last", "variance", "count"),
         help="clouds: reduction of the heights in a cell (max)",
     )
+    group.add_argument(
+        "--tight",
+        action="store_const",
+        const=True,
+        help="clouds: center the map on the points, not on multiples of the resolution",
+    )
     group = parser.add_argument_group("bags")
     topic = group.add_argument("--topic", help="topic of the maps, if the bag has several")
     completed(topic, complete_topics)

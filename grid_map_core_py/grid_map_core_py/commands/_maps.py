@@ -30,7 +30,7 @@ STANDARD = "-"
 
 _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
-    *("kind", "reduction", "min_height", "max_height"),
+    *("kind", "reduction", "min_height", "max_height", "tight"),
 )
 _WRITING = ("compress", "bits", "mode", "crs", "storage", "output_topic", "black", "white")
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}

@@ -110,16 +110,23 @@ def from_points(
     field_reductions: Mapping[str, str] | None = None,
     min_height: float = -np.inf,
     max_height: float = np.inf,
+    tight: bool = False,
     frame_id: str = "",
     timestamp: int = 0,
 ) -> GridMap:
     """Return a map made of points; the other arguments are as in `rasterize`.
 
+    Without `length` and `position` the map has the fewest cells that hold all points which are not
+    left out. Its borders are at multiples of the resolution, so that maps of several clouds have
+    the same cells.
+
     Args:
         resolution: side of a cell [m].
-        length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points
-            which are not left out.
-        position: (2,) center of the map [m]; None takes the middle of the extent of those points.
+        length: (2,) side lengths of the map [m]; None takes the fewest cells around the center.
+        position: (2,) center of the map [m]; None takes the middle of the extent of the points that
+            are not left out, if there is a length.
+        tight: True to take the fewest cells around the middle of the points, wherever the borders
+            are then.
         frame_id: frame of the points and of the map.
         timestamp: timestamp of the map [ns].
 
@@ -139,7 +146,8 @@ def from_points(
         if center is not None:
             reach = np.maximum(upper - center, center - lower)
             lower, upper = center - reach, center + reach
-        geometry = fitting_geometry(lower, upper, resolution, hold_edges=True)
+        align = center is None and not tight
+        geometry = fitting_geometry(lower, upper, resolution, hold_edges=True, align=align)
     return rasterize(
         cloud,
         GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
@@ -186,15 +194,22 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
 
 
 def fitting_geometry(
-    lower: Positions, upper: Positions, resolution: float, *, hold_edges: bool
+    lower: Positions,
+    upper: Positions,
+    resolution: float,
+    *,
+    hold_edges: bool,
+    align: bool = False,
 ) -> GridGeometry:
-    """Return the smallest grid around the middle of a rectangle that covers it.
+    """Return the smallest grid that covers a rectangle.
 
     Args:
         lower, upper: (2,) smallest and largest x, y [m].
         resolution: side of a cell [m].
         hold_edges: whether positions on the -x and -y edges have to be on the map, for which a
             rectangle of whole cells takes one row and one column more.
+        align: True to put the borders at multiples of the resolution, False to center the grid on
+            the middle of the rectangle.
 
     Raises:
         GridMapError: the grid would have more than 2**26 cells.
@@ -204,14 +219,27 @@ def fitting_geometry(
     rounding = BORDER_TOLERANCE + 4 * np.spacing(np.abs([lower, upper]).max())
     with np.errstate(over="ignore"):
         cells, tolerance = (upper - lower) / resolution, rounding / resolution
-        size = np.floor(cells + tolerance) + 1 if hold_edges else np.ceil(cells - tolerance)
+        if align:
+            first = np.floor(lower / resolution + tolerance)
+            if hold_edges:
+                first = np.ceil(lower / resolution - tolerance) - 1
+            size = np.ceil(upper / resolution - tolerance) - first
+        else:
+            size = np.floor(cells + tolerance) + 1 if hold_edges else np.ceil(cells - tolerance)
         size = np.maximum(size, 1)
         if not size.prod() <= _MOST_CELLS:
             raise GridMapError(
                 f"an extent from {tuple(lower.tolist())} to {tuple(upper.tolist())} m takes too "
                 f"many cells of {resolution} m; give length and position of the map"
             )
-    return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
+    if not align:
+        return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
+    geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
+    if hold_edges and not geometry.is_inside(upper):
+        # Rounding has put a border below the largest position.
+        size = np.ceil(upper / resolution + tolerance) - first
+        geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)
+    return geometry
 
 
 def _chunks(

@@ -102,6 +102,7 @@ def load_cloud(
     reduction: str = "max",
     min_height: float = -np.inf,
     max_height: float = np.inf,
+    tight: bool = False,
     frame_id: str = "map",
 ) -> GridMap:
     """Return a map that covers a point cloud or a mesh.
@@ -115,6 +116,8 @@ def load_cloud(
         height_layer: name of the layer of the heights.
         reduction: reduction of the heights of the points in a cell, as in `from_points`.
         min_height, max_height: points below and above are left out [m].
+        tight: False to put the borders of a map of points at multiples of the resolution, True to
+            center the map on them.
         frame_id: frame of the map.
 
     Raises:
@@ -135,10 +138,10 @@ def load_cloud(
         [height_layer, *(name for name in fields if name != height_layer)], layers
     )
     if mesh is not None:
-        if (reduction, min_height, max_height) != ("max", -np.inf, np.inf):
+        if (reduction, min_height, max_height, tight) != ("max", -np.inf, np.inf, False):
             raise GridMapError(
-                f"{path}: is a mesh; reduction, min_height and max_height are for points, and "
-                "kind 'points' takes the vertices of a mesh"
+                f"{path}: is a mesh; reduction, min_height, max_height and tight are for points, "
+                "and kind 'points' takes the vertices of a mesh"
             )
         grid_map = from_mesh(*mesh, resolution, height_layer, frame_id=frame_id)
     else:
@@ -149,6 +152,7 @@ def load_cloud(
             fields={name: fields[name] for name in wanted if name != height_layer},
             min_height=min_height,
             max_height=max_height,
+            tight=tight,
             frame_id=frame_id,
         )
     return grid_map.without_layers([name for name in grid_map if name not in wanted])

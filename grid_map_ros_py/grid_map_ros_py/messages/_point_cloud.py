@@ -173,6 +173,7 @@ def from_point_cloud(
     field_reductions: Mapping[str, str] = _NONE,
     min_height: float = -np.inf,
     max_height: float = np.inf,
+    tight: bool = False,
 ) -> GridMap:
     """Return a map whose cells hold heights and other fields of the points in them.
 
@@ -186,7 +187,8 @@ def from_point_cloud(
         reduction: height of a cell: `max`, `min`, `mean`, `median`, `first`, `last`,
             `variance` or `count`; see `grid_map_core_py.from_points`.
         length: (2,) side lengths of the map [m]; None takes the fewest cells that hold all points.
-        position: (2,) center of the map [m]; None takes the middle of the extent of the points.
+        position: (2,) center of the map [m]. Without length and position, the borders are at
+            multiples of the resolution, so that maps of several clouds have the same cells.
         onto: in place of these three a geometry, or a map whose other layers the result shares.
         more_layers: names of further layers made of the heights, each with its reduction.
         fields: names of the fields that become layers, besides the heights. None takes all that
@@ -194,6 +196,7 @@ def from_point_cloud(
             unless the cloud has a field of that name.
         field_reductions: names of fields whose reduction is not to be `mean`.
         min_height, max_height: points below or above are left out [m].
+        tight: True to center the map on the points instead of such borders.
 
     Raises:
         MessageError: a field of the message contradicts another or is invalid, the cloud lacks
@@ -233,6 +236,7 @@ def from_point_cloud(
         resolution,
         length=length,
         position=position,
+        tight=tight,
         frame_id=frame_id,
         timestamp=timestamp,
         **options,
