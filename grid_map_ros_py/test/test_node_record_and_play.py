@@ -22,7 +22,14 @@ from std_msgs.msg import String
 
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
-from grid_map_ros_py import bag_topics, from_message, load_from_bag, save_to_bag, to_message
+from grid_map_ros_py import (
+    BagReader,
+    bag_topics,
+    from_message,
+    load_from_bag,
+    save_to_bag,
+    to_message,
+)
 from grid_map_ros_py.bags._bag import BagFiles, BagWriter
 from grid_map_ros_py.bags._storage import Topic, dump, qos_profile
 from grid_map_ros_py.testing import Peer, Process, peer, wait_until
@@ -124,6 +131,26 @@ def test_recorder_keeps_what_fits_on_a_full_disk(tmp_path):
     assert topic.count >= 2
     assert f"recorded {topic.count} messages" in recorder.text
     assert_maps_equal(load_from_bag(bag), numbered_map(2, side=300))
+
+
+def test_recovery_of_a_killed_recording_loses_no_written_map(tmp_path):
+    bag = tmp_path / "bag"
+    large = to_message(numbered_map(2, side=300))
+    with peer() as node, command("record", MAP, bag) as recorder:
+        publisher = node.node.create_publisher(GridMapMessage, MAP, 10)
+
+        def publish_and_look() -> bool:
+            publisher.publish(large)
+            file = bag / "bag_0.mcap"
+            return file.exists() and file.stat().st_size > 5_000_000
+
+        node.wait_until(publish_and_look, "some maps on disk")
+        recorder.send_signal(signal.SIGKILL)
+        recorder.wait()
+    with BagReader(bag, recover=True) as recovered:
+        assert len(recovered) >= 4
+        assert not recovered.lost
+        assert_maps_equal(recovered[-1].grid_map(), numbered_map(2, side=300))
 
 
 def test_recorder_hears_best_effort_publishers_that_come_later(tmp_path):

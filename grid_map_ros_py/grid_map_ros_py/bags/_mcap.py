@@ -221,7 +221,8 @@ class McapFile:
         if rest[:1] == bytes([_CHUNK]) and len(rest) > _RECORD.size + _CHUNK_HEAD.size:
             self._scan_chunk(offset, rest[_RECORD.size :])
         else:
-            self.lost += len(rest)
+            # Zeros are space that the recorder had allocated.
+            self.lost += len(bytes(rest).rstrip(b"\0"))
 
     def _scan_chunk(self, offset: int, body: memoryview) -> None:
         end, source = 0, None
