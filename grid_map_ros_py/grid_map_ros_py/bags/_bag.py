@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import short
@@ -417,7 +417,7 @@ class BagFiles:
             self.close()
             raise
 
-    def __enter__(self) -> "BagFiles":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -474,7 +474,7 @@ class BagFiles:
         return self._open[1]
 
 
-class BagReader:
+class BagReader(BagFiles):
     """Sequence of the map messages (`BagRecord`) on one topic of a bag, in time order.
 
     Each record is read when it is accessed, and not decoded. Close the reader, or use it as a
@@ -492,25 +492,13 @@ class BagReader:
     def __init__(
         self, path: str | PathLike[str], topic: str | None = None, *, recover: bool = False
     ) -> None:
-        self._path = Path(path)
-        self._files = BagFiles(path, recover=recover)
+        super().__init__(path, recover=recover)
         try:
-            self.topics, self.lost = self._files.topics, self._files.lost
             self.topic = self._chosen(topic)
-            self._entries = self._files.entries([self.topic])
+            self._entries = self.entries([self.topic])
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> "BagReader":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close the file that is open."""
-        self._files.close()
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -519,8 +507,8 @@ class BagReader:
         if not -len(self) <= index < len(self):
             raise BagError(self._path, f"no map {index}: {len(self)} maps on {self.topic}")
         entry, file, _ = self._entries[index]
-        place = f"{self._files.paths[file]}: map {index % len(self)} on {self.topic}"
-        return BagRecord(entry.time, self._files.read(file, entry), place)
+        place = f"{self.paths[file]}: map {index % len(self)} on {self.topic}"
+        return BagRecord(entry.time, self.read(file, entry), place)
 
     def __iter__(self) -> Iterator[BagRecord]:
         for index in range(len(self)):
