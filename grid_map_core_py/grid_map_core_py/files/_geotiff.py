@@ -75,14 +75,19 @@ def save_geotiff(
         "timestamp": grid_map.timestamp,
         "basic_layers": grid_map.basic_layers,
     }
-    # GDAL reports no error if it cannot write the rest of a file while closing it, so that Python
-    # writes the bytes.
+    # GDAL reports no error if the disk or the memory is full while it closes a file. Therefore
+    # Python writes the bytes, after a check that GDAL reads the same from them.
     with storage_errors(Path(path), "written"), rasterio.MemoryFile() as memory:
         with memory.open(**profile) as raster:
             raster.update_tags(**{_TAG: json.dumps(tags)})
             for band, name in enumerate(grid_map, 1):
                 raster.write(to_north_up(grid_map.unwrapped(name)), band)
                 raster.set_band_description(band, name)
+        with memory.open() as raster:
+            for band, name in enumerate(grid_map, 1):
+                bits = to_north_up(grid_map.unwrapped(name)).view(np.uint32)
+                if not np.array_equal(raster.read(band).view(np.uint32), bits):
+                    raise MemoryError("GDAL could not hold the whole file in memory")
         with new_file(path) as temporary:
             temporary.write_bytes(memory.getbuffer())
 
