@@ -16,7 +16,7 @@ class SetBasicLayers:
 
     Attributes:
         layers: names of the basic layers; may be empty.
-        layer: name of `layers` in the C++ filter; set exactly one of the two.
+        layer: name of `layers` in the C++ filter; give exactly one of the two.
     """
 
     layers: tuple[str, ...] | None = None

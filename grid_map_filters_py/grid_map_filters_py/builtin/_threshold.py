@@ -20,7 +20,7 @@ class Threshold:
             precision; cells that are not finite never pass.
         output_layer: instead of `layer`: existing layer in which cells are set.
         lower_threshold: cells below it are set.
-        upper_threshold: cells above it are set; set exactly one of the two thresholds.
+        upper_threshold: cells above it are set; give exactly one of the two thresholds.
         set_to: new value of the cells; may be `.nan` or `.inf`.
     """
 
