@@ -205,6 +205,7 @@ WRONG = [
         "'critical_values': expected numbers",
     ),
     ("Traversability", SCORES | {"weights": [1, 1]}, "'weights': expected 1 numbers"),
+    ("Traversability", SCORES | {"weights": []}, "'weights': expected 1 numbers"),
     ("Traversability", SCORES | {"weights": [-1]}, "'weights': expected numbers >= 0"),
     ("Traversability", SCORES | {"weights": [0]}, "'weights': expected a number > 0"),
 ]

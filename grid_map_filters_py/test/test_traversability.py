@@ -38,7 +38,8 @@ def test_traversability_is_the_weighted_mean_of_scores():
 def test_traversability_is_between_0_and_1(terms):
     values, critical, weights = zip(*terms, strict=True)
     weights = weights if any(weights) else None
-    result = traversability([[[v]] for v in values], list(critical), weights=weights)[0, 0]
+    params = {"weights": weights} if weights else {}
+    result = traversability([[[v]] for v in values], list(critical), **params)[0, 0]
     scores = [min(1.0, max(0.0, 1.0 - v / c)) for v, c in zip(values, critical, strict=True)]
     assert 0 <= result <= 1
     assert result == pytest.approx(np.average(scores, weights=weights), abs=1e-6)

@@ -65,4 +65,4 @@ class Traversability:
 
     @property
     def _weights(self) -> tuple[float, ...]:
-        return self.weights or (1.0,) * len(self.input_layers)
+        return (1.0,) * len(self.input_layers) if self.weights is None else self.weights
