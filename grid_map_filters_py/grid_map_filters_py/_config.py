@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.files import load_yaml
 from grid_map_core_py.plugins import nested, node_sections
 
 from .errors import FilterConfigError
@@ -71,9 +70,11 @@ def read_chain(path: str | Path, name: str) -> object:
         OSError: the file cannot be read.
     """
     try:
-        content = yaml.load(Path(path).read_text(encoding="utf-8"), Loader=_Loader)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise FilterConfigError(f"{path}: not valid YAML: {error}") from error
+        content = load_yaml(path)
+    except GridMapError as error:
+        if isinstance(error.__cause__, OSError):
+            raise error.__cause__ from None
+        raise FilterConfigError(str(error)) from error
     if not isinstance(content, Mapping):
         raise _unexpected(path, "a YAML mapping", content)
     try:
@@ -92,24 +93,6 @@ def read_chain(path: str | Path, name: str) -> object:
     return lists[0]
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML as ROS reads it: `1e-3` is a number, and a repeated key is an error."""
-
-    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        # After construction, keys merged with `<<` look like the mapping's own keys.
-        node: yaml.MappingNode = super().compose_mapping_node(anchor)
-        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise yaml.YAMLError(f"{key!r} occurs twice{node.start_mark}")
-        return node
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    "-+.0123456789",
-)
 
 
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:

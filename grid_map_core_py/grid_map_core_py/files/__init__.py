@@ -26,10 +26,7 @@ from ._image_files import (
 from ._image_folder import load_images as load_images, save_images as save_images
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server
 from ._npz import load_npz as load_npz, save_npz as save_npz
-from ._shared import (
-    load_yaml as load_yaml,
-    map_facts as map_facts,
-    storage_errors as storage_errors,
-)
+from ._shared import map_facts as map_facts, storage_errors as storage_errors
+from ._yaml import load_yaml as load_yaml, parse_yaml as parse_yaml
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -21,7 +21,7 @@ from ._image_files import HEIGHT_ENDINGS, load_height_image, save_height_image
 from ._image_folder import YAML_NAME, describe_images, load_images, part_of_maps, save_images
 from ._map_server import load_map_server, save_map_server
 from ._npz import describe_npz, load_npz, save_npz
-from ._shared import load_yaml
+from ._yaml import load_yaml
 
 GROUP = "grid_map_core_py.formats"
 

@@ -35,7 +35,8 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._atomic import new_folder
 from ._image_files import encode_image, from_north_up, read_image, to_north_up
-from ._shared import StoredMap, check_ending, load_yaml, storage_errors
+from ._shared import StoredMap, check_ending, storage_errors
+from ._yaml import load_yaml
 
 YAML_NAME = "map.yaml"
 VERSION = 1

@@ -33,7 +33,8 @@ from ..map._grid_map import GridMap
 from ..plugins import build, check
 from ._atomic import new_file
 from ._image_files import chosen_layer, from_north_up, read_image, to_north_up, write_image
-from ._shared import check_ending, load_yaml, storage_errors
+from ._shared import check_ending, storage_errors
+from ._yaml import load_yaml
 
 Mode: TypeAlias = Literal["trinary", "scale", "raw"]
 

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""YAML, metadata, errors and reading of layers that the file formats share."""
+"""Metadata, errors and reading of layers that the file formats share."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -9,18 +9,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import select_layers
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
 from ..map._grid_map import GridMap
-
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-_DEEPEST = 50
-"""Maximum number of nested levels; the fast loader crashes on very many."""
-
 
 _KNOWN = frozenset(
     [
@@ -62,32 +55,6 @@ def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
         return import_module(name)
     except ImportError as error:
         raise MissingPackageError(name, f"{path}: {kind}", f"pip install {name}") from error
-
-
-def load_yaml(path: str | PathLike[str], largest: int = 4 * 2**20) -> Any:
-    """Return the content of a YAML file of at most `largest` bytes.
-
-    Raises:
-        GridMapError: the file is missing, too large, nested too deeply, or no YAML.
-    """
-    file = Path(path)
-    try:
-        if file.stat().st_size > largest:
-            raise GridMapError(f"{file}: larger than {largest} bytes")
-        text = file.read_bytes()
-        depth = 0
-        for event in yaml.parse(text, _Loader):
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
-            if depth > _DEEPEST:
-                raise GridMapError(f"{file}: nested more than {_DEEPEST} times")
-        return yaml.load(text, _Loader)
-    except OSError as error:
-        raise GridMapError(f"{file}: cannot be read: {error.strerror}") from error
-    # PyYAML raises ValueError for a date that does not exist.
-    except (yaml.YAMLError, ValueError) as error:
-        problem = " ".join(str(error).split())
-        raise GridMapError(f"{file}: no valid YAML: {problem}") from error
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:

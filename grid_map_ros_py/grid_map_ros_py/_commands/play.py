@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-import yaml
 from rclpy.duration import Duration
 
 from grid_map_core_py.commands import CommandError, message
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import parse_yaml
 
 from ..bags._bag import BagFiles
 from ..bags._storage import Entry, Topic
@@ -93,7 +93,7 @@ def _recorded_offer(topic: Topic) -> dict[str, bool]:
 
     Bags of rosbag2 have names of policies, and before ROS 2 Jazzy their numbers in rmw.
     """
-    profiles = yaml.safe_load(topic.qos) or [{}]
+    profiles = parse_yaml(topic.qos, "quality of service") or [{}]
     reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
     latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
     return {"reliable": reliable, "latched": latched}

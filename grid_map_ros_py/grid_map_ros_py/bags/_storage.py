@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import yaml
 
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import load_yaml
+from grid_map_core_py.files import load_yaml, parse_yaml
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH
@@ -96,7 +96,7 @@ def information(
                     "name": name,
                     "type": topics[name].type,
                     "serialization_format": topics[name].encoding,
-                    "offered_qos_profiles": yaml.safe_load(topics[name].qos),
+                    "offered_qos_profiles": parse_yaml(topics[name].qos, name),
                     "type_description_hash": topics[name].type_hash,
                 },
                 "message_count": len(stamps),
