@@ -150,7 +150,7 @@ class FilterChain:
 
     @classmethod
     def from_yaml(cls, path: str | Path, name: str = "filters") -> "FilterChain":
-        """Build a chain from a ROS 2 parameter file or a ROS 1 file.
+        """Build a chain from a ROS 2 parameter file, a ROS 1 file, or a file with only the list.
 
         Args:
             path: the file.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.files import load_yaml
 from grid_map_core_py.plugins import nested, node_sections
 
@@ -63,7 +63,7 @@ def read_chain(path: str | Path, name: str) -> object:
     """Return the configuration of the chain called `name` in a YAML file.
 
     A ROS 2 parameter file holds it among the `ros__parameters` of a node. In a ROS 1 file it is the
-    entry `name` at the top, or the only list there.
+    entry `name` at the top, or the only list there. The file may also be the list alone.
 
     Raises:
         FilterConfigError: the file is not YAML, or does not hold exactly one such chain.
@@ -75,21 +75,27 @@ def read_chain(path: str | Path, name: str) -> object:
         if isinstance(error.__cause__, OSError):
             raise error.__cause__ from None
         raise FilterConfigError(str(error)) from error
+    if isinstance(content, list):
+        return content
     if not isinstance(content, Mapping):
-        raise _unexpected(path, "a YAML mapping", content)
+        raise _unexpected(path, "a list of filters or a mapping", content)
     try:
-        sections = ((node, nested(params)) for node, params in node_sections(content))
-        nodes = {node: params for node, params in sections if name in params}
+        return _chain_in(content, name)
     except ConfigError as error:
         raise FilterConfigError(f"{path}: {error}") from None
+
+
+def _chain_in(content: Mapping[str, Any], name: str) -> object:
+    sections = ((node, nested(params)) for node, params in node_sections(content))
+    nodes = {node: params for node, params in sections if name in params}
     if len(nodes) > 1:
-        raise FilterConfigError(f"{path}: more than one node has {name!r}: {', '.join(nodes)}")
+        raise FilterConfigError(f"more than one node has {name!r}: {', '.join(nodes)}")
     for parameters in [*nodes.values(), content]:
         if name in parameters:
             return parameters[name]
     lists = [value for value in content.values() if isinstance(value, list)]
     if len(lists) != 1:
-        raise FilterConfigError(f"{path}: found no filter chain {name!r}")
+        raise FilterConfigError(f"found no filter chain {name!r}")
     return lists[0]
 
 
@@ -154,5 +160,5 @@ def _text(place: str, key: str, value: object) -> str:
 
 
 def _unexpected(place: object, expected: str, value: object) -> FilterConfigError:
-    found = "nothing" if value is None else f"{value!r} ({type(value).__name__})"
+    found = "nothing" if value is None else f"{short(value)} ({type(value).__name__})"
     return FilterConfigError(f"{place}: expected {expected}, got {found}")

@@ -441,6 +441,7 @@ FORMS = {
     "ros 1 by name": (f"grid_map_filters: [{A}, {B}]", "grid_map_filters"),
     "flat": (FLAT, "filters"),
     "namespaced": (NAMESPACED, "filters"),
+    "list alone": (f"[{A}, {B}]", "filters"),
     "named alike": (ROS2.replace("grid_map_filters:", "filters:"), "filters"),
 }
 
@@ -459,7 +460,7 @@ def test_chain_loads_from_every_form_of_yaml(tmp_path, grid_map, text, name):
     [
         ("a: [", "no valid YAML"),
         ("a: &b [*b]", "the alias 'b' stands for itself"),
-        ("3", "expected a YAML mapping, got 3"),
+        ("3", "expected a list of filters or a mapping, got 3"),
         ("filters: {filter1: {name: a}, filter1: {name: b}}", "'filter1' occurs twice"),
         (
             "a: {ros__parameters: {filters: 1, filters.filter1.name: a}}",
@@ -483,7 +484,24 @@ def test_file_without_exactly_one_chain_is_refused(tmp_path, text, message):
     with pytest.raises(FilterConfigError) as caught:
         FilterChain.from_yaml(path)
     assert message in str(caught.value)
-    assert str(path) in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ("x" * 5000, "filters: expected filter1 .. filterN or a list, got 'xxx"),
+        ([[GOOD] * 500], "filter 1: expected name, type and params, got [{'name': 'n', "),
+        ([{"name": ["x"] * 500}], "filter 1: name: expected a string, got ['x', 'x', "),
+        (with_params(DUPLICATION, input_layer=["x"] * 500, output_layer="a"), ", got ['x', 'x', "),
+    ],
+    ids=["text", "entry", "name", "parameter"],
+)
+def test_errors_shorten_values(config, message):
+    with pytest.raises(FilterConfigError) as caught:
+        FilterChain.from_config(config)
+    assert message in str(caught.value)
+    assert len(str(caught.value)) < 250
 
 
 def test_missing_file_is_an_os_error(tmp_path):

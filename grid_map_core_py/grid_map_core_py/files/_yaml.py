@@ -102,21 +102,21 @@ class _Check:
     counts: dict[str, int] = field(default_factory=dict)
     aliased: int = 0
 
-    def value(self, event: yaml.Event, anchor: str | None, count: int) -> None:
+    def value(self, event: Any, anchor: str | None, count: int) -> None:
         """Count a complete value, and remember the key of a mapping."""
         if anchor is not None:
             self.counts[anchor] = count
-        level = self.levels[-1]
+        level, is_text = self.levels[-1], isinstance(event, yaml.ScalarEvent)
         level.count += count
         if level.keys is not None:
             level.is_key = not level.is_key
-            if not level.is_key and isinstance(event, yaml.ScalarEvent):
+            if not level.is_key and is_text:
                 if event.value in level.keys:
                     line = event.start_mark.line + 1
                     raise _RefusedError(f"{event.value!r:.100} occurs twice, again in line {line}")
                 level.keys.add(event.value)
 
-    def alias(self, event: yaml.AliasEvent) -> None:
+    def alias(self, event: Any) -> None:
         if event.anchor in [level.anchor for level in self.levels]:
             raise _RefusedError(f"the alias {event.anchor!r:.100} stands for itself")
         count = self.counts.get(event.anchor, 1)

@@ -24,6 +24,7 @@ class ColorMap(LayerFilter):
     Values beyond the ramp get the color of its end. Cells that are not finite have no color.
 
     Attributes:
+        input_layer: layer with the values.
         min_value: first value of the ramp. In YAML also `min: {value, color}` and `min/value`.
         max_value: last value of the ramp, above `min_value`.
         min_color, max_color: red, green and blue at the ends of the ramp, clamped to [0, 1].

@@ -11,7 +11,12 @@ from .._shared.layer_filter import LayerFilter
 
 @dataclass(frozen=True, kw_only=True)
 class Duplication(LayerFilter):
-    """Copy `input_layer` to `output_layer`."""
+    """Copy `input_layer` to `output_layer`.
+
+    Attributes:
+        input_layer: layer to copy.
+        output_layer: layer for the copy.
+    """
 
     def _filter(self, layer: Layer, _resolution: float) -> Layer:
         return layer.copy("F")

@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
-import yaml
 from rclpy.node import Node
 
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import load_yaml
 from grid_map_core_py.plugins import node_sections
 
 
@@ -57,9 +57,8 @@ def _files(arguments: Sequence[str]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     for option, file in pairwise(arguments):
         if option == "--params-file":
             # ROS has read the file before, but its parser differs in details.
-            with suppress(OSError, ValueError, yaml.YAMLError):
-                content = yaml.safe_load(Path(file).read_text(encoding="utf-8"))
-                yield file, dict(node_sections(content or {}))
+            with suppress(GridMapError):
+                yield file, dict(node_sections(load_yaml(file) or {}))
 
 
 def _matches(section: str, name: str) -> bool:
