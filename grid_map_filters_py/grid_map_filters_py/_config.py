@@ -99,8 +99,6 @@ def _chain_in(content: Mapping[str, Any], name: str) -> object:
     return lists[0]
 
 
-
-
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
     """Return the parameters of a filter under the names of its fields.
 
