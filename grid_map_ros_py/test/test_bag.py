@@ -245,23 +245,6 @@ def test_bag_replaces_a_bag_by_default(bag):
     assert number_of(load_from_bag(bag)) == 8
 
 
-@pytest.mark.parametrize("limit", [0, 1000, 40_000])
-@pytest.mark.parametrize(
-    "options", [{"storage": "sqlite3"}, *({"compression": c} for c in COMPRESSIONS)]
-)
-def test_full_disk_keeps_the_old_bag(tmp_path, full_disk, limit, options):
-    save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC, **options)
-    values = np.random.default_rng(1).uniform(0, 1, (200, 100))
-    large = GridMap((20, 10), 0.1, layers={"elevation": values})
-    with (
-        full_disk(limit),
-        pytest.raises(BagError, match=f"{tmp_path}/bag: cannot be written: (File too|disk I/O)"),
-    ):
-        save_to_bag(large, tmp_path / "bag", TOPIC, **options)
-    assert load_from_bag(tmp_path / "bag") == numbered_map(1)
-    assert [file.name for file in tmp_path.iterdir()] == ["bag"]
-
-
 def test_folder_that_is_no_bag_is_never_replaced(tmp_path):
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(BagError, match=r"is no bag and not replaced; it holds notes\.txt"):

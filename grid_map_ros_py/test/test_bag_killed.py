@@ -5,12 +5,9 @@
 import itertools
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -18,6 +15,7 @@ from bags import TOPIC, number_of, numbered_map
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import BagError, bag_maps, load_from_bag, save_to_bag
+from grid_map_ros_py.bags._mcap import COMPRESSIONS
 
 pytestmark = pytest.mark.needs("mcap", "rosbags")
 
@@ -32,17 +30,6 @@ while True:
     for grid_map in maps:
         save_to_bag(grid_map, sys.argv[2], TOPIC, storage=sys.argv[3])
 """
-
-
-@contextmanager
-def limited_file_size(size: int) -> Iterator[None]:
-    """Limit the size of files to `size` bytes, as a full disk would."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -80,17 +67,24 @@ def test_error_of_caller_leaves_the_old_bag(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
-def test_file_size_limit_is_one_error_and_leaves_old_bag(tmp_path):
+@pytest.mark.parametrize("limit", [0, 1000, 20_000])
+@pytest.mark.parametrize(
+    "options", [{"storage": "sqlite3"}, *({"compression": name} for name in COMPRESSIONS)]
+)
+def test_full_disk_is_one_error_and_leaves_old_bag(tmp_path, full_disk, limit, options):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
     # Chunks that compress well, so that some are still in the file's buffer when the disk is full.
     maps = itertools.repeat(GridMap((45, 45), 0.1, layers={"a": 1.0}))
-    with limited_file_size(20_000), pytest.raises(BagError, match="cannot be written: File too"):
-        save_to_bag(maps, tmp_path / "bag", TOPIC, compression="zstd")
+    with (
+        full_disk(limit),
+        pytest.raises(BagError, match=r"bag: cannot be written: (File too large|disk I/O error)"),
+    ):
+        save_to_bag(maps, tmp_path / "bag", TOPIC, **options)
     assert number_of(load_from_bag(tmp_path / "bag")) == 1
     assert [entry.name for entry in tmp_path.iterdir()] == ["bag"]
 
 
-def test_full_disk_is_one_error_and_leaves_old_bag(tmp_path, monkeypatch):
+def test_failed_synchronization_is_one_error_and_leaves_old_bag(tmp_path, monkeypatch):
     save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
 
     def fail(_: int) -> None:
