@@ -32,13 +32,10 @@ def test_a_new_layer_has_no_data():
         assert np.isnan(grid_map["elevation"]).all()
 
 
-def test_writing_into_a_layer_changes_the_map(terrain):
+def test_layers_are_live_and_assigned_arrays_are_copied(terrain):
     terrain["elevation"][0, 0] = 42
     terrain["elevation"] += 1
     assert terrain["elevation"][0, 0] == 43
-
-
-def test_an_assigned_array_is_copied(terrain):
     values = np.zeros((8, 5), dtype=np.float32, order="F")
     terrain["elevation"] = values
     values[...] = 1

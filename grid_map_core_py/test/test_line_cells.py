@@ -113,6 +113,9 @@ def test_a_line_right_across_the_map_is_exactly_clipped():
     assert pairs(line_cells(grid_map, (3, 3), (-3, -3))) == [[0, 0], [1, 1], [2, 2], [3, 3]]
     assert pairs(line_cells(grid_map, (9, 1.5), (1.5, 1.5))) == [[0, 0]]
     assert line_cells(grid_map, (1e9, 0.5), (-1e9, 0.5))[0].tolist() == [0, 1, 2, 3]
+    # A line may be one cell.
+    assert pairs(line_cells(grid_map, (0.5, 0.5), (0.5, 0.5))) == [[1, 1]]
+    assert pairs(line_cells_between(grid_map, [1, 1], np.array([1, 1]))) == [[1, 1]]
 
 
 def test_line_along_border_belongs_to_map_as_positions_do():
@@ -131,12 +134,6 @@ def test_a_line_that_never_touches_the_map_is_an_error():
     for start, end in (((3, 3), (5, 5)), ((5, 0), (0, 5)), ((3, 0), (3, 1)), ((3, 3), (3, 3))):
         with pytest.raises(OutOfMapError, match="does not touch the map: center"):
             line_cells(grid_map, start, end)
-
-
-def test_a_line_of_one_cell():
-    grid_map = GridMap((4, 4), 1.0)
-    assert pairs(line_cells(grid_map, (0.5, 0.5), (0.5, 0.5))) == [[1, 1]]
-    assert pairs(line_cells_between(grid_map, [1, 1], np.array([1, 1]))) == [[1, 1]]
 
 
 def test_the_ends_of_a_line_must_be_numbers_and_cells():
