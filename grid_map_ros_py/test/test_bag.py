@@ -4,7 +4,6 @@
 
 import shutil
 import sqlite3
-import subprocess
 import sys
 import tempfile
 from contextlib import closing
@@ -278,12 +277,6 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
     with pytest.raises(MissingPackageError, match="pip install mcap"):
         save_to_bag(numbered_map(1), tmp_path / "bag", TOPIC)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_importing_bags_imports_neither_mcap_nor_rclpy():
-    code = "import sys, grid_map_ros_py.bags; print({'mcap', 'rclpy', 'sqlite3'} & {*sys.modules})"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "{'sqlite3'}\n"
 
 
 # --- what rosbag2 writes --------------------------------------------------------------------------

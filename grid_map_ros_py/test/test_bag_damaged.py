@@ -50,13 +50,6 @@ def test_truncated_file_is_refused(name, path):
             read_all(path)
 
 
-@pytest.mark.parametrize("name", ["mcap", "zstd"])
-def test_error_of_truncated_file_names_the_remedy(name, path):
-    path.write_bytes(FILES[name].read_bytes()[:-100])
-    with pytest.raises(BagError, match=r"is cut off: the recording was interrupted.*mcap recover"):
-        load_from_bag(path, TOPIC)
-
-
 @given(st.binary(max_size=300), st.sampled_from([b"\x89MCAP0\r\n", b"SQLite format 3\0", b""]))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_noise_is_refused(path, noise, magic):

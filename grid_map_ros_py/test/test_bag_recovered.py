@@ -159,7 +159,9 @@ def killed(tmp_path) -> Path:
 def test_bag_of_killed_recorder_is_read_on_request(killed):
     with pytest.raises(BagError, match=r"without metadata\.yaml; name the file .* recover=True"):
         load_from_bag(killed)
-    with pytest.raises(BagError, match=r"is cut off.*recover=True.*reindex.*ros2 bag convert"):
+    with pytest.raises(
+        BagError, match=r"is cut off.*recover=True.*bag reindex.*bag convert.*mcap recover"
+    ):
         load_from_bag(killed / "bag_1.mcap")
     numbers = recovered(killed)
     assert numbers[:3] == [1, 2, 3]
