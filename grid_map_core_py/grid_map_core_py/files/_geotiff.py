@@ -36,7 +36,7 @@ def save_geotiff(
 ) -> None:
     """Write a map to a GeoTIFF file.
 
-    The file is written atomically; an existing one is replaced.
+    The file is written atomically; an existing one is replaced. Memory for the whole file is taken.
 
     Args:
         grid_map: the map; a moved one is stored in map order.

@@ -217,7 +217,7 @@ class BagWriter:
     def _check_parent(self) -> None:
         parent = self._path.resolve().parent
         if not parent.is_dir():
-            raise BagError(self._path, f"cannot be written: there is no folder {parent}")
+            raise BagError(self._path, f"cannot be written: there is no folder {self._path.parent}")
         if not os.access(parent, os.W_OK | os.X_OK):
             raise BagError(self._path, f"cannot be written: {parent} may not be written to")
 
