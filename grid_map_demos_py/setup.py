@@ -71,6 +71,8 @@ setup(
     entry_points={
         "console_scripts": [
             f"filters_demo = {PACKAGE}.filters_demo:main",
+            # The name in C++.
+            f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",
             f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
             f"simple_demo = {PACKAGE}.simple_demo_node:main",
             *(

@@ -68,7 +68,7 @@ def keys(modules: set[str], package: Path) -> set[str]:
 
 
 def words(package, file: str) -> set[str]:
-    return set(re.findall(r"[\w-]+", (package / file).read_text()))
+    return set(re.findall(r"[\w-]+(?:\.py\b)?", (package / file).read_text()))
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES, ids=by_name)

@@ -41,6 +41,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("image_path:=/nope.png", "image '/nope.png': No such file"),
         ("image_path:=~nobody_known/a.png", "a.png': No such file"),
     ],
+    "image_publisher.py": [("topic:='a b'", "parameter 'topic': expected the name of a topic")],
     "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],
     "grid_map_to_image_demo": [
         ("bits:=12", "parameter 'bits': expected 8 or 16"),
