@@ -128,8 +128,9 @@ class Newcomer:
             self.listener.listen(topic, GridMapMessage)
             self.listener.expect(topic)
         else:
-            self.listener.wait_until(lambda: re.search(r"at\nhttp\S+\n", program.text), "a page")
-            address = re.search(r"at (http\S+)", program.text)[1]
+            written = re.compile(r"at\n(http\S+)\n")
+            self.listener.wait_until(lambda: written.search(program.text), "a page")
+            address = written.search(program.text)[1]
             assert b"<html" in urllib.request.urlopen(address, timeout=10).read()
 
 
