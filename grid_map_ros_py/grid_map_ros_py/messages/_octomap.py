@@ -180,7 +180,7 @@ def _read(path: Path, frame_id: str) -> Any:
     )
 
 
-def _leaves(message: "Octomap") -> list[Leaves]:
+def _leaves(message: "Octomap") -> Leaves:
     check_fields(message, "octomap_msgs/Octomap", "binary", "resolution")
     if not SMALLEST_VOXEL < message.resolution < LARGEST_VOXEL:
         raise MessageError("resolution", "the side of a voxel [m]", message.resolution)
@@ -193,7 +193,7 @@ def _leaves(message: "Octomap") -> list[Leaves]:
 
 
 def _box(
-    leaves: list[Leaves], resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
+    leaves: Leaves, resolution: float, min_bound: npt.ArrayLike, max_bound: npt.ArrayLike
 ) -> tuple[Voxel, Voxel]:
     """Return the first and the last voxel (3,) between bounds that may be NaN."""
     bounds = np.array([_bound(min_bound, "min_bound"), _bound(max_bound, "max_bound")])

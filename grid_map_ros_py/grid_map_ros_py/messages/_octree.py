@@ -13,8 +13,7 @@ OctoMap's own reader and its Python bindings follow damaged bytes until the stac
 every tree is checked first, and then read depth by depth rather than node by node.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,9 @@ Keys = npt.NDArray[np.int32]
 
 Voxel = npt.NDArray[np.int32]
 """(3,) x, y, z of a voxel, counted from the corner of the root."""
+
+Leaves = dict[int, tuple[Keys, npt.NDArray[np.bool_]]]
+"""Keys (3, N) of leaves, and (N,) whether they are occupied or free, by depth; 0 is the root."""
 
 DEPTH = 16
 """Depth of a voxel."""
@@ -49,30 +51,10 @@ _OFFSETS = ((_CHILDREN >> np.arange(3)[:, None]) & 1).astype(np.int32)
 _FREE, _OCCUPIED, _INNER = 1, 2, 3
 
 
-@dataclass(frozen=True)
-class Leaves:
-    """Leaves of one depth: free or occupied cubes.
-
-    Attributes:
-        depth: 0 is the root, 16 a voxel.
-        keys: (3, N) positions, in cubes of this depth.
-        occupied: (N,) True for occupied leaves, False for free ones.
-    """
-
-    depth: int
-    keys: Keys
-    occupied: npt.NDArray[np.bool_]
-
-    @property
-    def side(self) -> int:
-        """Voxels along a side of a leaf."""
-        return 1 << (DEPTH - self.depth)
-
-
 # --- reading --------------------------------------------------------------------------------------
 
 
-def read_binary(data: npt.NDArray[np.uint8]) -> list[Leaves]:
+def read_binary(data: npt.NDArray[np.uint8]) -> Leaves:
     """Return the leaves of a tree in the binary form, depth by depth; none for no bytes.
 
     Raises:
@@ -82,16 +64,16 @@ def read_binary(data: npt.NDArray[np.uint8]) -> list[Leaves]:
     labels = ((words[:, None] >> (2 * _CHILDREN).astype(np.uint16)) & 3).astype(np.uint8)
     if not labels.any(axis=1).all():
         raise MessageError("data", "inner nodes with children", "one without")
-    leaves = []
+    leaves: Leaves = {}
     for depth, nodes, keys in _levels(labels == _INNER, DEPTH - 1, words.itemsize):
         labels_here = labels.take(nodes, axis=0)
         is_leaf = (labels_here == _FREE) | (labels_here == _OCCUPIED)
         occupied = labels_here[is_leaf] == _OCCUPIED
-        leaves.append(Leaves(depth + 1, _child_keys(keys, is_leaf), occupied))
+        leaves[depth + 1] = _child_keys(keys, is_leaf), occupied
     return leaves
 
 
-def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> list[Leaves]:
+def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> Leaves:
     """Return the leaves of a tree in the full form, depth by depth; none for no bytes.
 
     Leaves with a probability of at least one half (log-odds of at least 0) are occupied.
@@ -107,11 +89,11 @@ def read_full(data: npt.NDArray[np.uint8], node_type: np.dtype[Any]) -> list[Lea
     if np.isnan(records["value"]).any():
         raise MessageError("data", "log-odds that are numbers", float("nan"))
     children = ((records["children"][:, None] >> _CHILDREN.astype(np.uint8)) & 1).astype(np.bool_)
-    leaves = []
+    leaves: Leaves = {}
     for depth, nodes, keys in _levels(children, DEPTH, node_type.itemsize):
         is_leaf = records["children"][nodes] == 0
         occupied = records["value"][nodes[is_leaf]] >= 0
-        leaves.append(Leaves(depth, keys[:, is_leaf], occupied))
+        leaves[depth] = keys[:, is_leaf], occupied
     return leaves
 
 
@@ -183,31 +165,35 @@ def _child_keys(keys: Keys, children: npt.NDArray[np.bool_]) -> Keys:
 # --- voxels ---------------------------------------------------------------------------------------
 
 
-def extent(leaves: Iterable[Leaves]) -> tuple[Voxel, Voxel]:
+def side_of(depth: int) -> int:
+    """Return the number of voxels along a side of a node."""
+    return 1 << (DEPTH - depth)
+
+
+def extent(leaves: Leaves) -> tuple[Voxel, Voxel]:
     """Return the first and the last voxel (3,) of the box around all leaves.
 
     Raises:
         MessageError: there are no leaves.
     """
-    filled = [level for level in leaves if level.keys.size]
+    filled = [(keys, side_of(depth)) for depth, (keys, _) in leaves.items() if keys.size]
     if not filled:
         raise MessageError("data", "a tree with leaves", "none")
-    first = np.min([level.keys.min(axis=1) * level.side for level in filled], axis=0)
-    end = np.max([(level.keys.max(axis=1) + 1) * level.side for level in filled], axis=0)
+    first = np.min([keys.min(axis=1) * side for keys, side in filled], axis=0)
+    end = np.max([(keys.max(axis=1) + 1) * side for keys, side in filled], axis=0)
     return first, end - 1
 
 
-def highest_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
+def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.int32]:
     """Return z of the highest occupied voxel of every column of a box, -1 where there is none.
 
     Args:
-        leaves: leaves of all depths, in the order of their depths.
+        leaves: leaves of all depths.
         first, last: (3,) voxels at the corners of the box.
 
     Returns:
         (x, y), counted from `first`.
     """
-    levels = {level.depth: level for level in leaves}
     corner, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
         if depth:
@@ -217,27 +203,29 @@ def highest_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> npt.N
             end = (last[:2] >> (DEPTH - depth)) + 1 - beyond
             start = corner - beyond
             highest = highest[start[0] : end[0], start[1] : end[1]]
-        if depth in levels:
+        if depth in leaves:
+            keys, occupied = leaves[depth]
+            keys = keys.compress(occupied, axis=1)
             highest = np.ascontiguousarray(highest)
-            _raise_to(highest, levels[depth], corner, int(first[2]), int(last[2]))
+            _raise_to(highest, keys, side_of(depth), corner, (first[2], last[2]))
     return highest
 
 
-def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys:
+def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
     """Return the occupied voxels (3, N) of a box.
 
     Args:
-        leaves: leaves of all depths, in the order of their depths.
+        leaves: leaves of all depths.
         first, last: voxels at the corners of the box.
 
     Raises:
         MessageError: there are more than `MOST_VOXELS`.
     """
-    levels = {level.depth: level for level in leaves}
     count = 0
-    for level in levels.values():
-        start = level.keys.compress(level.occupied, axis=1) * np.int32(level.side)
-        end = np.minimum(start + np.int32(level.side), last[:, None] + 1)
+    for depth, (keys, occupied) in leaves.items():
+        side = np.int32(side_of(depth))
+        start = keys.compress(occupied, axis=1) * side
+        end = np.minimum(start + side, last[:, None] + 1)
         overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
         # In floats, where no product overflows.
         count += int(overlap.prod(axis=0, dtype=np.float64).sum())
@@ -246,9 +234,9 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
     keys = np.empty((3, 0), np.int32)
     for depth in range(DEPTH + 1):
         keys = (2 * keys[:, :, None] + _OFFSETS[:, None]).reshape(3, -1)
-        if depth in levels:
-            occupied = levels[depth].keys.compress(levels[depth].occupied, axis=1)
-            keys = np.concatenate([keys, occupied], axis=1)
+        if depth in leaves:
+            found, occupied = leaves[depth]
+            keys = np.concatenate([keys, found.compress(occupied, axis=1)], axis=1)
         shift = DEPTH - depth
         within = (keys >= (first >> shift)[:, None]) & (keys <= (last >> shift)[:, None])
         keys = keys.compress(within.all(axis=0), axis=1)
@@ -256,17 +244,18 @@ def occupied_voxels(leaves: Iterable[Leaves], first: Voxel, last: Voxel) -> Keys
 
 
 def _raise_to(
-    highest: npt.NDArray[np.int32], leaves: Leaves, corner: Voxel, lowest: int, limit: int
+    highest: npt.NDArray[np.int32], keys: Keys, side: int, corner: Voxel, heights: tuple[int, int]
 ) -> None:
-    """Raise columns (in place) to the tops of the occupied leaves of one depth.
+    """Raise columns (in place) to the tops of occupied leaves (3, N) of one depth.
 
-    `corner` is the first column; leaves beyond `lowest` and `limit` in z do not count.
+    `corner` is the first column; leaves that are not within the lowest and highest z do not count.
     """
-    x, y, z = leaves.keys.compress(leaves.occupied, axis=1)
+    x, y, z = keys
     x -= corner[0]
     y -= corner[1]
-    bottom = z * np.int32(leaves.side)
-    top = np.minimum(bottom + np.int32(leaves.side - 1), np.int32(limit))
+    lowest, limit = map(np.int32, heights)
+    bottom = z * np.int32(side)
+    top = np.minimum(bottom + np.int32(side - 1), limit)
     within = (x >= 0) & (x < highest.shape[0]) & (y >= 0) & (y < highest.shape[1])
     within &= (top >= lowest) & (bottom <= limit)
     cells = x[within].astype(np.intp) * highest.shape[1] + y[within]
