@@ -23,7 +23,7 @@ MISSING = (
     "--ignore-src -y` in your workspace, or `pip install hypothesis`"
 )
 
-os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(PROFILE))
+os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(PROFILE)
 
 HAS_HYPOTHESIS = importlib.util.find_spec("hypothesis") is not None
 if HAS_HYPOTHESIS:

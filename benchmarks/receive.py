@@ -7,7 +7,8 @@
 Publishes maps of 8 layers, 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz, from one process
 to another, and prints a table: with the transports that Fast DDS has by itself, with those of
 FASTDDS_BUILTIN_TRANSPORTS=LARGE_DATA and with our profile; decoded from messages, from raw bytes,
-and one layer from raw bytes. Start it where the workspace is set up (`. tools/env.sh`).
+and one layer from raw bytes. With `--best-effort` the topic is best effort, as of sensors and of
+`ros2 topic hz`. Start it where the workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
@@ -20,8 +21,9 @@ from pathlib import Path
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+import grid_map_ros_py
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_serialized_message, to_serialized_message
@@ -33,9 +35,9 @@ LAYERS = [f"layer_{k}" for k in range(8)]
 LOADS = [(400, 30.0), (1000, 5.0)]
 """Cells along a side and maps per second."""
 
-PROFILE = Path(__file__).parents[1] / "grid_map_ros_py" / "config" / "fastdds_large_maps.xml"
+PROFILE = Path(grid_map_ros_py.__file__).with_name("fastdds_large_maps.xml")
 TRANSPORTS = {
-    "default": {},
+    "default": {"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"},
     "LARGE_DATA": {"FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA"},
     "profile": {"FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE)},
 }
@@ -43,6 +45,9 @@ RECEIVERS = ["message", "raw", "raw, 1 layer"]
 
 
 def qos(depth: int) -> QoSProfile:
+    """Return the quality of service of maps; a negative depth means best effort."""
+    if depth < 0:
+        return QoSProfile(depth=-depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     profile = map_qos()
     profile.depth = depth
     return profile
@@ -165,8 +170,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--depth", type=int, default=1)
+    parser.add_argument("--best-effort", action="store_true")
     options = parser.parse_args()
-    for heading, values in rows(options.seconds, options.depth):
+    depth = -options.depth if options.best_effort else options.depth
+    for heading, values in rows(options.seconds, depth):
         cells = [f"{name} {value:.0f}" for name, value in values.items()]
         print(" | ".join(heading + cells), flush=True)
     return 0

@@ -1,7 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
 import sys
-from glob import glob
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -38,11 +37,11 @@ setup(
     options=options,
     python_requires=">=3.11",
     packages=find_packages(exclude=["test"]),
-    package_data={"": ["py.typed"]},
+    package_data={"": ["py.typed", "*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", glob("config/*")),
+        (f"share/{PACKAGE}/config", [f"{PACKAGE}/fastdds_large_maps.xml"]),
     ],
     install_requires=requirements,
     tests_require=["pytest"],

@@ -241,7 +241,17 @@ def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:
             BOOTSTRAP_GUARD: "1",
             "RMW_IMPLEMENTATION": outer.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
         }
-    return {**outer, **ours, **_browsers(), "GRID_MAP_PY_ROOT": str(ROOT)}
+    return {**outer, **ours, **_fast_dds(outer), **_browsers(), "GRID_MAP_PY_ROOT": str(ROOT)}
+
+
+def _fast_dds(outer: Mapping[str, str]) -> dict[str, str]:
+    """Return the setting for large maps and clouds, which `grid_map_ros_py.nodes` explains."""
+    profile = ROOT / "grid_map_ros_py" / "grid_map_ros_py" / "fastdds_large_maps.xml"
+    has_chosen = any(name.startswith(("FASTRTPS_", "FASTDDS_")) for name in outer)
+    memory = Path("/dev/shm")
+    if has_chosen or not memory.is_dir() or shutil.disk_usage(memory).free < 2**28:
+        return {}
+    return {"FASTRTPS_DEFAULT_PROFILES_FILE": str(profile)}
 
 
 def _path_list(*entries: str | Path | None) -> str:

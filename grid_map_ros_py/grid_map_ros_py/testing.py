@@ -220,6 +220,12 @@ class Peer:
         """Spin until the condition holds; fail with `what` after `TIMEOUT` seconds."""
         wait_until(condition, what, step=lambda: self._executor.spin_once(timeout_sec=0.05))
 
+    def spin(self, seconds: float) -> None:
+        """Serve callbacks for a time [s]."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            self._executor.spin_once(timeout_sec=0.05)
+
     def expect(self, topic: str, count: int = 1) -> Any:
         """Wait until a topic has received `count` messages; return the last one."""
         messages = self.received[topic]

@@ -1,34 +1,80 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Large maps between processes, with the profile that comes with this package."""
+"""Large maps and clouds between processes, with and without the profile of this package."""
 
 import json
+import os
 import sys
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import PointCloud2
+
 from conftest import NODES
-from grid_map_ros_py.testing import Process, running, wait_until
+from grid_map_ros_py.nodes import use_profile
+from grid_map_ros_py.nodes._profile import PROFILE
+from grid_map_ros_py.testing import Peer, Process, peer, running, running_node, wait_until
 
-PROFILE = Path(__file__).parents[1] / "config" / "fastdds_large_maps.xml"
 NAMESPACE = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
+VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
-def start(role: str) -> Process:
-    command = [sys.executable, str(NODES / "large_maps.py"), role]
-    return Process(command, {"FASTRTPS_DEFAULT_PROFILES_FILE": str(PROFILE)})
+def start(role: str, profile: str = "") -> Process:
+    """Start a script; by default without the profile of these tests, as a user would."""
+    return Process([sys.executable, str(NODES / "large_maps.py"), role], {VARIABLE: profile})
 
 
-def test_no_large_map_is_lost_with_the_profile() -> None:
+def test_no_large_map_is_lost() -> None:
     with running(start("receive")) as receiver, running(start("send")) as sender:
         wait_until(lambda: len(receiver.lines) == 5, "all five maps")
         wait_until(lambda: sender.lines, "the sender to say so")
     assert [json.loads(line) for line in receiver.lines] == [[k, 8, 1000, 1000] for k in range(5)]
     # The profile is applied, not ignored.
-    assert json.loads(sender.lines[0])["largest segment"] >= segment_size()
-
-
-def segment_size() -> int:
     size = ElementTree.parse(PROFILE).find(f".//{NAMESPACE}segment_size")
     assert size is not None
-    return int(str(size.text))
+    assert json.loads(sender.lines[0])["largest segment"] >= int(str(size.text))
+
+
+@pytest.fixture
+def listener() -> Iterator[Peer]:
+    with peer() as other:
+        yield other
+
+
+def test_no_cloud_of_best_effort_is_lost(listener: Peer) -> None:
+    listener.listen("/points", PointCloud2, qos_profile_sensor_data)
+    with running(start("send clouds")) as sender:
+        wait_until(lambda: "sent" in sender.text, "the clouds", step=lambda: listener.spin(0.05))
+        listener.spin(1.0)
+    assert len(listener.received["/points"]) == int(sender.lines[0].split()[1])
+
+
+def test_lost_clouds_are_logged_once() -> None:
+    with (
+        running_node("grid_map_ros_py._executables.point_cloud_to_grid_map") as node,
+        running(start("send clouds", os.environ[VARIABLE])) as sender,
+    ):
+        wait_until(lambda: "sent" in sender.text, "the clouds")
+        wait_until(lambda: "messages of /points get lost" in node.text, "a warning")
+    assert node.text.count("messages of /points get lost") == 1
+
+
+@pytest.mark.parametrize("chosen", ["FASTDDS_BUILTIN_TRANSPORTS", VARIABLE])
+def test_profile_of_the_user_stays(monkeypatch: pytest.MonkeyPatch, chosen: str) -> None:
+    monkeypatch.delenv(VARIABLE)
+    use_profile()
+    assert Path(os.environ[VARIABLE]) == PROFILE
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv(chosen, "mine")
+    use_profile()
+    assert os.environ.get(VARIABLE) in (None, "mine")
+
+
+def test_small_shared_memory_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setattr("grid_map_ros_py.nodes._profile.SHARED_MEMORY", 2**62)
+    use_profile()
+    assert VARIABLE not in os.environ

@@ -21,6 +21,7 @@ from rclpy.utilities import try_shutdown
 from grid_map_core_py.commands import CommandError, UsageError
 
 from ..messages._packages import messages_of
+from ..nodes._profile import use_profile
 
 
 class Session:
@@ -38,6 +39,7 @@ class Session:
         self.ended = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self.ended.set())
+        use_profile()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         name = f"grid_map_{command}_{os.getpid()}"
         self.node = Node(name, enable_rosout=False, start_parameter_services=False)

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
@@ -22,7 +23,16 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from .. import to_serialized_message
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
-from ..nodes import LogThrottle, TfPoses, has_tf, map_qos, read_parameter, run, steady_timer
+from ..nodes import (
+    LogThrottle,
+    TfPoses,
+    has_tf,
+    map_qos,
+    read_parameter,
+    run,
+    steady_timer,
+    warn_of_gaps,
+)
 
 T = TypeVar("T")
 
@@ -105,7 +115,10 @@ class PointCloudToGridMapNode(Node):
         reliability = _read_choice(self, "input_reliability", "best_effort", RELIABILITIES)
         qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
-        clouds = self.create_subscription(PointCloud2, topic, self._on_cloud, qos, raw=True)
+        events = SubscriptionEventCallbacks(message_lost=warn_of_gaps(self, topic))
+        clouds = self.create_subscription(
+            PointCloud2, topic, self._on_cloud, qos, event_callbacks=events, raw=True
+        )
         self.get_logger().info(f"maps the clouds of {clouds.topic_name}, poses: {self._source}")
 
     # --- parameters -------------------------------------------------------------------------------

@@ -41,10 +41,11 @@ if TYPE_CHECKING:
         read_positive,
         read_topic,
     )
+    from ._profile import use_profile
     from ._spin import run, steady_timer
     from ._tf_poses import TfPoses, has_tf
     from ._throttle import LogThrottle
-    from ._topics import LatchedSubscription, MapSubscription, map_qos
+    from ._topics import LatchedSubscription, MapSubscription, map_qos, warn_of_gaps
 
 __all__ = [
     "LatchedSubscription",
@@ -61,11 +62,13 @@ __all__ = [
     "read_topic",
     "run",
     "steady_timer",
+    "use_profile",
+    "warn_of_gaps",
 ]
 
 
-_MODULES = ("_throttle", "_topics", "_parameters", "_spin", "_tf_poses")
-"""Modules in which a name is searched when it is first used; the first needs no rclpy."""
+_MODULES = ("_throttle", "_profile", "_topics", "_parameters", "_spin", "_tf_poses")
+"""Modules in which a name is searched when it is first used; the first two need no rclpy."""
 
 
 def quiet_start() -> None:

@@ -25,6 +25,7 @@ from grid_map_core_py.errors import GridMapError
 
 from ..errors import NodeFailedError
 from ._overrides import unknown_parameters, unmatched_files
+from ._profile import use_profile
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
@@ -97,6 +98,7 @@ class _Signals:
 
 def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     """Return the node; whatever its user may have done wrong becomes a `NodeFailedError`."""
+    use_profile()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except _ARGUMENT_ERRORS as error:

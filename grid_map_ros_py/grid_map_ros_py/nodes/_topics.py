@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Quality of service of map topics, and subscriptions that adapt to their publishers."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -36,6 +37,17 @@ def map_qos(*, transient_local: bool = True) -> QoSProfile:
     return QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
+def warn_of_gaps(node: Node, topic: str) -> Callable[[Any], None]:
+    """Return a callback for lost messages of a subscription, which logs the first loss."""
+    log = LogThrottle(node.get_logger(), period=math.inf)
+    text = (
+        f"messages of {node.resolve_topic_name(topic)} get lost: they come faster than this node "
+        "takes them, or the middleware of their publisher has too little memory for messages of "
+        "this size; see 'Large maps are slow or get lost' in the documentation"
+    )
+    return lambda _event: log.warning(text)
+
+
 class LatchedSubscription:
     """Calls back with the last message of a topic and all later messages.
 
@@ -43,8 +55,8 @@ class LatchedSubscription:
     connect to volatile publishers. The subscription is transient local first, and becomes volatile
     when it meets a volatile publisher.
 
-    If the callback raises a `GridMapError`, the message is dropped and the error is logged; a
-    `NodeFailedError` ends the node.
+    The first lost message is logged. If the callback raises a `GridMapError`, the message is
+    dropped and the error is logged; a `NodeFailedError` ends the node.
 
     Args:
         node: the node that subscribes.
@@ -83,7 +95,9 @@ class LatchedSubscription:
             topic,
             self._receive,
             self._qos,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=self._on_incompatible),
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._on_incompatible, message_lost=warn_of_gaps(node, topic)
+            ),
             raw=raw,
         )
         self._subscription: Any = self._subscribe()

@@ -1,7 +1,8 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Send or receive large maps (first argument `send` or `receive`) and print the results."""
+"""Send or receive large maps, or send clouds, and print the results; see the last line."""
 
+import array
 import json
 import re
 import sys
@@ -9,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -16,6 +19,7 @@ from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import MapSubscription, map_qos, run
 
 COUNT = 5
+CLOUDS = 30
 SIDE = 1000
 LAYERS = [f"layer_{k}" for k in range(8)]
 QOS = map_qos()
@@ -43,6 +47,25 @@ class Sender(Node):
         print(json.dumps({"largest segment": largest_segment()}), flush=True)
 
 
+class CloudSender(Node):
+    """Sends clouds as a sensor does: 1.2 MB, best effort, ten times a second."""
+
+    def __init__(self) -> None:
+        super().__init__("sensor")
+        qos = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._publisher = self.create_publisher(PointCloud2, "/points", qos)
+        self._cloud = PointCloud2(data=array.array("B", bytes(1_200_000)))
+        self._left = CLOUDS
+        self.create_timer(0.1, self._send)
+
+    def _send(self) -> None:
+        if self._left and self._publisher.get_subscription_count():
+            self._publisher.publish(self._cloud)
+            self._left -= 1
+            if not self._left:
+                print(f"sent {CLOUDS}", flush=True)
+
+
 class Receiver(Node):
     """Checks one layer of every map."""
 
@@ -64,4 +87,4 @@ def largest_segment() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(run({"send": Sender, "receive": Receiver}[sys.argv[1]]))
+    sys.exit(run({"send": Sender, "send clouds": CloudSender, "receive": Receiver}[sys.argv[1]]))
