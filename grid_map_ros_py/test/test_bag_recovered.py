@@ -157,7 +157,7 @@ def killed(tmp_path) -> Path:
 
 
 def test_bag_of_killed_recorder_is_read_on_request(killed):
-    with pytest.raises(BagError, match=r"without metadata\.yaml; name the file .* recover=True"):
+    with pytest.raises(BagError, match=r"without metadata\.yaml; read bag_0.* recover=True"):
         load_from_bag(killed)
     with pytest.raises(
         BagError, match=r"is cut off.*recover=True.*bag reindex.*bag convert.*mcap recover"

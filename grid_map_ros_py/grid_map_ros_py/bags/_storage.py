@@ -208,7 +208,7 @@ def _listed_files(folder: Path) -> list[str]:
     path = folder / FILE_NAME
     if not path.is_file():
         files = _stored(folder)
-        hint = f"; name the file itself to read {files[0].name}, or recover=True" if files else ""
+        hint = f"; read {files[0].name} itself, or use recover=True (--recover)" if files else ""
         raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
     found = _information(folder)
     if str(found.get("compression_mode")).lower() == "file":
