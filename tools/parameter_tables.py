@@ -18,7 +18,6 @@ With `--check` nothing is written; the exit code is 1 if a table is outdated.
 import argparse
 import contextlib
 import dataclasses
-import inspect
 import io
 import json
 import os
@@ -38,6 +37,7 @@ import rclpy
 from rclpy.node import Node
 
 from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.plugins import descriptions
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
 from grid_map_ros_py.nodes import _parameters as parameters, _spin
@@ -78,7 +78,7 @@ class Row:
 
 def rows_of_class(cls: type) -> list[Row]:
     """Return a row per parameter of a filter or visualization."""
-    hints, meanings, rows = typing.get_type_hints(cls), attributes(cls), []
+    hints, meanings, rows = typing.get_type_hints(cls), descriptions(cls), []
     # Optional parameters of a base class come last.
     inherited = {
         field.name
@@ -90,23 +90,10 @@ def rows_of_class(cls: type) -> list[Row]:
     for field in sorted(fields, key=lambda field: field.name in inherited):
         name, has_default = field.name, field.default not in (dataclasses.MISSING, None)
         default = written(name, field.default) if has_default else ""
-        rows.append(Row(name, kind(hints[name]), default, meanings.get(name, "")))
+        # Docstrings put values in quotes, pages format them as code.
+        meaning = re.sub(r'"([\w/]+)"', r"`\1`", meanings.get(name, ""))
+        rows.append(Row(name, kind(hints[name]), default, meaning))
     return rows
-
-
-def attributes(cls: type) -> dict[str, str]:
-    """Return the descriptions of attributes in the docstrings of a class and its bases."""
-    found: dict[str, str] = {}
-    for base in reversed(cls.__mro__):
-        _, _, rest = (inspect.cleandoc(base.__doc__ or "")).partition("\nAttributes:\n")
-        section = re.match(r"(?:    .*\n?)*", rest)
-        for names, text in re.findall(
-            r"^    (\w[\w, ]*): (.*(?:\n {8}.*)*)", section[0] if section else "", re.MULTILINE
-        ):
-            # Docstrings put values in quotes, pages format them as code.
-            plain = re.sub(r'"([\w/]+)"', r"`\1`", " ".join(text.split()).rstrip("."))
-            found |= dict.fromkeys(names.split(", "), plain)
-    return found
 
 
 # --- nodes ----------------------------------------------------------------------------------------
@@ -138,7 +125,7 @@ def record(
     return _read_parameter(node, name, what, default, description=description)
 
 
-def record_tree(node: Node, prefix: str, *, description: str = "", **rest: bool) -> object:
+def record_tree(node: Node, prefix: str, *, description: str = "", **rest: Any) -> object:
     _read[prefix] = Row(f"{prefix}.*", "", "", description)
     return _read_parameter_tree(node, prefix, description=description, **rest)
 

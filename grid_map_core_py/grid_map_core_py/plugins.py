@@ -8,7 +8,9 @@ A `Registry` finds such classes by their type names in YAML, in all installed pa
 """
 
 import difflib
+import inspect
 import numbers
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping
@@ -25,6 +27,7 @@ __all__ = [
     "cast",
     "check",
     "describe",
+    "descriptions",
     "mismatch",
     "nested",
     "node_sections",
@@ -53,6 +56,19 @@ def build(cls: type[T], parameters: Mapping[str, object]) -> T:
             raise ConfigError(f"missing parameter {name!r}")
     hints = typing.get_type_hints(cls)
     return cls(**{name: cast(name, value, hints[name]) for name, value in parameters.items()})
+
+
+def descriptions(cls: type) -> dict[str, str]:
+    """Return the descriptions below `Attributes:` in the docstrings of a class and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        _, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
+        section = re.match(r"(?:    .*\n?)*", rest)
+        for names, text in re.findall(
+            r"^    (\w[\w, ]*): (.*(?:\n {8}.*)*)", section[0] if section else "", re.MULTILINE
+        ):
+            found |= dict.fromkeys(names.split(", "), " ".join(text.split()).rstrip("."))
+    return found
 
 
 def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

@@ -3,7 +3,7 @@
 """A sequence of filters, and the durations of its steps."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -13,10 +13,10 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Size
-from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.plugins import build, check
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.plugins import build, check, descriptions
 
-from ._config import StepConfig, parse_steps, read_chain
+from ._config import StepConfig, field_name, parse_steps, read_chain
 from ._filter import Filter, running
 from ._registry import FILTERS
 from .builtin._buffer_normalizer import BufferNormalizer
@@ -267,6 +267,33 @@ def _build(config: StepConfig) -> Filter:
     except Exception as error:
         raise FilterConfigError(f"{config}: {message_of(error)}") from error
     return cast(Filter, made)
+
+
+def describe_parameters(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return descriptions of the parameters of a chain, by name: `filter1.params.radius`.
+
+    Parameters that no filter has are left out.
+    """
+    found: dict[str, str] = {}
+    for key, step in config.items():
+        if not isinstance(step, Mapping):
+            continue
+        found |= {f"{key}.{part}": f"{part} of {key}" for part in ("name", "type")}
+        try:
+            meanings = descriptions(FILTERS[str(step.get("type"))])
+        except ConfigError:
+            continue
+        for name in _names_in(step.get("params")):
+            if (field := field_name(name)) in meanings:
+                found[f"{key}.params.{name}"] = meanings[field]
+    return found
+
+
+def _names_in(params: object) -> Iterator[str]:
+    """Yield the names of all values, those in mappings with dots: `min.color`."""
+    for name, value in params.items() if isinstance(params, Mapping) else ():
+        inner = [f"{name}.{below}" for below in _names_in(value)]
+        yield from inner or [str(name)]
 
 
 def _read_only(grid_map: GridMap) -> GridMap:

@@ -99,6 +99,11 @@ def _chain_in(content: Mapping[str, Any], name: str) -> object:
     return lists[0]
 
 
+def field_name(name: str) -> str:
+    """Return the name of the field for a parameter: `min_value` for `min/value` and `min.value`."""
+    return re.sub("[/.]", "_", name)
+
+
 def flat(parameters: Mapping[object, object]) -> dict[str, object]:
     """Return the parameters of a filter under the names of its fields.
 
@@ -109,7 +114,7 @@ def flat(parameters: Mapping[object, object]) -> dict[str, object]:
     """
     result: dict[str, object] = {}
     for key, value in parameters.items():
-        name = re.sub("[/.]", "_", str(key))
+        name = field_name(str(key))
         below = flat(value) if isinstance(value, Mapping) else None
         entries = {name: value} if below is None else {f"{name}_{n}": v for n, v in below.items()}
         for entry in entries.keys() & result.keys():

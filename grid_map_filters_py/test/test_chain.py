@@ -25,7 +25,7 @@ from grid_map_filters_py import (
     StepTimes,
     warn,
 )
-from grid_map_filters_py._chain import OPENCV_KEEPS_READ_ONLY
+from grid_map_filters_py._chain import OPENCV_KEEPS_READ_ONLY, describe_parameters
 from grid_map_filters_py._config import nested
 
 DUPLICATION = "gridMapFilters/DuplicationFilter"
@@ -369,6 +369,22 @@ def test_wrong_configurations_are_refused_with_the_place(config, message):
         FilterChain.from_config(config)
     assert message in str(caught.value)
     assert isinstance(caught.value, ConfigError)
+
+
+def test_parameters_are_described():
+    ramp = {"min": {"value": 0, "color": [0, 0, 0]}, "max/value": 1, "nonsense": 2}
+    config = {
+        "filter1": {"name": "a", "type": "ColorMap", "params": ramp},
+        "filter2": {"name": "b", "type": "no/Filter", "params": {"radius": 1}},
+        "filter3": 7,
+    }
+    found = describe_parameters(config)
+    assert found["filter1.params.min.value"].startswith("first value of the ramp")
+    assert found["filter1.params.min.color"].startswith("red, green and blue at the ends")
+    assert found["filter1.params.max/value"] == "last value of the ramp, above `min_value`"
+    assert found["filter1.name"] == "name of filter1"
+    assert found["filter2.type"] == "type of filter2"
+    assert {"filter1.params.nonsense", "filter2.params.radius", "filter3"}.isdisjoint(found)
 
 
 @dataclass(frozen=True)

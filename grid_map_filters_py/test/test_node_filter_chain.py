@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 
@@ -401,6 +401,26 @@ def test_empty_list_parameter_can_be_filled(parameters, other_side):
         assert filtered(other_side, message, 1).layers == ("height",)
         assert set_one(other_side, "filters.filter1.params.layers", ["height"]) == OK
         assert filtered(other_side, message, 2).layers == ()
+
+
+def test_each_parameter_of_the_chain_has_its_own_description(parameters, other_side):
+    names = {
+        "filters.filter2.name": "name of filter2",
+        "filters.filter2.type": "type of filter2",
+        "filters.filter2.params.radius": "radius of the neighborhood from which a cell is filled",
+        "filters.filter3.params.radius": "radius of the disc [m], 0 or more; the rim is inside",
+        "filters.filter3.params.input_layer": "layer to filter",
+        "filters.filter4.params.expression": "for example `0.5 * slope + roughness`",
+    }
+    with running_node(MODULE, *parameters()):
+        client = other_side.node.create_client(
+            DescribeParameters, "/grid_map_filters/describe_parameters"
+        )
+        other_side.wait_until(client.service_is_ready, "describe_parameters")
+        future = client.call_async(DescribeParameters.Request(names=[*names]))
+        other_side.wait_until(future.done, "an answer")
+    for descriptor, expected in zip(future.result().descriptors, names.values(), strict=True):
+        assert descriptor.description.startswith(expected)
 
 
 # --- topics ---------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parameters of real files and of the command line, read by a real node."""
 
+import copy
 import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -107,14 +108,22 @@ def declared(node: Node) -> dict[str, str]:
 @pytest.mark.parametrize("name", ["configured", "/**"])
 def test_tree_of_parameters_is_read_described_and_declared(start: Start, name: str) -> None:
     node = start(CHAIN, name=name)
-    found = read_parameter_tree(node, "filters", description="what runs")
+    trees = []
+
+    def describe(tree):
+        trees.append(copy.deepcopy(tree))
+        return {"filter1.name": "name of a step"}
+
+    found = read_parameter_tree(node, "filters", description="what runs", describe=describe)
+    assert str(trees) == str([found])
     # NaN equals nothing, not even itself.
     assert math.isnan(found["filter2"]["params"].pop("set_to"))
     assert found == TREE
     types = declared(node)
     assert {name: types[f"filters.{name}"] for name in TYPES} == TYPES
     assert len(types) == 16
-    assert node.describe_parameter("filters.filter1.name").description == "what runs"
+    assert node.describe_parameter("filters.filter1.name").description == "name of a step"
+    assert node.describe_parameter("filters.filter1.type").description == "what runs"
 
 
 def test_parameters_without_value_in_the_file_have_their_default(start: Start) -> None:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError, short
-from grid_map_core_py.plugins import Registry, build
+from grid_map_core_py.plugins import Registry, build, descriptions
 
 from . import builtin
 
@@ -43,6 +43,16 @@ VISUALIZATIONS: Registry[Visualization] = Registry(
     BUILT_IN, "grid_map_visualization_py.visualizations"
 )
 """All visualizations: `VISUALIZATIONS["vectors"]`, `VISUALIZATIONS.types`."""
+
+
+def describe_parameters(config: Mapping[str, object]) -> dict[str, str]:
+    """Return descriptions of the parameters of a visualization: `type`, `params.layer`, ..."""
+    try:
+        meanings = descriptions(VISUALIZATIONS[str(config.get("type"))])
+    except ConfigError:
+        meanings = {}
+    named = {f"params.{name}": meaning for name, meaning in meanings.items()}
+    return {"type": "type of the visualization", **named}
 
 
 def create(name: str, config: Mapping[str, object]) -> Visualization:

@@ -188,3 +188,10 @@ assert "visualization_msgs" in sys.modules
     subprocess.run([sys.executable, "-c", code], check=True)
     with pytest.raises(AttributeError, match="no attribute 'creat'"):
         _ = grid_map_visualization_py.creat
+
+
+def test_parameters_are_described():
+    found = registry.describe_parameters({"type": "vectors", "params": {}})
+    assert found["type"] == "type of the visualization"
+    assert found["params.layer_prefix"].startswith("prefix of the three layers")
+    assert registry.describe_parameters({}) == {"type": "type of the visualization"}

@@ -36,7 +36,7 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._chain import FilterChain, StepTimes
+from .._chain import FilterChain, StepTimes, describe_parameters
 
 
 @dataclass
@@ -85,7 +85,13 @@ class FilterChainNode(Node):
         name, about = "filter_chain_parameter_name", "name of the parameter with the chain"
         self._chain_name = read_parameter(self, name, str, "filters", description=about)
         about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
-        tree = read_parameter_tree(self, self._chain_name, read_only=False, description=about)
+        tree = read_parameter_tree(
+            self,
+            self._chain_name,
+            read_only=False,
+            description=about,
+            describe=describe_parameters,
+        )
         self._chain = FilterChain.from_config(tree)
         self._next_chain: FilterChain | None = None
         self._statistics = Statistics()

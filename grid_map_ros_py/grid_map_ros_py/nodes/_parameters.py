@@ -7,12 +7,13 @@ read-only unless said otherwise: nodes configure themselves once, when they star
 """
 
 import array
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from grid_map_core_py.plugins import cast, check, describe, mismatch, nested
+from grid_map_core_py.plugins import cast, check, describe as describe_type, mismatch, nested
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -44,7 +45,7 @@ def read_parameter(
     value = given.get(name)
     if value is None and not (name in given and get_origin(kind) is list):
         if default is None:
-            raise mismatch(name, describe(kind), None)
+            raise mismatch(name, describe_type(kind), None)
         value = default
     typed: T = cast(name, value, kind)
     _declare(node, name, typed, description)
@@ -64,7 +65,12 @@ def read_positive(node: "Node", name: str, default: float, *, description: str =
 
 
 def read_parameter_tree(
-    node: "Node", prefix: str, *, read_only: bool = True, description: str = ""
+    node: "Node",
+    prefix: str,
+    *,
+    read_only: bool = True,
+    description: str = "",
+    describe: Callable[[dict[str, Any]], Mapping[str, str]] | None = None,
 ) -> dict[str, Any]:
     """Return all parameters below a prefix as nested dictionaries, declared on the node.
 
@@ -80,18 +86,21 @@ def read_parameter_tree(
         read_only: False lets the parameters be set later, to values of any type: `radius: 1` is an
             integer that may become 1.5.
         description: text that `ros2 param describe` shows for each of them.
+        describe: takes the dictionaries, and returns other texts by name, without the prefix.
 
     Raises:
         ConfigError: a name is given both a value and parameters below it.
     """
     given = _given(node)
     below = {name: value for name, value in given.items() if f"{name}.".startswith(f"{prefix}.")}
-    for name, value in below.items():
-        _declare(node, name, value, description, read_only=read_only)
     tree: Any = nested(below)
     for part in prefix.split("."):
         tree = tree.get(part, {})
     check(isinstance(tree, dict | None), prefix, "parameters below it", tree)
+    texts = describe(tree or {}) if describe else {}
+    for name, value in below.items():
+        text = texts.get(name.removeprefix(f"{prefix}."), description)
+        _declare(node, name, value, text, read_only=read_only)
     return tree or {}
 
 

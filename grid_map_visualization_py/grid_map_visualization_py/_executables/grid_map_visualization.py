@@ -26,7 +26,7 @@ from grid_map_ros_py.nodes import (
     steady_timer,
 )
 
-from .._registry import Visualization, create
+from .._registry import Visualization, create, describe_parameters
 
 
 class GridMapVisualizationNode(Node):
@@ -132,7 +132,9 @@ def _read_outputs(node: Node) -> list[Output]:
     outputs = []
     for name in names:
         try:
-            config = read_parameter_tree(node, name, description=about)
+            config = read_parameter_tree(
+                node, name, description=about, describe=describe_parameters
+            )
             check_topic(node, parameter, name)
             outputs.append(Output(name, create(name, config)))
         except GridMapError as error:
