@@ -126,6 +126,19 @@ def test_only_root_gets_missing_programs_installed(workspace, tmp_path, number):
         assert log.read_text().splitlines() == ["update -qq", install]
 
 
+def test_root_gets_python_where_there_is_none(workspace, tmp_path):
+    folder, log = bare_path(tmp_path / "bin"), tmp_path / "log"
+    fake(folder / "id", "echo 0")
+    link = f"{shutil.which('ln')} -sf {BASE_PYTHON} {folder}/python3"
+    fake(folder / "apt-get", f'echo "$@" >>{log}; [ "$1" = update ] || {link}')
+    environ = fresh_environment(PATH=str(folder), PYTHONPATH=str(user(tmp_path, 1000)))
+    done = run(workspace / "tools" / "workspace", "setup", environ=environ)
+    told, refused = done.stderr.splitlines()
+    assert told == "Installing python3 python3-venv python3-dev with apt-get ..."
+    assert "lacks cmake" in refused
+    assert log.read_text().startswith("update -qq\ninstall -qq -y --no-install-recommends python3 ")
+
+
 PYTHON_OF_VENV = """
 echo "$@" >>{log}
 case "$*" in
