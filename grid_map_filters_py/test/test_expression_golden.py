@@ -29,7 +29,7 @@ DEVIATIONS = {
     "a ++ b": A + B,
     # matrices may stand inside matrices
     "[a,b]": np.hstack([A, B]),
-    # there are comparisons
+    # comparisons give 1 and 0
     "a == b": A == B,
     # min propagates NaN
     "min(a)": np.nan,

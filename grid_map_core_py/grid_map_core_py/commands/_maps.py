@@ -52,7 +52,8 @@ def _choose(
 
     writes = of_source is not None
     names: Iterable[str] = _WRITING if writes else _READING
-    # The destination may use black and white, too; if neither uses them, it raises.
+    # Black and white may be meant for source or destination; the destination raises if neither
+    # format uses them.
     shared = ("lower", "upper") if hasattr(options, "destination") else ()
     elsewhere = shared if of_source is None else of_source
 
