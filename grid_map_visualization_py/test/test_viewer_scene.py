@@ -8,6 +8,7 @@ import re
 import socket
 import struct
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,11 +16,18 @@ from hypothesis import given, strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
+from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
-from grid_map_visualization_py._viewer.page import Page, is_loopback, url_of, vector_prefixes
+from grid_map_visualization_py._viewer.page import (
+    Page,
+    is_allowed,
+    is_loopback,
+    url_of,
+    vector_prefixes,
+)
 from grid_map_visualization_py._viewer.scene import Settings, View, hit, make_scene
 from grid_map_visualization_py._viewer.texts import legend, readout, status
-from grid_map_visualization_py._viewer.viewer import rate_of
+from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
 from grid_map_visualization_py.colors import Coloring
 from grid_map_visualization_py.surface import Mesh, Surface
 
@@ -299,6 +307,31 @@ def test_only_addresses_of_this_machine_need_no_warning():
     assert [*map(is_loopback, hosts)] == [True, True, True, False, False, False]
 
 
+@pytest.mark.parametrize(
+    ("host", "origin", "allowed"),
+    [
+        ("127.0.0.1:8080", None, True),
+        ("127.0.0.1:8080", "http://127.0.0.1:8080", True),
+        ("192.168.0.7:8080", "http://192.168.0.7:8080", True),
+        ("[::1]:8080", "http://[::1]:8080", True),
+        ("Localhost:80", "http://localhost:80", True),
+        ("viewer.robot", "https://viewer.robot", True),
+        ("127.0.0.1:8080", "http://127.0.0.1:9999", False),
+        ("127.0.0.1:8080", "http://evil.example", False),
+        ("127.0.0.1:8080", "null", False),
+        ("127.0.0.1:8080", "", False),
+        ("evil.example:8080", "http://evil.example:8080", False),
+        ("localhost.evil.example", None, False),
+        ("", None, False),
+        ("[::1", None, False),
+        ("127.0.0.1:8080", "http://[", False),
+    ],
+)
+def test_only_the_page_itself_may_send_requests(host, origin, allowed):
+    headers = {"Host": host} if origin is None else {"Host": host, "Origin": origin}
+    assert is_allowed(headers, {"localhost", "viewer.robot"}) == allowed
+
+
 def test_printed_address_can_be_opened():
     assert url_of("127.0.0.1", 8080) == "http://127.0.0.1:8080"
     assert url_of("::1", 80) == "http://[::1]:80"
@@ -371,3 +404,34 @@ def test_map_is_hidden_while_it_is_loaded(page, hill):
     assert visible() == [1, 0, 3]
     page.turn(1)
     assert visible() == [3]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("mode", "none"),
+        ("color_map", "none"),
+        ("layer", "none"),
+        ("lower", math.nan),
+        ("color", (1, 2)),
+    ],
+)
+def test_senseless_choice_of_a_browser_is_a_problem(page, hill, monkeypatch, name, value):
+    monkeypatch.setattr(Page, "is_watched", True)
+    viewer = Viewer(page, 0)
+    viewer.receive(ReceivedMap(to_serialized_message(hill)))
+    assert viewer.update() == ""
+    page._automatic.value = False
+    control = page._colors[name]._impl
+    before = control.value
+    # viser checks the type at most.
+    control.value = value
+    assert viewer.update()
+    control.value = before
+    assert viewer.update() == ""
+
+
+@pytest.mark.parametrize("direction", [(0, 0), (0, 0, 0), (math.nan, 0, 0), None, "abc"])
+def test_senseless_ray_of_a_browser_is_ignored(page, direction):
+    page._remember_click(SimpleNamespace(ray_origin=(0, 0, 0), ray_direction=direction))
+    assert page.take_click() is None

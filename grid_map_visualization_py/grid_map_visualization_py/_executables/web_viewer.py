@@ -64,7 +64,12 @@ def _serve_page(node: Node) -> Page:
     color_layer = read_parameter(node, "color_layer", str, "", description=about)
     about = "initial color map, a name of Matplotlib"
     color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
-    page = Page(host, port, height_layer, color_layer, color_map)
+    about = (
+        "names under which browsers may open the page, besides IP addresses, `localhost`, `host` "
+        "and the name of the machine, with or without `.local`"
+    )
+    names = read_parameter(node, "allowed_hosts", list[str], [], description=about)
+    page = Page(host, port, height_layer, color_layer, color_map, names)
     if page.is_public:
         node.get_logger().warning(
             f"anyone who can reach {page.url} sees the map and can change the settings"

@@ -9,16 +9,20 @@ import io
 import ipaddress
 import socket
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
+from http import HTTPStatus
+from importlib import import_module
 from itertools import count
 from typing import Any
+from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.plugins import check
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
 from .scene import Scene, Settings, View
@@ -57,6 +61,8 @@ class Page:
         color_layer: layer of the colors at first, packed if its name ends in color; empty for the
             heights.
         color_map: color map at first.
+        allowed_hosts: names under which browsers may open the page, besides IP addresses,
+            `localhost`, `host` and the name of this machine, with or without `.local`.
 
     Attributes:
         url: address of the page.
@@ -75,10 +81,13 @@ class Page:
         height_layer: str,
         color_layer: str = "",
         color_map: str = DEFAULT_COLOR_MAP,
+        allowed_hosts: Sequence[str] = (),
     ) -> None:
         mode: Any = "color" if color_layer.endswith("color") else "intensity"
         coloring = Coloring(mode, color_layer, color_map)
-        self._server = _serve(host, port)
+        machine = socket.gethostname()
+        names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
+        self._server = _serve(host, port, {name.lower() for name in names})
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
         self._shown: list[Any] = []
@@ -103,13 +112,14 @@ class Page:
         """Return the settings that the user has chosen.
 
         Raises:
-            ConfigError: the bounds of the colors are not in order.
+            ConfigError: the bounds of the colors are not in order, or a choice is unknown.
         """
         chosen = {name: control.value for name, control in self._style.items()}
         colors = {name: control.value for name, control in self._colors.items()}
         if self._automatic.value:
             colors |= {"lower": None, "upper": None}
         red, green, blue = colors["color"]
+        check(colors["mode"] in MODES, "mode", f"one of {', '.join(MODES)}", colors["mode"])
         colors |= {"mode": MODES[colors["mode"]], "color": red << 16 | green << 8 | blue}
         if chosen["vectors"] == NO_VECTORS:
             chosen["vectors"] = ""
@@ -246,11 +256,13 @@ class Page:
         scene.add_light_ambient("/lights/ambient", intensity=AMBIENT * np.pi)
         sun = (1 - AMBIENT) * np.linalg.norm(TO_SUN) / TO_SUN[2]
         scene.add_light_directional("/lights/sun", intensity=sun * np.pi, position=TO_SUN)
-        scene.on_click()(
-            lambda event: self._clicks.append(
-                (np.asarray(event.ray_origin), np.asarray(event.ray_direction))
-            )
-        )
+        scene.on_click()(self._remember_click)
+
+    def _remember_click(self, event: Any) -> None:
+        with suppress(TypeError, ValueError):
+            ray = np.array([event.ray_origin, event.ray_direction], dtype=np.float64)
+            if ray.shape == (2, 3) and np.isfinite(ray).all() and ray[1].any():
+                self._clicks.append((ray[0], ray[1]))
 
     def _use_bounds(self, _: Any) -> None:
         # A browser sends the last change within 50 ms only, and so loses that automatic bounds
@@ -325,29 +337,81 @@ def url_of(host: str, port: int) -> str:
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
 
 
-def _serve(host: str, port: int) -> Any:
+def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
+    """Return True if a browser may send a request with these headers to the page.
+
+    The host must be an address or one of the names, so that a foreign name that is made to point to
+    this machine (DNS rebinding) is refused. The origin must be the page itself.
+    """
+    host = headers.get("Host", "").lower()
+    # Programs other than browsers send no origin.
+    origin = headers.get("Origin", f"http://{host}")
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        is_same = urlsplit(origin).netloc.lower() == host
+    except ValueError:
+        return False
+    with suppress(ValueError):
+        ipaddress.ip_address(name)
+        return is_same
+    return is_same and name in names
+
+
+def _serve(host: str, port: int, names: Container[str]) -> Any:
     try:
         import viser
+
+        websockets: Any = import_module("websockets.asyncio.server")
     except ImportError as error:
         raise MissingPackageError("viser", "web_viewer", "install viser (pip)") from error
+    guard = _Guard(websockets.serve, names)
     try:
         # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         ):
             socket.create_server(address[:2], family=family).close()
+        websockets.serve = guard
         # viser prints, but nodes use the log.
         with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
-            if port not in {0, server.get_port()}:
+            if port not in {0, server.get_port()} or not guard.is_used:
                 server.stop()
-                raise OSError("another program was faster")
+                raise OSError(
+                    "another program was faster"
+                    if guard.is_used
+                    else "this version of viser cannot be kept from serving foreign pages"
+                )
     except (OSError, OverflowError) as error:
         raise PageError(
             f"the page cannot be served at {host}:{port}: {error}; "
             "the parameters 'host' and 'port' choose another address"
         ) from error
+    finally:
+        websockets.serve = guard.serve
     return server
+
+
+class _Guard:
+    """Replacement of `serve` of websockets that refuses requests of foreign pages.
+
+    viser answers every page that is open in a browser which can reach it.
+    """
+
+    def __init__(self, serve: Any, names: Container[str]) -> None:
+        self.serve = serve
+        self.is_used = False
+        self._names = names
+
+    def __call__(self, *args: Any, process_request: Any, **options: Any) -> Any:
+        def check_first(connection: Any, request: Any) -> Any:
+            if is_allowed(request.headers, self._names):
+                return process_request(connection, request)
+            text = "The page is not served under this name, or to another page.\n"
+            return connection.respond(HTTPStatus.FORBIDDEN, text)
+
+        self.is_used = True
+        return self.serve(*args, process_request=check_first, **options)
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:

@@ -64,8 +64,8 @@ class Viewer:
             try:
                 self._draw_if_due()
                 self._answer_click()
-            except GridMapError as error:
-                self._problem = str(error)
+            except Exception as error:  # What a page sends must not end the node.
+                self._problem = str(error) if isinstance(error, GridMapError) else repr(error)
             if self._problem:
                 page.tell(as_note(self._problem))
             elif self._drawn is not None:
