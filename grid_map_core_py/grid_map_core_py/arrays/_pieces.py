@@ -57,11 +57,6 @@ def slices(count: int, step: int) -> Iterator[slice]:
         yield slice(first, min(first + max(1, step), count))
 
 
-def chunks(points: npt.NDArray[Any]) -> Iterator[slice]:
-    """Yield slices of up to `CHUNK` points that cover the first axis."""
-    return slices(len(points), CHUNK)
-
-
 def expanded(counts: Integers, limit: int) -> Iterator[tuple[Integers, Integers]]:
     """Yield the members of groups that are laid out one after another, at most `limit` at once.
 

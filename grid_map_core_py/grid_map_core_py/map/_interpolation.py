@@ -19,7 +19,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
-from ..arrays._pieces import chunks
+from ..arrays._pieces import CHUNK, slices
 from ..errors import GridMapError, OutOfMapError, short
 from ._geometry import GridGeometry
 
@@ -76,7 +76,7 @@ def interpolate(
     values = np.empty(len(points))
     # An infinite cell with weight 0 gives NaN; the simpler method is then used.
     with np.errstate(invalid="ignore"):
-        for part in chunks(points):
+        for part in slices(len(points), CHUNK):
             xy = surface.coordinates(points[part])
             values[part] = surface.values(xy, method)
     return float(values[0]) if positions.ndim == 1 else values.reshape(positions.shape[:-1])

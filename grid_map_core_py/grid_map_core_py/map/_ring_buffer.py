@@ -44,14 +44,9 @@ def place(numbers: Integers, first: int, start: int, size: int) -> None:
     """
     numbers += first + start
     if start:
-        close_ring(numbers, size)
-
-
-def close_ring(numbers: Integers, size: int) -> None:
-    """Wrap (N,) rows or columns beyond the end of the circular buffer, in place."""
-    # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
-    unsigned = numbers.view(np.uint64)
-    np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)
+        # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
+        unsigned = numbers.view(np.uint64)
+        np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)
 
 
 def block(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import Layer, Positions, as_array, as_number
-from ..arrays._pieces import CHUNK, chunks
+from ..arrays._pieces import CHUNK, slices
 from ..errors import GeometryError, GridMapError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 from ._grid_map import GridMap
@@ -128,7 +128,7 @@ class SignedDistanceField:
         values = np.empty(len(flat))
         # Allocation for every chunk would be slower.
         buffer = np.empty((8, min(len(flat), CHUNK)), np.float32)
-        for part in chunks(flat):
+        for part in slices(len(flat), CHUNK):
             places, cells = self._located(flat[part], np.floor, 2)
             corners = self._corners(cells, buffer[:, : cells[0].size])
             for place, cell in zip(places, cells, strict=True):
@@ -148,7 +148,7 @@ class SignedDistanceField:
         """
         given, flat = _as_points(points)
         values = np.empty(len(flat))
-        for part in chunks(flat):
+        for part in slices(len(flat), CHUNK):
             places, cells = self._located(flat[part], np.rint, 1)
             values[part] = self._corner_nodes[0].take(self._index(cells))
             if np.isnan(sum(place.sum() for place in places)):
@@ -177,7 +177,7 @@ class SignedDistanceField:
         """Return the results of `value` and `gradient`; it takes the time of `gradient`."""
         given, flat = _as_points(points)
         values, gradients = np.empty(len(flat)), np.empty(flat.shape)
-        for part in chunks(flat):
+        for part in slices(len(flat), CHUNK):
             places, cells = self._located(flat[part], np.floor, 2)
             values[part], *slopes = self._values_and_slopes(places, cells)
             for axis, (slope, place) in enumerate(zip(slopes, places, strict=True)):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ..arrays._checks import Cells, Integers, Positions, Size, as_pair
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
-from ..map._ring_buffer import close_ring, place
+from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
 
 # Spirals of fewer rings are cut out of a cached one (0.8 MB), which saves sorting the cells.
@@ -104,11 +104,10 @@ def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -
             belong &= (offsets >= -cell) & (offsets < size - cell)
     (found,) = belong.nonzero()
     cells = empty_cells(known + found.size)
-    for axis, (numbers, start) in enumerate(zip(cells, grid_map.start_index, strict=True)):
-        np.add(spiral[axis, :known], middle[axis] + start, out=numbers[:known])
-        np.add(doubtful[axis].take(found), middle[axis] + start, out=numbers[known:])
-        if start:
-            close_ring(numbers, geometry.size[axis])
+    for axis, numbers in enumerate(cells):
+        numbers[:known] = spiral[axis, :known]
+        doubtful[axis].take(found, out=numbers[known:])
+        place(numbers, middle[axis], grid_map.start_index[axis], geometry.size[axis])
     return cells
 
 
