@@ -166,3 +166,19 @@ def test_wrong_ros_arguments_are_reported_without_traceback(start: Start, wrong)
     assert process.wait() == 1
     assert wrong[-1] in process.text
     assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["filters:\n  - {name: a, type: b}\n", "rate: 1\n", "node:\n  rate: 1\n"],
+    ids=["chain", "parameter", "section"],
+)
+def test_parameter_file_of_ros_1_names_the_page_on_migration(
+    start: Start, content: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "ros1.yaml"
+    path.write_text(content)
+    process = start("living.py", "idle", "--ros-args", "--params-file", str(path))
+    assert process.wait() == 1
+    assert "docs/migration_ros1.md#parameters" in process.text
+    assert str(path) in process.text

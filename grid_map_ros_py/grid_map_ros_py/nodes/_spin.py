@@ -30,6 +30,13 @@ from ._profile import use_profile
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
+_NO_FILE_OF_ROS_2 = ("before ros__parameters", "Sequences can only be values")
+"""Parts of the errors of rcl about parameters that are not below `ros__parameters`, and chains."""
+
+_MIGRATION = (
+    "https://github.com/grid-map-py/grid_map_py/blob/main/docs/migration_ros1.md#parameters"
+)
+
 WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
 
@@ -102,7 +109,9 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except _ARGUMENT_ERRORS as error:
-        raise NodeFailedError(str(error)) from error
+        is_of_ros_1 = any(text in str(error) for text in _NO_FILE_OF_ROS_2)
+        hint = f". ROS 2 needs another form than ROS 1: {_MIGRATION}" if is_of_ros_1 else ""
+        raise NodeFailedError(f"{error}{hint}") from error
     try:
         node = create_node()
     except (GridMapError, NameValidationException) as error:
