@@ -231,5 +231,12 @@ class Registry(Generic[T]):
     def _suggestion(self, type_name: str) -> str:
         close = difflib.get_close_matches(type_name, self.types, n=3, cutoff=0.6)
         if close:
-            return f"did you mean {' or '.join(close)}?"
-        return f"known: {', '.join(self.types)}"
+            text = f"did you mean {' or '.join(close)}?"
+        else:
+            text = f"known: {', '.join(self.types)}."
+        package = type_name.rpartition("/")[0]
+        if package not in {name.rpartition("/")[0] for name in self.types}:
+            text += f" No installed package adds types of {package!r}; is its workspace sourced?"
+        elif not close:
+            text += " For a type of another package, source its workspace."
+        return text

@@ -52,6 +52,25 @@ def test_error_of_unknown_type_suggests_or_lists_types(registry):
         registry[""]
 
 
+@pytest.mark.parametrize(
+    ("type_name", "hint"),
+    [
+        ("thier/Type", r"did you mean their/Type\? No installed package adds types of 'thier'"),
+        (
+            "my_package/New",
+            "known: .*their/Type. No installed package adds types of 'my_package'; ",
+        ),
+        ("quite_another", "known: .*. For a type of another package, source its workspace"),
+        ("their/Typ", r"did you mean their/Type\?$"),
+        ("built-in", r"did you mean built_in\?$"),
+    ],
+)
+def test_type_of_a_package_that_is_not_sourced_is_explained(registry, install, type_name, hint):
+    install("their/Type")
+    with pytest.raises(ConfigError, match=hint):
+        registry[type_name]
+
+
 def test_other_packages_add_types(registry, install):
     install("their/Type", "class Plugin: answer = 42")
     assert registry["their/Type"].answer == 42
