@@ -284,6 +284,7 @@ def test_error_keeps_existing_data(command):
     assert not [path for path in Path().iterdir() if "partial" in path.name]
 
 
+@pytest.mark.needs("rasterio")
 @pytest.mark.parametrize("ending", ["npz", "tif", "png"])
 def test_full_disk_is_an_error_and_keeps_existing_data(command, full_disk, ending):
     assert command(f"convert site.npz out.{ending} --layer elevation")[0] == 0

@@ -24,6 +24,11 @@ OPTIONS = {
 }
 """Files of all writers, with options of `save`."""
 
+GDAL = pytest.mark.needs("rasterio")
+WRITERS = [
+    pytest.param(name, marks=GDAL if name in ("map.tif", "packed.tif") else ()) for name in OPTIONS
+]
+
 
 def noise(seed: int) -> GridMap:
     values = np.random.default_rng(seed).uniform(0, 100, (300, 250))
@@ -35,7 +40,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("limit", [0, 1000, 50_000])
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", WRITERS)
 def test_full_disk_keeps_the_old_file(tmp_path, capfd, full_disk, name, limit):
     path, options = tmp_path / name, OPTIONS[name]
     save(noise(1), path, **options)
@@ -51,6 +56,7 @@ def test_full_disk_keeps_the_old_file(tmp_path, capfd, full_disk, name, limit):
     assert contents(tmp_path) != old
 
 
+@GDAL
 def test_full_memory_keeps_the_old_geotiff(tmp_path):
     """GDAL reports no error if there is no memory for the end of a file."""
     values = np.random.default_rng(1).uniform(0, 1, (2000, 1500))
@@ -73,7 +79,7 @@ def test_full_memory_keeps_the_old_geotiff(tmp_path):
     assert refused > 3
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", WRITERS)
 def test_missing_folder_is_named(tmp_path, name):
     folder = tmp_path / "none" / "of them"
     expected = rf"{folder}/{name.split('/')[0]}\S*: cannot be written: there is no folder {folder}$"
@@ -82,7 +88,7 @@ def test_missing_folder_is_named(tmp_path, name):
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize("name", WRITERS)
 def test_folder_without_permission_is_named(tmp_path, name):
     folder = tmp_path / "theirs"
     folder.mkdir(mode=0o500)
@@ -121,6 +127,7 @@ def test_ending_of_another_kind_of_file_is_refused(tmp_path, kind, name, expecte
     assert not [*tmp_path.iterdir()]
 
 
+@GDAL
 @pytest.mark.parametrize("name", ["plain", "site.map", "site.v2"])
 def test_names_without_known_ending_take_any_format(tmp_path, name):
     for kind in ("npz", "geotiff"):

@@ -69,13 +69,16 @@ def save_npz(grid_map: GridMap, path: str | PathLike[str], *, compress: bool = F
         "basic_layers": grid_map.basic_layers,
     }
     arrays[_METADATA] = np.array(json.dumps(metadata))
-    save = np.savez_compressed if compress else np.savez
+    compression = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
+    # As `numpy.savez` does, of which old versions do not close the archive after an error.
     with (
         storage_errors(Path(path), "written"),
         new_file(path) as temporary,
-        temporary.open("wb") as file,
+        zipfile.ZipFile(temporary, "w", compression) as archive,
     ):
-        save(file, **arrays)  # type: ignore[arg-type]
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
 
 
 def load_npz(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
