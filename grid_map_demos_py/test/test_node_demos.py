@@ -117,7 +117,10 @@ def test_filters_demo_is_shown_in_the_browser():
     demo, mark = start_marked("--view", "0")
     pattern = re.compile(r"shows /filtered_map in the browser at\n(http://127\.0\.0\.1:\d+)\n")
     wait_until(lambda: pattern.search(demo.text), "the address of the page")
-    with urlopen(pattern.search(demo.text)[1], timeout=30) as answer:
+    address = pattern.search(demo.text)[1]
+    wait_until(lambda: "the first map of /filtered_map has come" in demo.text, "the first map")
+    wait_until(lambda: demo.lines[-1] == f"{address}\n", "the address at the end")
+    with urlopen(address, timeout=30) as answer:
         assert b"<html" in answer.read()
     ends(demo, mark, 0)
 

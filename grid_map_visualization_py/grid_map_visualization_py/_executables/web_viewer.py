@@ -5,6 +5,7 @@
 from rclpy.node import Node
 
 from grid_map_core_py.plugins import check
+from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
     LogThrottle,
     MapSubscription,
@@ -35,16 +36,25 @@ class WebViewerNode(Node):
         self._page = _serve_page(self)
         self._viewer = Viewer(self._page, max_cells)
         self._log = LogThrottle(self.get_logger())
-        self._maps = MapSubscription(self, topic, self._viewer.receive)
+        self._has_map = False
+        self._maps = MapSubscription(self, topic, self._receive)
         steady_timer(self, period, self._update)
         # The address stands alone on its line, so that it is easy to find and to copy.
-        name = self._maps.topic_name
-        self.get_logger().info(f"shows {name} in the browser at\n{self._page.url}")
+        text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
+        self.get_logger().info(text)
 
     def destroy_node(self) -> None:
         """Destroy the node and close its page."""
         self._page.close()
         Node.destroy_node(self)
+
+    def _receive(self, received: ReceivedMap) -> None:
+        if not self._has_map:
+            # By now all nodes have started, and the address stands at the end of what they log.
+            text = f"the first map of {self._maps.topic_name} has come; see\n{self._page.url}"
+            self.get_logger().info(text)
+        self._has_map = True
+        self._viewer.receive(received)
 
     def _update(self) -> None:
         problem = self._viewer.update()
