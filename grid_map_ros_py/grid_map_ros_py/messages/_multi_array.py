@@ -3,6 +3,7 @@
 """`std_msgs/Float32MultiArray` and (rows, cols) arrays: one layer of a `GridMap` message."""
 
 import array
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +29,12 @@ def to_multi_array(layer: npt.ArrayLike) -> "Float32MultiArray":
     """
     messages = messages_of("std_msgs")
     data = np.asarray(layer, dtype=np.float32, order="F")
-    dim = [messages.MultiArrayDimension(**vars(axis)) for axis in to_layout(data.shape).dim]
-    message = messages.Float32MultiArray(layout=messages.MultiArrayLayout(dim=dim))
+    message = messages.Float32MultiArray()
+    dimension = messages.MultiArrayDimension
+    message.layout.dim = [
+        dimension(label=label, size=count, stride=stride)
+        for label, count, stride in _dimensions(data.shape)
+    ]
     values = array.array("f")
     values.frombytes(data.T.data.cast("B"))
     set_array(message, values)
@@ -47,10 +52,17 @@ def set_array(message: Any, values: "array.array[Any]") -> None:
 
 def to_layout(size: Size) -> Any:
     """Return an object with the attributes of `MultiArrayLayout`, for a column-major layer."""
-    rows, columns = size
-    axes = zip(LABELS, (columns, rows), (rows * columns, rows), strict=True)
-    dim = [SimpleNamespace(label=label, size=n, stride=stride) for label, n, stride in axes]
+    dim = [
+        SimpleNamespace(label=label, size=count, stride=stride)
+        for label, count, stride in _dimensions(size)
+    ]
     return SimpleNamespace(dim=dim, data_offset=0)
+
+
+def _dimensions(size: Size) -> Iterator[tuple[str, int, int]]:
+    """Return label, size and stride of both dimensions of a column-major layer."""
+    rows, columns = size
+    return zip(LABELS, (columns, rows), (rows * columns, rows), strict=True)
 
 
 def from_multi_array(
