@@ -19,7 +19,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_octomap
-from grid_map_ros_py.testing import Process, peer, running, wait_until
+from grid_map_ros_py.testing import Process, environment, peer, running, wait_until
 from scratch import ROOT, run
 
 NODE = "grid_map_ros_py._executables.octomap_to_grid_map"
@@ -147,10 +147,10 @@ def with_messages(tmp_path_factory) -> dict[str, str]:
     workspace = tmp_path_factory.mktemp("messages")
     for name, files in INTERFACES.items():
         write_package(workspace / "src", name, files)
-    done = run("colcon", "build", "--base-paths", "src", environ=os.environ, cwd=workspace)
+    done = run("colcon", "build", "--base-paths", "src", environ=environment(), cwd=workspace)
     assert done.returncode == 0, done.stdout + done.stderr
     enter = ". install/local_setup.bash && env -0"
-    done = run("bash", "-c", enter, environ=os.environ, cwd=workspace)
+    done = run("bash", "-c", enter, environ=environment(), cwd=workspace)
     entries = (entry.partition("=") for entry in done.stdout.split("\0") if "=" in entry)
     return {name: value for name, _, value in entries}
 

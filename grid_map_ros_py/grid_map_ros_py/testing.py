@@ -56,11 +56,14 @@ TIMEOUT = 30.0
 def reserve_domain() -> tuple[int, socket.socket]:
     """Return an unused ROS domain, and a lock that reserves it until the lock is closed.
 
-    The lock is a TCP port, as in ROS's own test tools; it is released when the process ends.
+    It is never the domain of the caller, where nodes of the user may run. The lock is a TCP port,
+    as in ROS's own test tools; it is released when the process ends.
     """
     for k in range(DOMAINS):
         # The number depends on the process id, so that a domain is not reused immediately.
         domain = 1 + (os.getpid() + k) % DOMAINS
+        if str(domain) == os.environ.get("ROS_DOMAIN_ID"):
+            continue
         lock = socket.socket()
         try:
             lock.bind(("", LOCK_PORTS + domain))
@@ -79,11 +82,15 @@ reserved_domain = cache(reserve_domain)
 def environment(domain: int | None = None) -> dict[str, str]:
     """Return an environment for processes that see only each other.
 
+    Other settings of ROS in the shell of the caller, such as its discovery server, are left out.
+
     Args:
         domain: a ROS domain; None means `reserved_domain`.
     """
+    settings = {name for name in os.environ if name.startswith(("ROS_", "RCUTILS_"))}
+    settings -= {"ROS_DISTRO", "ROS_HOME", "ROS_LOG_DIR", "ROS_PYTHON_VERSION", "ROS_VERSION"}
     return {
-        **os.environ,
+        **{name: value for name, value in os.environ.items() if name not in settings},
         "ROS_DOMAIN_ID": str(domain or reserved_domain()[0]),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PYTHONUNBUFFERED": "1",
@@ -237,9 +244,10 @@ class Peer:
 def peer(domain: int | None = None) -> Iterator[Peer]:
     """Make a `Peer` for the processes of the same `environment`, as a context manager."""
     context = Context()
-    with patch.dict(os.environ, environment(domain)):
+    with patch.dict(os.environ, environment(domain), clear=True):
         rclpy.init(context=context)
-    node = Node("peer", context=context)
+        # Only the first node reads all settings.
+        node = Node("peer", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:

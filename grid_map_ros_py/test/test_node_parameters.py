@@ -4,10 +4,12 @@
 
 import copy
 import math
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import rclpy
@@ -77,11 +79,10 @@ Start = Callable[..., Node]
 
 
 @pytest.fixture
-def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+def start(tmp_path: Path) -> Iterator[Start]:
     """Function that starts a node with the text of a parameter file and further arguments."""
     path = tmp_path / "parameters.yaml"
-    monkeypatch.setenv("ROS_DOMAIN_ID", environment()["ROS_DOMAIN_ID"])
-    with ExitStack() as stack:
+    with patch.dict(os.environ, environment(), clear=True), ExitStack() as stack:
 
         def start_node(text: str, *arguments: str, name: str = "configured") -> Node:
             path.write_text(f"{name}:\n  ros__parameters:\n{text}")

@@ -40,9 +40,27 @@ def test_processes_that_want_the_same_domain_get_different_ones() -> None:
     assert domains <= set(range(1, testing.DOMAINS + 1))
 
 
-def test_process_keeps_its_domain() -> None:
-    assert testing.reserved_domain() is testing.reserved_domain()
-    assert testing.environment()["ROS_DOMAIN_ID"] == str(testing.reserved_domain()[0])
+def test_domain_of_the_caller_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, lock = testing.reserve_domain()
+    lock.close()
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(first))
+    second, lock = testing.reserve_domain()
+    lock.close()
+    assert second != first
+
+
+def test_processes_do_not_depend_on_variables_of_the_shell(monkeypatch) -> None:
+    usual = testing.environment()
+    assert usual["ROS_DOMAIN_ID"] == str(testing.reserved_domain()[0])
+    for name, value in {
+        "ROS_DOMAIN_ID": "55",
+        "ROS_LOCALHOST_ONLY": "1",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF",
+        "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
+        "RCUTILS_CONSOLE_OUTPUT_FORMAT": "{message}",
+    }.items():
+        monkeypatch.setenv(name, value)
+    assert testing.environment() == usual
 
 
 def test_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
