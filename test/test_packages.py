@@ -34,8 +34,9 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
-"""Optional modules, imported on use; if one is missing, an error names the remedy."""
+OPTIONAL = {"msgspec", "nav2_msgs", "numba", "octomap_msgs", "viser", "websockets"}
+"""Optional modules, imported on use; if one is missing, an error names the remedy. viser brings
+msgspec and websockets."""
 
 
 LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]
@@ -172,7 +173,7 @@ def test_pages_of_packages_list_messages_filters_and_visualizations():
 @pytest.mark.parametrize("package", LIBRARIES, ids=by_name)
 def test_readme_and_architecture_name_every_room(package):
     paths = (package / package.name).iterdir()
-    rooms = {path.stem for path in paths if path.stem[0].isalpha() and path.stem != "py"}
+    rooms = {path.stem for path in paths if path.stem[0].isalpha() and path.suffix in ("", ".py")}
     assert len(rooms) > 2
     assert rooms - words(package, "README.md") == set()
     tree = page("docs/architecture.md").section("The rooms").partition(f"\n{package.name} ")[2]
