@@ -34,9 +34,8 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-OPTIONAL = {"msgspec", "nav2_msgs", "numba", "octomap_msgs", "viser", "websockets"}
-"""Optional modules, imported on use; if one is missing, an error names the remedy. viser brings
-msgspec and websockets."""
+OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
+"""Optional modules, imported on use; if one is missing, an error names the remedy."""
 
 
 LIBRARIES = [path for path in PYTHON_PACKAGES if path.name != "grid_map_demos_py"]

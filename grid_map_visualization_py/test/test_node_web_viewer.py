@@ -408,8 +408,8 @@ def test_foreign_pages_cannot_connect(chromium, page, node):
 
 def test_hostile_messages_do_not_end_the_node(page, node):
     viser = pytest.importorskip("viser")
-    from msgspec import msgpack
-    from websockets.sync.client import connect
+    msgpack = pytest.importorskip("msgspec.msgpack")
+    connect = pytest.importorskip("websockets.sync.client").connect
 
     ray = {"ray_origin": [0, 0, 0], "ray_direction": [0, 0], "screen_pos": [[0, 0]]}
     messages = [
