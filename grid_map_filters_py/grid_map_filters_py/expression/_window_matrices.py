@@ -21,6 +21,9 @@ from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape
 Field = NDArray[np.float64]
 Element = float | Field
 
+_SMALL = 9
+"""Side of a window up to which folding the windows of border cells beats folding those of all."""
+
 
 class WindowMatrix:
     """A small matrix for every cell of the map.
@@ -159,28 +162,47 @@ class SquaredDeviations(WindowMatrix):
         return count, mean, squares
 
 
-def mean_padded_windows(layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> WindowMatrix:
-    """Return the windows of some cells, with their mean in the elements outside of the map.
+class MeanPaddedWindow(WindowMatrix):
+    """The windows of some cells, with their mean in the elements outside of the map.
+
+    Its fields are (N,), in the order of `cells.ravel("F")`.
 
     Args:
         layer: (rows, columns) of the map.
         cells: mask of the cells.
         size: rows and columns of a window; an odd number.
-
-    Returns:
-        A matrix whose fields are (N,), in the order of `cells.ravel("F")`.
     """
-    margin = size // 2
-    padded = np.pad(layer, margin, constant_values=np.nan).astype(np.float64).ravel("F")
-    outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
-    # The place of the first element of every window, and the step to the next column.
-    first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(layer) + 2 * margin
-    known = WindowMatrix((size, size), lambda i, j: padded[first + (i + j * step)])
-    count, total = known.reduce([FINITE_COUNT, FINITE_SUM])
-    mean = np.divide(total, count)
-    return WindowMatrix(
-        (size, size), lambda i, j: np.where(outside[first + (i + j * step)], mean, known.at(i, j))
-    )
+
+    def __init__(self, layer: NDArray[Any], cells: NDArray[np.bool_], size: int) -> None:
+        margin, shape = size // 2, (size, size)
+        source = np.asfortranarray(np.pad(layer, margin, constant_values=np.nan), np.float64)
+        outside = np.pad(np.zeros(layer.shape, np.bool_), margin, constant_values=True).ravel("F")
+        # The place of the first element of every window, and the step to the next column.
+        first, step = np.flatnonzero(np.pad(cells, (0, 2 * margin)).ravel("F")), len(source)
+        flat, folds = source.ravel("F"), (FINITE_COUNT, FINITE_SUM)
+        if size <= _SMALL:
+            known = WindowMatrix(shape, lambda i, j: flat[first + (i + j * step)]).reduce(folds)
+        else:
+            boxes = (np.asarray(_fold_box(fold, source, shape)) for fold in folds)
+            known = [box.T[cells.T] for box in boxes]
+        self._count, self._total = known
+        self._mean = mean = np.divide(self._total, self._count)
+        near = (np.minimum(np.arange(length), margin) for length in layer.shape)
+        rows, columns = (1 + inner + inner[::-1] for inner in near)
+        self._missing = size**2 - rows[first % step] * columns[first // step]
+        super().__init__(
+            shape,
+            lambda i, j: np.where(
+                outside[first + (i + j * step)], mean, flat[first + (i + j * step)]
+            ),
+        )
+
+    def reduce(self, folds: Sequence[Fold]) -> list[Element]:
+        """Fold; the mean is counted as often as it occurs."""
+        if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
+            return super().reduce(folds)
+        parts = {FINITE_COUNT: self._count, FINITE_SUM: self._total}
+        return [parts[fold] + self._missing * fold.map(self._mean) for fold in folds]
 
 
 class WindowMatrices(Matrices):
