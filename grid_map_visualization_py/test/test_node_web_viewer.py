@@ -208,7 +208,7 @@ def test_page_shows_the_map_and_decodes_only_shown_layers(page, node):
 def test_color_map_inversion_and_one_color_change_the_surface(page):
     page.choose("Color map", "coolwarm")
     page.wait_for_colors(*COOLWARM)
-    warm_on_left = lambda: share(np.array_split(page.picture(), 2, axis=1)[0], COOLWARM[1])  # noqa: E731
+    warm_on_left = lambda: share(np.array_split(page.picture(), 3, axis=1)[0], COOLWARM[1])  # noqa: E731
     before = warm_on_left()
     page.control("Inverted").check()
     page.wait_for(lambda: abs(warm_on_left() - before) > 0.02, "other colors on the left")
