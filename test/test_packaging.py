@@ -67,22 +67,26 @@ def pip(venv: Path, *arguments: str | Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module")
-def venv(tmp_path_factory) -> Path:
-    """A new environment with core and filters, installed with pip from this clone."""
-    folder = tmp_path_factory.mktemp("packaging") / "venv"
+def environment_with(folder: Path, *names: str) -> Path:
+    """Make a new environment with packages installed with pip from this clone, without ROS."""
     run(BASE_PYTHON, "-m", "venv", folder, environ=fresh_environment())
     before = files_of_packages()
-    pip(folder, "./grid_map_core_py", "./grid_map_filters_py")
+    pip(folder, *(f"./{name}" for name in names))
     assert files_of_packages() == before
     return folder
 
 
 @pytest.fixture(scope="module")
-def everything(venv) -> Path:
-    """The same environment with all packages and without ROS."""
-    pip(venv, *(f"./{name}" for name in NAMES))
-    return venv
+def venv(tmp_path_factory) -> Path:
+    """An environment with core and filters."""
+    folder = tmp_path_factory.mktemp("packaging") / "venv"
+    return environment_with(folder, "grid_map_core_py", "grid_map_filters_py")
+
+
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory) -> Path:
+    """An environment with all packages."""
+    return environment_with(tmp_path_factory.mktemp("everything") / "venv", *NAMES)
 
 
 @pytest.fixture(scope="module")

@@ -45,6 +45,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 
 def test_second_setup_at_once_waits_for_the_first(workspace, environ):
+    (workspace / ".venv" / ".complete").unlink(missing_ok=True)
     both = [start_setup(workspace, environ) for _ in range(2)]
     told = sorted(setup.communicate(timeout=100)[1] for setup in both)
     assert [setup.returncode for setup in both] == [0, 0]
@@ -57,6 +58,7 @@ def test_second_setup_at_once_waits_for_the_first(workspace, environ):
 def test_killed_setup_starts_over(workspace, environ):
     venv = workspace / ".venv"
     python = venv / "bin" / "python"
+    venv.mkdir(exist_ok=True)
     (venv / ".complete").unlink(missing_ok=True)
     (venv / "debris").touch()
     killed = start_setup(workspace, environ)
@@ -123,9 +125,9 @@ PACKAGE = """
 BUILD = "import os, workspace; workspace.build(os.environ, 'fingerprint')"
 
 
-@pytest.fixture(scope="module")
-def tiny(tmp_path_factory) -> Path:
-    folder = copy_tools(tmp_path_factory.mktemp("tiny"))
+@pytest.fixture
+def tiny(tmp_path) -> Path:
+    folder = copy_tools(tmp_path)
     for path, text in {
         "tiny/setup.py": SETUP,
         "tiny/package.xml": PACKAGE,
