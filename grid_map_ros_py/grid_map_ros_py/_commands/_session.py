@@ -64,7 +64,8 @@ class Session:
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of all topics by name, in order."""
-        return {name: sorted(types) for name, types in self.node.get_topic_names_and_types()}
+        found = self.node.get_topic_names_and_types()
+        return {name: sorted(types) for name, types in sorted(found)}
 
     def publishers(self, topic: str) -> list[Any]:
         """Return the endpoints of other nodes that publish on a topic."""
