@@ -7,6 +7,13 @@ from tempfile import TemporaryDirectory
 from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_ros_py"
+NODES = (
+    "grid_map_loader",
+    "grid_map_saver",
+    "grid_map_server",
+    "octomap_to_grid_map",
+    "point_cloud_to_grid_map",
+)
 URL = "https://github.com/grid-map-py/grid_map_py"
 
 options = {}
@@ -49,11 +56,9 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map_loader = grid_map_ros_py._executables.grid_map_loader:main",
-            "grid_map_saver = grid_map_ros_py._executables.grid_map_saver:main",
-            "grid_map_server = grid_map_ros_py._executables.grid_map_server:main",
-            "octomap_to_grid_map = grid_map_ros_py._executables.octomap_to_grid_map:main",
-            "point_cloud_to_grid_map = grid_map_ros_py._executables.point_cloud_to_grid_map:main",
+            # Such as grid_map_loader = ..._executables.grid_map_loader:GridMapLoaderNode.main
+            f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
+            for name in NODES
         ],
         "grid_map_core_py.commands": [
             "play = grid_map_ros_py._commands.play",

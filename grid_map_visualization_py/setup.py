@@ -54,9 +54,12 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "grid_map_visualization = grid_map_visualization_py._executables.grid_map_visualization:main",  # noqa: E501
+            # Such as web_viewer = ..._executables.web_viewer:WebViewerNode.main
+            *(
+                f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
+                for name in ("grid_map_visualization", "web_viewer")
+            ),
             "snapshot = grid_map_visualization_py._executables.snapshot:main",
-            "web_viewer = grid_map_visualization_py._executables.web_viewer:main",
         ],
         "grid_map_core_py.commands": [
             "plot = grid_map_visualization_py._commands.plot",

@@ -52,10 +52,8 @@ class IncompleteDemoError(NodeFailedError):
 class DemoReportNode(Demo):
     """Subscribes to all topics of the demo, and ends after enough messages."""
 
-    NODE_NAME = "grid_map_demo_report"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_demo_report")
         about = "folder of the pictures"
         self._directory = self.read_path("output_directory", "demo_output", about)
         # Fail now instead of after a minute of collecting.

@@ -58,10 +58,8 @@ def encode(image: Image, file: Path) -> bytes:
 class GridMapToImageDemoNode(Demo):
     """Saves the first map that it receives."""
 
-    NODE_NAME = "grid_map_to_image_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_to_image_demo")
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
         about = "image file in an existing folder; its ending sets the format"
         self._file = self.read_path("file", "~/.ros/grid_map.png", about)

@@ -72,10 +72,8 @@ def to_message(pixels: core.Image) -> Image:
 class ImagePublisherNode(Demo):
     """Node that publishes an image file."""
 
-    NODE_NAME = "image_publisher"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("image_publisher")
         self._log = LogThrottle(self.get_logger())
         about = "image file; empty for the terrain in this package"
         self._path = self.read_path("image_path", "", about, data="terrain.png")

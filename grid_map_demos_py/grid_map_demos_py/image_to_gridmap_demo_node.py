@@ -28,10 +28,8 @@ from .demo import Demo
 class ImageToGridmapDemoNode(Demo):
     """Converts every image to a map."""
 
-    NODE_NAME = "image_to_gridmap_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("image_to_gridmap_demo")
         self._map: GridMap | None = None
         topic = self.read_topic("image_topic", "/image", "topic of the images")
         about = "side of a pixel on the ground [m]"

@@ -123,12 +123,11 @@ def table(data: GridGeometry, fine: GridGeometry) -> Iterator[str]:
 class InterpolationDemoNode(Demo):
     """Publishes a true surface, its samples, and their interpolation."""
 
-    NODE_NAME = "grid_map_interpolation_demo"
-
     def __init__(self) -> None:
-        super().__init__()
-        world = WORLDS[self.read_choice("world", WORLDS, "Sine", "formula of the surface")]
-        about = "method of the published map"
+        super().__init__("grid_map_interpolation_demo")
+        about = "formula of the surface: Sine, Poly, Gauss, Tanh"
+        world = WORLDS[self.read_choice("world", WORLDS, "Sine", about)]
+        about = "method of the published map: Nearest, Linear, Cubic_convolution, Cubic"
         method = METHODS[self.read_choice("interpolation_type", METHODS, "Nearest", about)]
         length = np.array(
             [

@@ -103,10 +103,8 @@ def square(grid_map: GridMap, center: Positions) -> Polygon:
 class IteratorsDemoNode(Demo):
     """Publishes the map after every step."""
 
-    NODE_NAME = "grid_map_iterators_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_iterators_demo")
         about = "factor on the speed; 1.0 means 50 cells per second"
         self._speed = self.read_positive("speed", 1.0, about)
         self._repeat = self.read("repeat", False, "start again after the last region")

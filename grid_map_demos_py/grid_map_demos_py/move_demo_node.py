@@ -29,10 +29,8 @@ def place(seconds: float) -> Positions:
 class MoveDemoNode(Demo):
     """Moves a map along the spiral and publishes it."""
 
-    NODE_NAME = "move_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("move_demo")
         about = "duration of each of the two ways [s]"
         self._duration = self.read_positive("duration", 10.0, about)
         self._original = make_map()

@@ -150,11 +150,10 @@ def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
 class NormalFilterComparisonDemoNode(Demo):
     """Publishes a surface with its true normals and those of two algorithms."""
 
-    NODE_NAME = "normal_filter_comparison_demo"
-
     def __init__(self) -> None:
-        super().__init__()
-        self._shape = self.read_choice("shape", SHAPES, "wave", "shape of the surface")
+        super().__init__("normal_filter_comparison_demo")
+        about = "shape of the surface: wave, plane, hill, cone"
+        self._shape = self.read_choice("shape", SHAPES, "wave", about)
         self._noise = self.read("noise_on_map", 0.015, "largest noise, up or down [m]")
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)

@@ -32,10 +32,8 @@ REMEDY = "install ros-jazzy-octomap-msgs and source ROS, or name a file by 'octo
 class OctomapToGridmapDemoNode(Demo):
     """Converts the octomap of a service or of a file."""
 
-    NODE_NAME = "octomap_to_gridmap_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("octomap_to_gridmap_demo")
         about = "service that returns an octomap"
         service = self.read_topic("octomap_service_topic", "/octomap_binary", about)
         about = "file of OctoMap (.bt, .ot), read in place of a request"

@@ -37,10 +37,8 @@ def blur(grid_map: GridMap, image: Image, size: int) -> None:
 class OpencvDemoNode(Demo):
     """Blurs the star and publishes it."""
 
-    NODE_NAME = "opencv_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("opencv_demo")
         about = "the star has no ground around it: cells without a value are transparent pixels"
         transparent = self.read("use_transparency", False, about)
         self._map = star_map("original", 0.01, has_ground=not transparent)

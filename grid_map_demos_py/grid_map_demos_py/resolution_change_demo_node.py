@@ -32,12 +32,11 @@ def resolution_at(seconds: float) -> float:
 class ResolutionChangeDemoNode(Demo):
     """Publishes the star at the current resolution."""
 
-    NODE_NAME = "resolution_change_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("resolution_change_demo")
         transparent = self.read("use_transparency", False, "cells around the star have no value")
-        name = self.read_choice("interpolation", INTERPOLATIONS, "cubic", "interpolation method")
+        about = "interpolation method: nearest, linear, cubic, area, lanczos"
+        name = self.read_choice("interpolation", INTERPOLATIONS, "cubic", about)
         self._interpolation = INTERPOLATIONS[name]
         self._map = star_map("elevation", 0.03, has_ground=not transparent)
         self.publish_maps(10.0)

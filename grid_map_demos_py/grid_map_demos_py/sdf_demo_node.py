@@ -77,10 +77,8 @@ def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
 class SdfDemoNode(Demo):
     """Converts every map to three point clouds."""
 
-    NODE_NAME = "grid_map_sdf_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_sdf_demo")
         self._layer = self.read("elevation_layer", "elevation", "layer of the heights")
         about = "prefix of the topics full_sdf, free_space and occupied_space"
         default = "/grid_map_sdf_demo/signed_distance_field"

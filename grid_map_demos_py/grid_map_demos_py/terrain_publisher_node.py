@@ -11,10 +11,8 @@ from .terrain import load_terrain
 class TerrainPublisherNode(Demo):
     """Publishes the same terrain with the current time."""
 
-    NODE_NAME = "grid_map_terrain"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_terrain")
         topic = self.read_topic("topic", "/grid_map", "topic of the map")
         about = "elevation model, an .npz file; empty for the one in this package"
         path = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")

@@ -84,10 +84,8 @@ def root_mean_square(values: Layer) -> float:
 class TutorialDemoNode(Demo):
     """Publishes the wave with its noisy and filtered layers."""
 
-    NODE_NAME = "grid_map_tutorial_demo"
-
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__("grid_map_tutorial_demo")
         self._noise = self.read("noise", 0.015, "largest noise, up or down [m]")
         expected = f"0 or a positive number, at most {MOST_NOISE:g}"
         check(0.0 <= self._noise <= MOST_NOISE, "noise", expected, self._noise)

@@ -22,14 +22,14 @@ import sys
 import {MODULE} as module
 callbacks = module.PublisherEventCallbacks
 module.PublisherEventCallbacks = lambda matched: callbacks()
-sys.exit(module.main())
+sys.exit(module.GridMapVisualizationNode.main())
 """
 TALKATIVE = f"""
 import sys
 import {MODULE} as module
 decode = module.ReceivedMap.decode
 module.ReceivedMap.decode = lambda *args, **options: print("a map") or decode(*args, **options)
-sys.exit(module.main())
+sys.exit(module.GridMapVisualizationNode.main())
 """
 
 

@@ -32,7 +32,7 @@ def talk(self, layers=None):
     print("decoded", *sorted(layers or ["everything"]))
     return decode(self, layers)
 ReceivedMap.decode = talk
-sys.exit(module.main())
+sys.exit(module.WebViewerNode.main())
 """
 PICTURES = Path(__file__).parents[2] / "demo_output"
 

@@ -3,19 +3,18 @@
 """Node `grid_map_loader`: publishes the last map of a bag, latched."""
 
 from rclpy.duration import Duration
-from rclpy.node import Node
 
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import load_from_bag, to_serialized_message
-from ..nodes import map_qos, read_parameter, read_topic, run
+from ..nodes import ConfiguredNode, map_qos, read_parameter
 
 LONGEST = 1e9
 """Longest lifespan [s] that a parameter may ask for."""
 
 
-class GridMapLoaderNode(Node):
+class GridMapLoaderNode(ConfiguredNode):
     """Loads a map and publishes it latched."""
 
     def __init__(self) -> None:
@@ -23,10 +22,10 @@ class GridMapLoaderNode(Node):
         about = "folder or file of the bag"
         path = read_parameter(self, "file_path", str, description=about)
         about = "topic in the bag; empty means the only topic with maps"
-        bag_topic = read_parameter(self, "bag_topic", str, "/grid_map", description=about)
-        topic = read_topic(self, "publish_topic", "/grid_map", description="topic of the map")
+        bag_topic = self.read("bag_topic", "/grid_map", about)
+        topic = self.read_topic("publish_topic", "/grid_map", "topic of the map")
         about = "time for which late subscribers get the map [s]; 0 means while the node runs"
-        duration = read_parameter(self, "duration", float, 0.0, description=about)
+        duration = self.read("duration", 0.0, about)
         # NaN is not between the bounds either.
         check(0 <= duration <= LONGEST, "duration", f"0 to {LONGEST:g} s", duration)
         qos = map_qos()
@@ -39,10 +38,5 @@ class GridMapLoaderNode(Node):
         self.get_logger().info(f"publishes {grid_map} from {path} on {name}")
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(GridMapLoaderNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(GridMapLoaderNode.main())

@@ -2,33 +2,31 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `grid_map_saver`: saves the map of a topic to a bag."""
 
-from rclpy.node import Node
 from rclpy.utilities import try_shutdown
 
 from grid_map_core_py.errors import GridMapError
 
 from .. import BagWriter, MessageError, ReceivedMap
 from ..errors import NodeFailedError
-from ..nodes import MapSubscription, read_parameter, read_topic, run
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter
 
 
-class GridMapSaverNode(Node):
+class GridMapSaverNode(ConfiguredNode):
     """Saves the first map that it receives, or every map."""
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
         about = "folder of the bag; an existing bag is replaced"
         self._path = read_parameter(self, "file_path", str, description=about)
-        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
-        about = "topic in the bag; empty means `grid_map_topic`"
-        bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        bag_topic = self.read("bag_topic", "", "topic in the bag; empty means `grid_map_topic`")
         self._topic = bag_topic or self.resolve_topic_name(topic)
         about = "save every map, each replacing the last one, instead of ending after the first"
-        self._continuous = read_parameter(self, "continuous", bool, False, description=about)
+        self._continuous = self.read("continuous", False, about)
         about = "file format of the bag: `mcap` or `sqlite3`, which `loadFromBag` in C++ reads"
-        self._storage = read_parameter(self, "storage", str, "mcap", description=about)
+        self._storage = self.read("storage", "mcap", about)
         about = "compression of the bag: `none`, or with `mcap` also `lz4` or `zstd`"
-        self._compression = read_parameter(self, "compression", str, "none", description=about)
+        self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)
         self._subscription = MapSubscription(self, topic, self._on_map)
@@ -51,10 +49,5 @@ class GridMapSaverNode(Node):
             try_shutdown()
 
 
-def main() -> int:
-    """Run the node until an interrupt, or until it has saved a map; return the exit code."""
-    return run(GridMapSaverNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(GridMapSaverNode.main())

@@ -17,8 +17,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
-
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
@@ -37,10 +35,10 @@ from .._mapping.map_server import part, path_inside
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info
-from ..nodes import LogThrottle, MapSubscription, map_qos, read_parameter, read_topic, run
+from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, map_qos
 
 
-class GridMapServerNode(Node):
+class GridMapServerNode(ConfiguredNode):
     """Wires services and topics to a map."""
 
     def __init__(self) -> None:
@@ -48,24 +46,21 @@ class GridMapServerNode(Node):
         self._log = LogThrottle(self.get_logger())
         self._map: GridMap | None = None
         about = "file format of saved bags: `mcap` or `sqlite3`"
-        self._storage = read_parameter(self, "storage", str, "mcap", description=about)
-        known = self._storage in STORAGES
-        check(known, "storage", f"one of {', '.join(STORAGES)}", self._storage)
+        self._storage = self.read_choice("storage", STORAGES, "mcap", about)
         about = "directory below which requests load and save bags; empty refuses them"
-        path = read_parameter(self, "directory", str, "", description=about)
+        path = self.read("directory", "", about)
         check(not path or Path(path).is_dir(), "directory", "a directory that exists", path)
         self._directory = Path(path) if path else None
         about = "topic of the map, published whenever it changes"
-        topic = read_topic(self, "output_topic", "/grid_map", description=about)
+        topic = self.read_topic("output_topic", "/grid_map", about)
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
         about = "bag whose last map is loaded at the start; empty means none"
-        path = read_parameter(self, "file_path", str, "", description=about)
+        path = self.read("file_path", "", about)
         about = "topic in that bag; empty means the only topic with maps"
-        bag_topic = read_parameter(self, "bag_topic", str, "", description=about)
+        bag_topic = self.read("bag_topic", "", about)
         if path:
             self._take(load_from_bag(path, bag_topic or None, unwrap=False))
-        about = "topic of maps to serve; empty means none"
-        topic = read_topic(self, "input_topic", "", description=about)
+        topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
         if topic:
             if self.resolve_topic_name(topic) == self._publisher.topic_name:
                 raise ConfigError(f"input_topic and output_topic are both {topic!r}")
@@ -132,10 +127,5 @@ class GridMapServerNode(Node):
         response.success = True
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(GridMapServerNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(GridMapServerNode.main())

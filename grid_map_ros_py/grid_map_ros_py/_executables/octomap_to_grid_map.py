@@ -5,38 +5,26 @@
 import math
 from typing import Any
 
-from rclpy.node import Node
-
 from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
 from ..messages._packages import messages_of
-from ..nodes import (
-    LatchedSubscription,
-    LogThrottle,
-    map_qos,
-    read_parameter,
-    read_positive,
-    read_topic,
-    run,
-    steady_timer,
-)
+from ..nodes import ConfiguredNode, LatchedSubscription, LogThrottle, map_qos, steady_timer
 
 NAME = "octomap_to_grid_map"
 
 
-class OctomapToGridMapNode(Node):
+class OctomapToGridMapNode(ConfiguredNode):
     """Converts every octomap of a topic or a service."""
 
     def __init__(self) -> None:
         super().__init__(NAME)
         self._log = LogThrottle(self.get_logger())
-        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the map")
-        about = "name of the layer of heights"
-        self._layer = read_parameter(self, "layer", str, "elevation", description=about)
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the map")
+        self._layer = self.read("layer", "elevation", "name of the layer of heights")
         about = "side of a cell [m]; 0 means the side of a voxel"
-        self._resolution = read_parameter(self, "resolution", float, 0.0, description=about) or None
+        self._resolution = self.read("resolution", 0.0, about) or None
         self._min_bound = self._read_bound("min", "less")
         self._max_bound = self._read_bound("max", "more")
         self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
@@ -48,19 +36,16 @@ class OctomapToGridMapNode(Node):
     def _read_bound(self, end: str, beyond: str) -> list[float]:
         """Return the bounds at one end of the three axes; NaN means no bound."""
         about = f"voxels whose center has {beyond} {{}} are left out [m]; `.nan` means no bound"
-        return [
-            read_parameter(self, f"{end}_{axis}", float, math.nan, description=about.format(axis))
-            for axis in "xyz"
-        ]
+        return [self.read(f"{end}_{axis}", math.nan, about.format(axis)) for axis in "xyz"]
 
     def _listen(self) -> str:
         """Subscribe, or call the service periodically; return the name of topic or service."""
         about = "topic of the octomaps, binary or full"
-        topic = read_topic(self, "octomap_topic", "/octomap_binary", description=about)
+        topic = self.read_topic("octomap_topic", "/octomap_binary", about)
         about = "service `octomap_msgs/GetOctomap` to call instead; empty uses the topic"
-        service = read_topic(self, "octomap_service_topic", "", description=about)
+        service = self.read_topic("octomap_service_topic", "", about)
         about = "time between two calls of the service [s]"
-        self._period = read_positive(self, "octomap_service_period", 10.0, description=about)
+        self._period = self.read_positive("octomap_service_period", 10.0, about)
         if not service:
             octomap = messages_of("octomap_msgs", NAME).Octomap
             self._subscription = LatchedSubscription(self, octomap, topic, self._publish)
@@ -100,10 +85,5 @@ class OctomapToGridMapNode(Node):
         self._publisher.publish(to_serialized_message(grid_map))
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(OctomapToGridMapNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(OctomapToGridMapNode.main())

@@ -3,14 +3,11 @@
 """Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
 
 import math
-from collections.abc import Collection
-from typing import TypeVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
@@ -24,17 +21,15 @@ from .. import to_serialized_message
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
 from ..nodes import (
+    ConfiguredNode,
     LogThrottle,
     TfPoses,
     has_tf,
     map_qos,
     read_parameter,
-    run,
     steady_timer,
     warn_of_gaps,
 )
-
-T = TypeVar("T")
 
 POSE_TYPES = {
     "odometry": Odometry,
@@ -46,45 +41,6 @@ RELIABILITIES = {
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
     "reliable": ReliabilityPolicy.RELIABLE,
 }
-DESCRIPTIONS = {
-    "input_topic": "topic of the clouds",
-    "output_topic": "topic of the map",
-    "input_reliability": (
-        "`best_effort` receives from every publisher; `reliable` requests lost clouds again, and "
-        "receives from reliable publishers only"
-    ),
-    "queue_size": "maximum number of clouds that wait for the node or for a pose",
-    "publish_rate": "rate at which a changed map is published [Hz]; 0 means after every cloud",
-    "map_frame": "frame of the map",
-    "resolution": "side of a cell [m]",
-    "length": "side lengths of the map along x and y [m]",
-    "position": "initial center of the map [m]",
-    "robot_centric": "whether the map moves with the robot",
-    "pose_source": (
-        "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` means `tf` where"
-        " tf2 is installed, else `odometry`"
-    ),
-    "pose_topic": "topic of the poses of the robot in the map frame; not used with tf",
-    "pose_timeout": "maximum time a cloud waits for its pose [s]",
-    "robot_frame": "frame that the map follows, with tf; empty means the frame of the cloud",
-    "sensor_xyz": "position of the sensor in the frame of the robot [m], without tf",
-    "sensor_rpy": "roll, pitch and yaw of the sensor in that frame [rad], without tf",
-    "layer": "name of the layer of heights",
-    "fusion": "how clouds are combined: `max`, `min`, `mean` or `last`",
-    "reduction": (
-        "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or `last`; not "
-        "used with the fusion `mean`"
-    ),
-    "max_count": "for the fusion `mean`: largest weight of the past, in points; 0 means no limit",
-    "fields": "additional fields of the clouds that become layers",
-    "min_height": "lower points are left out [m], map frame",
-    "max_height": "higher points are left out [m], map frame",
-    "min_range": "points nearer to the sensor, the origin of their frame, are left out [m]",
-    "max_range": "points farther from the sensor are left out [m]",
-    "statistics_period": "time between two lines of statistics in the log [s]; 0 means none",
-}
-"""Descriptions of the parameters, as `ros2 param describe` shows them."""
-
 POSE_QUEUE = 100
 """Depth of the pose subscription: poses arrive faster than clouds are fused."""
 
@@ -92,27 +48,37 @@ WAIT_PERIOD = 0.05
 """Time between two attempts to find the poses of waiting clouds [s]."""
 
 
-class PointCloudToGridMapNode(Node):
+class PointCloudToGridMapNode(ConfiguredNode):
     """Subscribes to clouds and poses, and publishes the fused map."""
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
         self._report = LogThrottle(self.get_logger()).error
         self._has_news = False
-        topic = _read(self, "input_topic", str, "/points")
-        output_topic = _read(self, "output_topic", str, "/grid_map")
-        self._source = _read_choice(self, "pose_source", "auto", POSE_SOURCES)
+        topic = self.read("input_topic", "/points", "topic of the clouds")
+        output_topic = self.read("output_topic", "/grid_map", "topic of the map")
+        about = (
+            "`tf`, `odometry`, `pose`, `pose_with_covariance` or `none`; `auto` means `tf` where "
+            "tf2 is installed, else `odometry`"
+        )
+        self._source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
         if self._source == "auto":
             self._source = "tf" if has_tf() else "odometry"
         self._mapper = self._read_mapper()
         self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
-        self._publish_rate = _read_not_negative(self, "publish_rate", 0.0)
+        about = "rate at which a changed map is published [Hz]; 0 means after every cloud"
+        self._publish_rate = self._read_not_negative("publish_rate", about)
         if self._publish_rate > 0:
             steady_timer(self, 1 / self._publish_rate, self._publish)
-        if period := _read_not_negative(self, "statistics_period", 0.0):
+        about = "time between two lines of statistics in the log [s]; 0 means none"
+        if period := self._read_not_negative("statistics_period", about):
             steady_timer(self, period, self._log_statistics)
         steady_timer(self, WAIT_PERIOD, self._work)
-        reliability = _read_choice(self, "input_reliability", "best_effort", RELIABILITIES)
+        about = (
+            "`best_effort` receives from every publisher; `reliable` requests lost clouds again, "
+            "and receives from reliable publishers only"
+        )
+        reliability = self.read_choice("input_reliability", RELIABILITIES, "best_effort", about)
         qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
         events = SubscriptionEventCallbacks(message_lost=warn_of_gaps(self, topic))
@@ -124,43 +90,67 @@ class PointCloudToGridMapNode(Node):
     # --- parameters -------------------------------------------------------------------------------
 
     def _read_mapper(self) -> CloudMapper:
-        map_frame = _read(self, "map_frame", str, "odom")
-        follow = _read(self, "robot_centric", bool, True)
+        map_frame = self.read("map_frame", "odom", "frame of the map")
+        follow = self.read("robot_centric", True, "whether the map moves with the robot")
         has_poses = self._source != "none"
         check(has_poses or not follow, "robot_centric", "false without poses", follow)
-        geometry = GridGeometry(
-            np.array(_read_numbers(self, "length", [10.0, 10.0])),
-            _read(self, "resolution", float, 0.1),
-            np.array(_read_numbers(self, "position", [0.0, 0.0])),
+        about = "side lengths of the map along x and y [m]"
+        length = self._read_numbers("length", [10.0, 10.0], about)
+        resolution = self.read("resolution", 0.1, "side of a cell [m]")
+        position = self._read_numbers("position", [0.0, 0.0], "initial center of the map [m]")
+        layer = self.read("layer", "elevation", "name of the layer of heights")
+        about = "how clouds are combined: `max`, `min`, `mean` or `last`"
+        fusion = self.read("fusion", "max", about)
+        about = (
+            "height of one cloud in a cell: `max`, `min`, `mean`, `median`, `first` or `last`; not "
+            "used with the fusion `mean`"
         )
+        reduction = self.read("reduction", "max", about)
+        about = "for the fusion `mean`: largest weight of the past, in points; 0 means no limit"
+        max_count = self.read("max_count", 0, about)
+        low = self.read("min_height", -math.inf, "lower points are left out [m], map frame")
+        high = self.read("max_height", math.inf, "higher points are left out [m], map frame")
+        about = "additional fields of the clouds that become layers"
+        fields = read_parameter(self, "fields", list[str], [], description=about)
+        about = "points nearer to the sensor, the origin of their frame, are left out [m]"
+        near = self.read("min_range", 0.0, about)
+        far = self.read("max_range", math.inf, "points farther from the sensor are left out [m]")
+        timeout = self.read("pose_timeout", 1.0, "maximum time a cloud waits for its pose [s]")
+        about = "maximum number of clouds that wait for the node or for a pose"
+        queue_size = self.read("queue_size", 10, about)
+        geometry = GridGeometry(np.array(length), resolution, np.array(position))
         rolling_map = RollingMap(
             geometry,
             map_frame,
-            layer=_read(self, "layer", str, "elevation"),
-            fusion=_read(self, "fusion", str, "max"),
-            reduction=_read(self, "reduction", str, "max"),
-            max_count=_read(self, "max_count", int, 0),
-            min_height=_read(self, "min_height", float, -math.inf),
-            max_height=_read(self, "max_height", float, math.inf),
+            layer=layer,
+            fusion=fusion,
+            reduction=reduction,
+            max_count=max_count,
+            min_height=low,
+            max_height=high,
         )
         return CloudMapper(
             rolling_map,
             self._read_poses(map_frame),
             self._report,
-            fields=_read(self, "fields", list[str], []),
+            fields=fields,
             follow=follow,
-            min_range=_read(self, "min_range", float, 0.0),
-            max_range=_read(self, "max_range", float, math.inf),
-            timeout=_read(self, "pose_timeout", float, 1.0),
-            queue_size=_read(self, "queue_size", int, 10),
+            min_range=near,
+            max_range=far,
+            timeout=timeout,
+            queue_size=queue_size,
         )
 
     def _read_poses(self, map_frame: str) -> Poses:
         """Return the source of poses; the parameters of all sources are declared."""
-        topic = _read(self, "pose_topic", str, "/odom")
-        robot_frame = _read(self, "robot_frame", str, "")
-        xyz = _read_numbers(self, "sensor_xyz", [0.0, 0.0, 0.0])
-        rpy = _read_numbers(self, "sensor_rpy", [0.0, 0.0, 0.0])
+        about = "topic of the poses of the robot in the map frame; not used with tf"
+        topic = self.read("pose_topic", "/odom", about)
+        about = "frame that the map follows, with tf; empty means the frame of the cloud"
+        robot_frame = self.read("robot_frame", "", about)
+        about = "position of the sensor in the frame of the robot [m], without tf"
+        xyz = self._read_numbers("sensor_xyz", [0.0, 0.0, 0.0], about)
+        about = "roll, pitch and yaw of the sensor in that frame [rad], without tf"
+        rpy = self._read_numbers("sensor_rpy", [0.0, 0.0, 0.0], about)
         if self._source == "none":
             return Poses(map_frame)
         if self._source == "tf":
@@ -171,6 +161,18 @@ class PointCloudToGridMapNode(Node):
             POSE_TYPES[self._source], topic, lambda message: self._on_pose(history, message), qos
         )
         return history
+
+    def _read_not_negative(self, name: str, description: str) -> float:
+        value = self.read(name, 0.0, description)
+        check(math.isfinite(value) and value >= 0, name, "a finite number, 0 or more", value)
+        return value
+
+    def _read_numbers(self, name: str, default: list[float], description: str) -> list[float]:
+        """Return a parameter: a list of finite numbers, as long as the default."""
+        value = read_parameter(self, name, list[float], default, description=description)
+        fits = len(value) == len(default) and all(map(math.isfinite, value))
+        check(fits, name, f"{len(default)} finite numbers", value)
+        return value
 
     # --- messages ---------------------------------------------------------------------------------
 
@@ -202,34 +204,5 @@ class PointCloudToGridMapNode(Node):
         self.get_logger().info(str(self._mapper.statistics))
 
 
-def _read(node: Node, name: str, kind: type[T], default: T) -> T:
-    return read_parameter(node, name, kind, default, description=DESCRIPTIONS[name])
-
-
-def _read_choice(node: Node, name: str, default: str, known: Collection[str]) -> str:
-    value = _read(node, name, str, default)
-    check(value in known, name, f"one of {', '.join(known)}", value)
-    return value
-
-
-def _read_not_negative(node: Node, name: str, default: float) -> float:
-    value = _read(node, name, float, default)
-    check(math.isfinite(value) and value >= 0, name, "a finite number, 0 or more", value)
-    return value
-
-
-def _read_numbers(node: Node, name: str, default: list[float]) -> list[float]:
-    """Return a parameter: a list of finite numbers, as long as the default."""
-    value = _read(node, name, list[float], default)
-    fits = len(value) == len(default) and all(map(math.isfinite, value))
-    check(fits, name, f"{len(default)} finite numbers", value)
-    return value
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(PointCloudToGridMapNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(PointCloudToGridMapNode.main())

@@ -34,6 +34,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ._configured import ConfiguredNode
     from ._parameters import (
         check_topic,
         read_parameter,
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from ._topics import LatchedSubscription, MapSubscription, map_qos, warn_of_gaps
 
 __all__ = [
+    "ConfiguredNode",
     "LatchedSubscription",
     "LogThrottle",
     "MapSubscription",
@@ -67,7 +69,7 @@ __all__ = [
 ]
 
 
-_MODULES = ("_throttle", "_profile", "_topics", "_parameters", "_spin", "_tf_poses")
+_MODULES = ("_throttle", "_profile", "_topics", "_parameters", "_spin", "_configured", "_tf_poses")
 """Modules in which a name is searched when it is first used; the first two need no rclpy."""
 
 

@@ -7,29 +7,26 @@ from functools import partial
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
+    ConfiguredNode,
     LogThrottle,
     MapSubscription,
     check_topic,
     map_qos,
     read_parameter,
     read_parameter_tree,
-    read_positive,
-    read_topic,
-    run,
     steady_timer,
 )
 
 from .._registry import Visualization, create, describe_parameters
 
 
-class GridMapVisualizationNode(Node):
+class GridMapVisualizationNode(ConfiguredNode):
     """Subscribes to maps while an output has a subscriber, and converts for these outputs only.
 
     The last map is kept while the node is subscribed, so that a late subscriber of an output gets
@@ -38,20 +35,19 @@ class GridMapVisualizationNode(Node):
 
     def __init__(self) -> None:
         super().__init__("grid_map_visualization")
-        about = "topic of the maps"
-        self._topic = read_topic(self, "grid_map_topic", "/grid_map", description=about)
+        self._topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         about = (
             "also get the last map that was published before the node subscribed; maps of a "
             "volatile publisher arrive only if false"
         )
-        latched = read_parameter(self, "transient_local", bool, False, description=about)
+        latched = self.read("transient_local", False, about)
         self._qos = map_qos(transient_local=latched)
         self._subscription: MapSubscription | None = None
         self._map: GridMap | None = None
         about = "rate at which the node counts subscribers [Hz], for middleware without events"
-        rate = read_positive(self, "activity_check_rate", 2.0, description=about)
+        rate = self.read_positive("activity_check_rate", 2.0, about)
         self._log = LogThrottle(self.get_logger())
-        self._outputs = _read_outputs(self)
+        self._outputs = self._read_outputs()
         for output in self._outputs:
             events = PublisherEventCallbacks(matched=partial(self._match, output))
             output.publisher = self.create_publisher(
@@ -62,6 +58,28 @@ class GridMapVisualizationNode(Node):
         topic = self.resolve_topic_name(self._topic)
         names = ", ".join(output.publisher.topic_name for output in self._outputs) or "nothing"
         self.get_logger().info(f"shows {topic} as {names}, while there are subscribers")
+
+    def _read_outputs(self) -> list["Output"]:
+        parameter = "grid_map_visualizations"
+        about = "names of the visualizations, which are also their topics"
+        names = read_parameter(self, parameter, list[str], description=about)
+        check(len(set(names)) == len(names), parameter, "every name once", names)
+        about = "log a misconfigured visualization and continue with the others instead of ending"
+        skip_invalid = self.read("skip_invalid", False, about)
+        about = "`type` and `params` of the visualization of that name"
+        outputs = []
+        for name in names:
+            try:
+                config = read_parameter_tree(
+                    self, name, description=about, describe=describe_parameters
+                )
+                check_topic(self, parameter, name)
+                outputs.append(Output(name, create(name, config)))
+            except GridMapError as error:
+                if not skip_invalid:
+                    raise
+                self.get_logger().error(f"skipped: {error}")
+        return outputs
 
     def _match(self, output: "Output", status: Any) -> None:
         # A simultaneous join and leave keeps the count unchanged. A latched publisher is not enough
@@ -121,33 +139,5 @@ class Output:
     is_due: bool = False
 
 
-def _read_outputs(node: Node) -> list[Output]:
-    parameter = "grid_map_visualizations"
-    about = "names of the visualizations, which are also their topics"
-    names = read_parameter(node, parameter, list[str], description=about)
-    check(len(set(names)) == len(names), parameter, "every name once", names)
-    about = "log a misconfigured visualization and continue with the others instead of ending"
-    skip_invalid = read_parameter(node, "skip_invalid", bool, False, description=about)
-    about = "`type` and `params` of the visualization of that name"
-    outputs = []
-    for name in names:
-        try:
-            config = read_parameter_tree(
-                node, name, description=about, describe=describe_parameters
-            )
-            check_topic(node, parameter, name)
-            outputs.append(Output(name, create(name, config)))
-        except GridMapError as error:
-            if not skip_invalid:
-                raise
-            node.get_logger().error(f"skipped: {error}")
-    return outputs
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(GridMapVisualizationNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(GridMapVisualizationNode.main())

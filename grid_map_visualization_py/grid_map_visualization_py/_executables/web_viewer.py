@@ -7,12 +7,10 @@ from rclpy.node import Node
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
+    ConfiguredNode,
     LogThrottle,
     MapSubscription,
     read_parameter,
-    read_positive,
-    read_topic,
-    run,
     steady_timer,
 )
 
@@ -22,18 +20,18 @@ from ..colors import DEFAULT_COLOR_MAP
 from ..surface import check_max_cells
 
 
-class WebViewerNode(Node):
+class WebViewerNode(ConfiguredNode):
     """Passes maps from a topic to the page."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        topic = read_topic(self, "grid_map_topic", "/grid_map", description="topic of the maps")
+        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
-        max_cells = read_parameter(self, "max_cells", int, 150_000, description=about)
+        max_cells = self.read("max_cells", 150_000, about)
         check_max_cells(max_cells)
         about = "largest rate at which the page is updated [Hz]"
-        period = 1 / read_positive(self, "update_rate", 20.0, description=about)
-        self._page = _serve_page(self)
+        period = 1 / self.read_positive("update_rate", 20.0, about)
+        self._page = self._serve_page()
         self._viewer = Viewer(self._page, max_cells)
         self._log = LogThrottle(self.get_logger())
         self._has_map = False
@@ -42,6 +40,28 @@ class WebViewerNode(Node):
         # The address stands alone on its line, so that it is easy to find and to copy.
         text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
         self.get_logger().info(text)
+
+    def _serve_page(self) -> Page:
+        about = "address of the page; `127.0.0.1` is reachable from this machine only"
+        host = self.read("host", "127.0.0.1", about)
+        port = self.read("port", 8080, "port of the page; 0 for any free one")
+        check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
+        height_layer = self.read("height_layer", "elevation", "initial layer of the heights")
+        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
+        color_layer = self.read("color_layer", "", about)
+        about = "initial color map, a name of Matplotlib"
+        color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
+        about = (
+            "names under which browsers may open the page, besides IP addresses, `localhost`, "
+            "`host` and the name of the machine, with or without `.local`"
+        )
+        names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
+        page = Page(host, port, height_layer, color_layer, color_map, names)
+        if page.is_public:
+            self.get_logger().warning(
+                f"anyone who can reach {page.url} sees the map and can change the settings"
+            )
+        return page
 
     def destroy_node(self) -> None:
         """Destroy the node and close its page."""
@@ -62,35 +82,5 @@ class WebViewerNode(Node):
             self._log.error(problem)
 
 
-def _serve_page(node: Node) -> Page:
-    about = "address at which the page is served; `127.0.0.1` is reachable from this machine only"
-    host = read_parameter(node, "host", str, "127.0.0.1", description=about)
-    about = "port of the page; 0 for any free one"
-    port = read_parameter(node, "port", int, 8080, description=about)
-    check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
-    about = "initial layer of the heights"
-    height_layer = read_parameter(node, "height_layer", str, "elevation", description=about)
-    about = "initial layer of the colors, packed if its name ends in `color`; empty for the heights"
-    color_layer = read_parameter(node, "color_layer", str, "", description=about)
-    about = "initial color map, a name of Matplotlib"
-    color_map = read_parameter(node, "color_map", str, DEFAULT_COLOR_MAP, description=about)
-    about = (
-        "names under which browsers may open the page, besides IP addresses, `localhost`, `host` "
-        "and the name of the machine, with or without `.local`"
-    )
-    names = read_parameter(node, "allowed_hosts", list[str], [], description=about)
-    page = Page(host, port, height_layer, color_layer, color_map, names)
-    if page.is_public:
-        node.get_logger().warning(
-            f"anyone who can reach {page.url} sees the map and can change the settings"
-        )
-    return page
-
-
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(WebViewerNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(WebViewerNode.main())
