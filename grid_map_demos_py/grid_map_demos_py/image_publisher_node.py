@@ -6,17 +6,15 @@ The file is read again for each message, so that edits show at once. It may be g
 with 8 or 16 bits or floats per channel, and with an alpha channel.
 """
 
-import array
-import sys
 from pathlib import Path
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 
-from grid_map_core_py import conversions as core
-from grid_map_core_py.errors import ConfigError
-from grid_map_ros_py.messages import ENCODINGS, set_array
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import read_image, storage_errors
+from grid_map_ros_py.messages import ENCODINGS, from_pixels
 from grid_map_ros_py.nodes import LogThrottle, map_qos
 
 from .demo import Demo
@@ -29,44 +27,20 @@ ENCODING_OF = {(ENCODINGS[name].dtype, ENCODINGS[name].channels): name for name 
 """ROS encodings by data type and number of channels; OpenCV has colors in the order BGR."""
 
 
-def read_image(path: Path) -> core.Image:
-    """Return the unconverted pixels (rows, cols, channels) of a file; colors are BGR.
+def read_message(path: Path) -> Image:
+    """Return the unconverted pixels of a file as a message without frame and time.
 
     Raises:
-        ConfigError: the file cannot be read, or has a type that messages do not support.
+        GridMapError: the file cannot be read, or has a type that messages do not support.
     """
-    try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError as error:
-        raise ConfigError(f"image {str(path)!r}: {error.strerror}") from error
-    try:
-        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:
-        # The image has more pixels than OpenCV allows.
-        pixels = None
-    if pixels is None:
-        raise ConfigError(f"image {str(path)!r}: expected a format that OpenCV knows")
-    pixels = np.atleast_3d(pixels)
-    if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:
-        raise ConfigError(
-            f"image {str(path)!r}: expected 1, 3 or 4 channels of 8 or 16 bits or floats, "
-            f"got {pixels.shape[2]} of {pixels.dtype}"
-        )
-    return pixels
-
-
-def to_message(pixels: core.Image) -> Image:
-    """Return a message with the pixels (rows, cols, channels) of an image."""
-    rows, columns, channels = pixels.shape
-    message = Image(
-        height=rows,
-        width=columns,
-        encoding=ENCODING_OF[pixels.dtype, channels],
-        is_bigendian=sys.byteorder == "big",
-        step=pixels.nbytes // rows,
-    )
-    set_array(message, array.array("B", pixels.tobytes()))
-    return message
+    with storage_errors(path, "read"):
+        pixels = np.atleast_3d(read_image(path))
+        if (pixels.dtype, pixels.shape[2]) not in ENCODING_OF:
+            raise ValueError(
+                f"expected 1, 3 or 4 channels of 8 or 16 bits or floats, got {pixels.shape[2]} "
+                f"of {pixels.dtype}"
+            )
+    return from_pixels(pixels, ENCODING_OF[pixels.dtype, pixels.shape[2]], Header())
 
 
 class ImagePublisherNode(Demo):
@@ -81,19 +55,19 @@ class ImagePublisherNode(Demo):
         self._frame_id = self.read("frame_id", "map", "coordinate frame of the image")
         rate = self.read_positive("publish_rate", 0.5, "images per second [Hz]")
         self._publisher = self.create_publisher(Image, topic, map_qos())
-        self._publish(read_image(self._path))
+        self._publish()
         self.create_timer(1.0 / rate, self._publish_again)
         self.get_logger().info(f"publishes {self._path} on {self._publisher.topic_name}")
 
     def _publish_again(self) -> None:
         try:
-            self._publish(read_image(self._path))
-        except ConfigError as error:
+            self._publish()
+        except GridMapError as error:
             # Another program may be writing the file.
             self._log.warning(str(error))
 
-    def _publish(self, pixels: core.Image) -> None:
-        message = to_message(pixels)
+    def _publish(self) -> None:
+        message = read_message(self._path)
         message.header.stamp = self.get_clock().now().to_msg()
         message.header.frame_id = self._frame_id
         self._publisher.publish(message)

@@ -12,12 +12,12 @@ import array
 
 import numpy as np
 import numpy.typing as npt
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridMap, SignedDistanceField
 from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
-from grid_map_ros_py.messages import set_array, to_header
+from grid_map_ros_py.messages import to_header, write_points
 from grid_map_ros_py.nodes import MapSubscription, map_qos
 
 from .demo import Demo
@@ -57,20 +57,9 @@ def distance_field(grid_map: GridMap, layer: str) -> SignedDistanceField:
 
 def to_point_cloud(points: Points, grid_map: GridMap) -> PointCloud2:
     """Return points (N, 4) with `FIELDS` as a message with frame and time of a map."""
-    fields = [
-        PointField(name=name, offset=4 * number, datatype=PointField.FLOAT32, count=1)
-        for number, name in enumerate(FIELDS)
-    ]
-    message = PointCloud2(
-        header=to_header(grid_map),
-        height=1,
-        width=len(points),
-        fields=fields,
-        point_step=4 * len(FIELDS),
-        row_step=points.nbytes,
-        is_dense=True,
-    )
-    set_array(message, array.array("B", points.astype("<f4", copy=False).tobytes()))
+    data = array.array("B", points.astype("<f4", copy=False).tobytes())
+    message = write_points(FIELDS, data, to_header(grid_map))
+    message.is_dense = True
     return message
 
 

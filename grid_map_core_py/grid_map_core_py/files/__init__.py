@@ -21,6 +21,7 @@ from ._formats import (
 from ._geotiff import load_geotiff as load_geotiff, save_geotiff as save_geotiff
 from ._image_files import (
     load_height_image as load_height_image,
+    read_image as read_image,
     save_height_image as save_height_image,
 )
 from ._image_folder import load_images as load_images, save_images as save_images

@@ -25,6 +25,7 @@ from ._image import (
     add_color_layer_from_image as add_color_layer_from_image,
     add_layer_from_image as add_layer_from_image,
     from_image as from_image,
+    from_pixels as from_pixels,
     to_color_image as to_color_image,
     to_image as to_image,
     to_pixels as to_pixels,
@@ -50,6 +51,7 @@ from ._point_cloud import (
     read_points as read_points,
     to_flat_point_cloud as to_flat_point_cloud,
     to_point_cloud as to_point_cloud,
+    write_points as write_points,
 )
 from ._polygon import (
     from_polygon as from_polygon,

@@ -29,6 +29,7 @@ from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import Image
+    from std_msgs.msg import Header
 
 
 class Encoding(NamedTuple):
@@ -94,7 +95,7 @@ def to_image(
     """
     kind = _encoding_of(encoding)
     image = pixels.to_image(grid_map, layer, kind.dtype, kind.channels, lower, upper)
-    return _message(grid_map, image, encoding)
+    return from_pixels(image, encoding, to_header(grid_map))
 
 
 def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = "rgb8") -> "Image":
@@ -113,7 +114,7 @@ def to_color_image(grid_map: GridMap, layer: str = COLOR_LAYER, encoding: str = 
     if kind.channels < 3:
         raise MessageError("encoding", "one with colors, such as 'rgb8'", encoding)
     image = pixels.to_color_image(grid_map, layer, kind.dtype, kind.channels, order=kind.order)
-    return _message(grid_map, image, encoding)
+    return from_pixels(image, encoding, to_header(grid_map))
 
 
 # --- from images to layers ------------------------------------------------------------------------
@@ -249,13 +250,14 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     return np.require(image, requirements="A"), kind.order
 
 
-def _message(grid_map: GridMap, image: npt.NDArray[Any], encoding: str) -> "Image":
+def from_pixels(pixels: npt.NDArray[Any], encoding: str, header: "Header") -> "Image":
+    """Return an image of pixels (rows, cols) or (rows, cols, channels) of the encoding's dtype."""
     data = array.array("B")
-    little_endian = image.astype(image.dtype.newbyteorder("<"), copy=False)
+    little_endian = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
     data.frombytes(little_endian.data.cast("B"))
-    rows, columns = grid_map.size
+    rows, columns = pixels.shape[:2]
     message = messages_of("sensor_msgs").Image(
-        header=to_header(grid_map),
+        header=header,
         height=rows,
         width=columns,
         encoding=encoding,

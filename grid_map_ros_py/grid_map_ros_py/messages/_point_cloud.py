@@ -8,7 +8,7 @@ with gaps; rows may be padded, too. Only big-endian clouds are refused.
 
 import array
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ from ._time import from_stamp, to_header
 
 if TYPE_CHECKING:
     from sensor_msgs.msg import PointCloud2, PointField
+    from std_msgs.msg import Header
 
 AXES = ("x", "y", "z")
 FLAT_LAYER = "flat"
@@ -80,7 +81,8 @@ def to_point_cloud(
         if fields.count(axis) > 1:
             raise MessageError("fields", f"no layer called {axis!r} beside the coordinates", fields)
     valid = grid_map.valid_mask((point_layer, *grid_map.basic_layers))
-    return _message(grid_map, fields, _interleaved(grid_map, names, point_layer, valid))
+    data = _interleaved(grid_map, names, point_layer, valid)
+    return write_points(fields, data, to_header(grid_map))
 
 
 def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2":
@@ -133,8 +135,8 @@ def _interleaved(
     return data
 
 
-def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> "PointCloud2":
-    """Return unpadded float32 points as a message of one row."""
+def write_points(names: Sequence[str], data: "array.array[int]", header: "Header") -> "PointCloud2":
+    """Return a cloud of one row, from the bytes of (N, fields) little-endian float32."""
     messages = messages_of("sensor_msgs")
     float32 = messages.PointField.FLOAT32
     step = FLOAT.itemsize * len(names)
@@ -143,7 +145,7 @@ def _message(grid_map: GridMap, names: list[str], data: "array.array[int]") -> "
         for name, offset in zip(names, range(0, step, FLOAT.itemsize), strict=True)
     ]
     message = messages.PointCloud2(
-        header=to_header(grid_map),
+        header=header,
         height=1,
         width=len(data) // step,
         fields=fields,

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Color image of a layer."""
 
-import array
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 from sensor_msgs import msg
 
 from grid_map_core_py import GridMap
-from grid_map_ros_py.messages import to_header
+from grid_map_ros_py.messages import from_pixels, to_header
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 
@@ -56,11 +55,7 @@ class ImageVisualization:
         if "a" in self.encoding:
             alpha = np.where(np.isnan(values), 0, 255).astype(np.uint8)
             pixels = np.concatenate([pixels, alpha[..., None]], axis=-1)
-        rows, columns, channels = pixels.shape
-        message = msg.Image(header=to_header(grid_map), encoding=self.encoding)
-        message.height, message.width, message.step = rows, columns, columns * channels
-        message.data = array.array("B", pixels.tobytes())
-        return message
+        return from_pixels(pixels, self.encoding, to_header(grid_map))
 
     def _coloring(self) -> Coloring:
         bounds = self.lower, self.upper
