@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """GeoTIFF files, against rasterio."""
 
+import contextlib
+import subprocess
+import sys
 import warnings
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +15,7 @@ from command_line import a_map
 
 from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
-from grid_map_core_py.files._geotiff import describe_geotiff
+from grid_map_core_py.files._geotiff import describe_geotiff, open_raster
 from grid_map_core_py.testing import assert_maps_equal
 
 PIXELS = np.array([[1, 2, 3], [4, -9, 6]], np.int16)
@@ -163,3 +167,124 @@ def test_coordinates_that_are_not_meters_warn(crs, warning, rasterio):
         assert found[0].filename == __file__
         with pytest.warns(UserWarning, match=warning):
             load_geotiff("dem.tif")
+
+
+# --- other files and addresses --------------------------------------------------------------------
+
+
+@pytest.fixture
+def address():
+    """Yield the address of a server, and the file of its log."""
+    log = Path("requests.log")
+    command = (sys.executable, "-u", "-m", "http.server", "0", "--bind", "127.0.0.1")
+    # A process of its own, because GDAL holds the lock of the interpreter while it waits.
+    with (
+        log.open("w") as errors,
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as server,
+    ):
+        port = server.stdout.readline().split("port ")[1].split()[0]
+        yield f"http://127.0.0.1:{port}", log
+        server.kill()
+
+
+def vrt(source):
+    return (
+        '<VRTDataset rasterXSize="3" rasterYSize="2"><GeoTransform>0,1,0,0,0,-1</GeoTransform>'
+        '<Metadata><MDI key="INTERNAL_MASK_FLAGS_1">2</MDI></Metadata>'
+        '<VRTRasterBand dataType="Byte" band="1"><SimpleSource>'
+        f'<SourceFilename relativeToVRT="0">{source}</SourceFilename>'
+        "<SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+
+
+def named_in_metadata(source):
+    rasterio = pytest.importorskip("rasterio")
+    with rasterio.open("dem.tif", "r+") as raster:
+        raster.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=source)
+
+
+def named_beside(source):
+    tag = f'<Metadata domain="OVERVIEWS"><MDI key="OVERVIEW_FILE">{source}</MDI></Metadata>'
+    Path("dem.tif.aux.xml").write_text(f"<PAMDataset>{tag}</PAMDataset>")
+
+
+TRAPS = {
+    "a raster that is a VRT": lambda source: Path("dem.tif").write_text(vrt(source)),
+    "a mask that is a VRT": lambda source: Path("dem.tif.msk").write_text(vrt(source)),
+    "overviews that are a VRT": lambda source: Path("dem.tif.ovr").write_text(vrt(source)),
+    "overviews named beside": named_beside,
+    "overviews named in metadata": named_in_metadata,
+}
+"""Each makes GDAL open `source` when it reads dem.tif."""
+
+
+def read_all(raster):
+    with raster:
+        raster.overviews(1)
+        raster.read(1, out_shape=(1, 1))
+        return raster.read(1, masked=True)
+
+
+@pytest.mark.parametrize("trap", TRAPS)
+def test_rasters_open_no_other_file_and_no_address(trap, address, rasterio):
+    url, log = address
+    write(rasterio)
+    TRAPS[trap](f"/vsicurl/{url}/trap.tif")
+    with contextlib.suppress(rasterio.errors.RasterioError):
+        read_all(rasterio.open("dem.tif"))
+    assert "/trap.tif" in log.read_text()
+    # Another name, because GDAL remembers what it has not found.
+    TRAPS[trap](f"/vsicurl/{url}/other.tif")
+    if trap in ("overviews that are a VRT", "overviews named beside"):
+        np.testing.assert_array_equal(read_all(open_raster("dem.tif")), PIXELS)
+        load("dem.tif")
+    else:
+        with pytest.raises(GridMapError, match=r"dem\.tif: cannot be read: "):
+            load("dem.tif")
+    assert "/other.tif" not in log.read_text()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "/vsicurl/{}/dem.tif",
+        "/vsizip/dem.zip/dem.tif",
+        "{}/dem.tif",
+        "vrt:///vsicurl/{}/dem.tif",
+        "GTIFF_DIR:1:/vsicurl/{}/dem.tif",
+        "GTIFF_RAW:dem.tif",
+        "DERIVED_SUBDATASET:LOGAMPLITUDE:/vsicurl/{}/dem.tif",
+    ],
+)
+def test_rasters_are_paths_of_files(name, address, rasterio):
+    url, log = address
+    write(rasterio)
+    with pytest.raises(GridMapError, match=r"cannot be read: (.*No such file|expected the path)"):
+        load(name.format(url))
+    assert "GET" not in log.read_text()
+
+
+def test_virtual_files_are_read_if_asked_for(rasterio):
+    with zipfile.ZipFile("dem.zip", "w") as archive:
+        archive.write(write(rasterio))
+    path = f"/vsizip/{Path('dem.zip').absolute()}/dem.tif"
+    assert load(path, virtual=True) == load("dem.tif")
+
+
+def test_files_beside_a_raster_never_change_values(rasterio):
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        write(rasterio, transform=rasterio.Affine.identity())
+    Path("dem.tfw").write_text("2.0\n0\n0\n-2.0\n101.0\n199.0\n")
+    assert load("dem.tif").position.tolist() == [103.0, 198.0]
+    write(rasterio)
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=False), rasterio.open("dem.tif", "r+") as raster:
+        raster.write_mask(PIXELS > 2)
+    with pytest.raises(GridMapError, match=r"has a mask, .* in dem\.tif\.msk; 'gdal_translate"):
+        load("dem.tif")
+    Path("dem.tif.msk").unlink()
+    beside = Path("dem.tif.aux.xml")
+    beside.write_text('<PAMDataset><PAMRasterBand band="1"><NoDataValue>1</NoDataValue>...')
+    with pytest.raises(GridMapError, match=r"has a mask, .* in dem\.tif\.aux\.xml"):
+        load("dem.tif")
+    beside.write_text('<PAMDataset><Metadata><MDI key="STATISTICS_MEAN">2</MDI></Metadata>...')
+    assert load("dem.tif")["elevation"].min() == -9

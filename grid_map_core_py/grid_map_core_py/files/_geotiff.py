@@ -7,10 +7,12 @@ of the map. The position comes from the raster, so a raster that was cropped els
 """
 
 import json
+import re
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -92,7 +94,9 @@ def save_geotiff(
             temporary.write_bytes(memory.getbuffer())
 
 
-def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None) -> GridMap:
+def load_geotiff(
+    path: str | PathLike[str], layers: Iterable[str] | None = None, *, virtual: bool = False
+) -> GridMap:
     """Return the map in a GeoTIFF file of this or another program.
 
     A single band without a name becomes `elevation`, several become `band_1` and so on. Masked
@@ -102,41 +106,78 @@ def load_geotiff(path: str | PathLike[str], layers: Iterable[str] | None = None)
     Args:
         path: the file.
         layers: names of the layers to read; None means all.
+        virtual: let the path name a virtual file of GDAL, such as `/vsicurl/https://...`.
 
     Raises:
-        GridMapError: the file is damaged or no raster, its pixels are no squares along the axes, it
-            lacks a layer, or rasterio is not installed.
+        GridMapError: the file is damaged or no GeoTIFF, its pixels are no squares along the axes,
+            it lacks a layer, a file beside it holds a mask, or rasterio is not installed.
     """
-    with _opened(path) as (_, stored):
+    with _opened(path, virtual=virtual) as (_, stored):
         return stored.load(layers)
 
 
-def describe_geotiff(path: str | PathLike[str]) -> dict[str, Any]:
+def describe_geotiff(path: str | PathLike[str], *, virtual: bool = False) -> dict[str, Any]:
     """Return what the file tells about its map; errors are those of `load_geotiff`."""
-    with _opened(path) as (raster, stored):
+    with _opened(path, virtual=virtual) as (raster, stored):
         crs = {"crs": raster.crs.to_string()} if raster.crs else {}
         return {"map": crs | stored.facts()}
 
 
-@contextmanager
-def _opened(path: str | PathLike[str]) -> Iterator[tuple[Any, StoredMap]]:
-    """Open a raster; yield it and its map."""
+def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
+    """Return the open dataset of rasterio for a GeoTIFF file; no other file is opened.
+
+    Rasters of other formats (VRT), auxiliary files beside the raster and some metadata can name
+    any file and any address. Therefore GDAL may use its driver for GeoTIFF only, reads no file
+    beside the raster, and takes the path for that of a file.
+
+    Args:
+        path: the file.
+        virtual: let the path name a virtual file of GDAL.
+
+    Raises:
+        MissingPackageError: rasterio is not installed.
+        OSError, ValueError: the file is damaged, no GeoTIFF, or other files belong to its values.
+    """
     rasterio = package_for(path, "GeoTIFF", "rasterio")
-    with storage_errors(Path(path), "read"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            raster = rasterio.open(path)
-        with raster:
-            _warn_of_unit(raster, path)
-            tags = json.loads(raster.tags().get(_TAG, "{}"))
-            if not isinstance(tags, dict):
-                raise ValueError(f"its tag {_TAG} is damaged")
-            frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
-            empty = GridMap.from_geometry(_geometry(raster), frame_id=frame_id, timestamp=timestamp)
-            names = _names(raster.descriptions)
-            basic = [name for name in tags.get("basic_layers", ()) if name in names]
-            read = partial(_read_band, raster, names)
-            yield raster, StoredMap(empty, names, basic, read)
+    name = str(path if virtual else Path(path).absolute())
+    if name.startswith("/vsi") and not virtual:
+        raise ValueError("expected the path of a file; 'virtual=True' takes those of GDAL")
+    _check_beside(Path(f"{name}.msk"), b"")
+    _check_beside(Path(f"{name}.aux.xml"), rb"<(NoDataValue|Offset|Scale)\b")
+    alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR", GDAL_PAM_ENABLED=False)
+    with alone, warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        raster = rasterio.open(name, driver="GTiff")
+    if "OVERVIEW_FILE" in raster.tags(ns="OVERVIEWS"):
+        raster.close()
+        raise ValueError("expected overviews in the same file")
+    return raster
+
+
+def _check_beside(file: Path, pattern: bytes) -> None:
+    """Refuse a file beside a raster whose content would change the values of the raster."""
+    if file.is_file() and re.search(pattern, file.read_bytes()):
+        raise ValueError(
+            f"has a mask, a scale or the value of no data in {file.name}; 'gdal_translate "
+            "--config GDAL_TIFF_INTERNAL_MASK YES' makes one file of both"
+        )
+
+
+@contextmanager
+def _opened(path: str | PathLike[str], *, virtual: bool) -> Iterator[tuple[Any, StoredMap]]:
+    """Open a raster; yield it and its map."""
+    with storage_errors(Path(path), "read"), open_raster(path, virtual=virtual) as raster:
+        _warn_of_unit(raster, path)
+        tags = json.loads(raster.tags().get(_TAG, "{}"))
+        if not isinstance(tags, dict):
+            raise ValueError(f"its tag {_TAG} is damaged")
+        frame_id, timestamp = str(tags.get("frame_id", "map")), int(tags.get("timestamp", 0))
+        geometry = _geometry(raster, path)
+        empty = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
+        names = _names(raster.descriptions)
+        basic = [name for name in tags.get("basic_layers", ()) if name in names]
+        read = partial(_read_band, raster, names)
+        yield raster, StoredMap(empty, names, basic, read)
 
 
 def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
@@ -155,9 +196,12 @@ def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
         )
 
 
-def _geometry(raster: Any) -> GridGeometry:
+def _geometry(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     step = raster.transform
-    if raster.transform.is_identity:
+    worlds = (Path(path).with_suffix(ending) for ending in (".tfw", ".tifw", ".wld"))
+    if step.is_identity and (world := next(filter(Path.is_file, worlds), None)):
+        step = import_module("affine").loadsw(world.read_text())
+    if step.is_identity:
         raise ValueError(
             "does not say where it lies (no geotransform); 'resolution' reads it as a height image"
         )

@@ -33,6 +33,8 @@ HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_MAGIC = re.compile(_PNG_MAGIC + rb"|II[*+]\0|MM\0[*+]|BM|P[1-6]\s|\xff\xd8\xff")
+"""Beginnings of PNG, TIFF, BMP, PNM and JPEG files; OpenCV may hand other files to GDAL."""
 _PGM_HEAD = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(\d+)\s")
 """Kind, width, height and the value of white; comments may stand between."""
 
@@ -177,7 +179,7 @@ def write_image(file: Path, image: Image) -> None:
 
 
 def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
-    """Return the pixels of a PNG, TIFF, BMP or PGM file.
+    """Return the pixels of a PNG, TIFF, BMP, PNM or JPEG file.
 
     Args:
         file: the image.
@@ -194,7 +196,8 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
         _check_png(data, size)
     elif size is not None:
         raise ValueError("no PNG image")
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    known = _MAGIC.match(data)
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if known else None
     if pixels is None:
         raise ValueError("no image, or a damaged one")
     head = _PGM_HEAD.match(data)
