@@ -29,7 +29,7 @@ ros.to_occupancy_grid(grid_map, "elevation", 0, 1)
 ros.from_grid_cells(ros.to_grid_cells(grid_map, "elevation", 0, 1), "covered")
 ros.from_image(ros.to_image(grid_map, "elevation", "mono8"), "elevation", 0.5)
 ros.from_polygon(ros.to_polygon(Polygon([(0, 0), (1, 0), (1, 1)])))
-unwanted = {"rclpy", "nav2_msgs", "octomap_msgs", "cv_bridge", "tf2_ros", "rosbag2_py"}
+unwanted = {"rclpy", "scipy", "nav2_msgs", "octomap_msgs", "cv_bridge", "tf2_ros", "rosbag2_py"}
 print(sorted(unwanted & {name.split(".")[0] for name in sys.modules}))
 """
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from grid_map_core_py.arrays import as_array
 
@@ -21,6 +20,7 @@ from ._packages import messages_of
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import Pose, Transform
+    from scipy.spatial.transform import Rotation
 
 Matrix: TypeAlias = npt.NDArray[np.float64]
 """(4, 4) rotation and translation [m]."""
@@ -76,7 +76,7 @@ def to_transform(matrix: npt.ArrayLike) -> "Transform":
     return _filled(messages_of("geometry_msgs").Transform(), "translation", "rotation", matrix)
 
 
-def as_matrix(rotation: Rotation, translation: npt.ArrayLike) -> Matrix:
+def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
     """Return a rotation and a translation (3,) as a (4, 4) matrix."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.as_matrix()
@@ -93,6 +93,8 @@ def _inner(message: Any, name: str) -> tuple[Any, str]:
 
 
 def _from(path: str, place: tuple[str, Any], turn: tuple[str, Any]) -> Matrix:
+    from scipy.spatial.transform import Rotation  # slow to import
+
     (place_name, position), (turn_name, orientation) = place, turn
     check_position(f"{path}{place_name}", position)
     quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
@@ -102,6 +104,8 @@ def _from(path: str, place: tuple[str, Any], turn: tuple[str, Any]) -> Matrix:
 
 
 def _filled(message: Any, place: str, turn: str, matrix: npt.ArrayLike) -> Any:
+    from scipy.spatial.transform import Rotation  # slow to import
+
     values = as_array(matrix, np.float64, "matrix")
     if values.shape != (4, 4) or not np.isfinite(values).all():
         raise MessageError("matrix", "4 x 4 finite numbers", matrix)
