@@ -37,12 +37,13 @@ from grid_map_ros_py.testing import Peer, Process, peer, wait_until
 MAP, TEXT = "/grid_map", "/text"
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 SECOND = 10**9
+GRID_MAP = [sys.executable, "-m", "grid_map_core_py.commands"]
 
 
 @contextmanager
 def command(*words: object, largest_file: int | None = None) -> Iterator[Process]:
     """Run `grid-map`, which may write files of a size [kB]."""
-    line = [sys.executable, "-m", "grid_map_core_py.commands", *map(str, words)]
+    line = [*GRID_MAP, *map(str, words)]
     if largest_file is not None:
         line = ["bash", "-c", f"ulimit -f {largest_file}; exec {shlex.join(line)}"]
     process = Process(line)
@@ -214,7 +215,7 @@ def test_player_loops_with_the_recorded_quality_of_service(tmp_path):
     [
         (["/nothing"], "no topic '/nothing'; topics: /grid_map, /text"),
         (["--rate", "0"], "--rate: expected a positive number, got 0"),
-        (["/text"], "warning: /text is not published: /text needs the package 'no_msgs'"),
+        (["/text"], "/text is not published: the message type 'no_msgs/msg/Text' is not ins"),
     ],
 )
 def test_player_names_what_cannot_be_published(tmp_path, words, text):
@@ -222,6 +223,41 @@ def test_player_names_what_cannot_be_published(tmp_path, words, text):
     with command("play", bag, *words) as player:
         assert player.wait() in (1, 2)
     assert text in player.text
+
+
+HOSTILE = {
+    "/parts": ("std_msgs/String", ""),
+    "/program": ("antigravity/msg/String", ""),
+    "/escape": ("\x1b[31m/msg/String", ""),
+    "/missing": ("std_msgs/msg/Nothing", ""),
+    "/no message": ("std_msgs/msg/__file__", ""),
+    "/service": ("rcl_interfaces/srv/GetParameters", ""),
+    "/quality": ("std_msgs/msg/String", "[1]"),
+    "/\x1b[31m": ("std_msgs/msg/String", ""),
+}
+"""Types and qualities of service of topics by their names."""
+
+
+def test_player_refuses_hostile_topics(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, (type_name, qos) in HOSTILE.items():
+            writer.write_serialized(name, Topic(type_name, "cdr", qos), SECOND, b"")
+    with command("play", tmp_path / "bag") as player:
+        assert player.wait() == 1
+    assert player.text.count(" is not published: ") == len(HOSTILE) == len(player.lines) - 1
+    assert player.text.count(" is not installed\n") == len(HOSTILE) - 2
+    assert "\x1b" not in player.text
+
+
+ENFORCED = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+
+
+@pytest.mark.parametrize("settings", [{"ROS_DOMAIN_ID": "many"}, ENFORCED])
+def test_wrong_settings_of_ros_are_one_error(settings):
+    lister = Process([*GRID_MAP, "topics"], settings)
+    assert lister.wait() == 1
+    assert lister.lines[-1].startswith("grid-map: error: ROS does not start: ")
+    assert "Traceback" not in lister.text
 
 
 def test_topics_are_listed_with_their_publishers():

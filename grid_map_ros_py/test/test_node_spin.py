@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import Start
+from conftest import NODES, Start
 from grid_map_ros_py.testing import Process, wait_until
 
 INTERRUPTED_IMPORT = """
@@ -166,6 +166,18 @@ def test_wrong_ros_arguments_are_reported_without_traceback(start: Start, wrong)
     assert process.wait() == 1
     assert wrong[-1] in process.text
     assert "Traceback" not in process.text
+
+
+def test_node_without_keys_does_not_start_under_enforced_security(tmp_path: Path) -> None:
+    (tmp_path / "enclaves" / "robot").mkdir(parents=True)
+    enforced = {"ENABLE": "true", "STRATEGY": "Enforce", "KEYSTORE": str(tmp_path)}
+    words = ["idle", "--ros-args", "--enclave", "/robot"]
+    settings = {f"ROS_SECURITY_{name}": enforced[name] for name in enforced}
+    process = Process([sys.executable, str(NODES / "living.py"), *words], settings)
+    assert process.wait() == 1
+    assert f"directory: {tmp_path}/enclaves/robot\n" in process.text
+    assert process.text.count("[FATAL]") == 1
+    assert not re.search("alive|Traceback", process.text)
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,8 @@ class UsageError(CommandError):
 
 
 def message(text: str) -> None:
-    """Print a line of text for the user, to standard error."""
-    print(f"grid-map: {text}", file=sys.stderr)
+    """Print a line of text for the user, to standard error; control characters are escaped."""
+    print(f"grid-map: {shown(text)}", file=sys.stderr)
 
 
 def print_json(value: object) -> None:

@@ -5,6 +5,7 @@
 import argparse
 import math
 import os
+import re
 import signal
 import threading
 import time
@@ -12,16 +13,21 @@ from collections.abc import Sequence
 from typing import Any
 
 import rclpy
+from ament_index_python.resources import has_resource
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from grid_map_core_py.commands import CommandError, UsageError
+from grid_map_core_py.errors import short
 
 from ..messages._packages import messages_of
 from ..nodes._profile import use_profile
+
+_TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", re.ASCII)
 
 
 class Session:
@@ -29,6 +35,9 @@ class Session:
 
     Args:
         command: name of the command, part of the name of the node.
+
+    Raises:
+        CommandError: ROS refuses its settings, or keys of its security are missing.
 
     Attributes:
         node: the node.
@@ -40,9 +49,12 @@ class Session:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: self.ended.set())
         use_profile()
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         name = f"grid_map_{command}_{os.getpid()}"
-        self.node = Node(name, enable_rosout=False, start_parameter_services=False)
+        try:
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            self.node = Node(name, enable_rosout=False, start_parameter_services=False)
+        except rclpy_implementation.RCLError as error:
+            raise CommandError(f"ROS does not start: {error}") from error
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
 
@@ -79,17 +91,21 @@ class Session:
         return [one for one in endpoints if one.node_name != self.node.get_name()]
 
 
-def message_class(types: Sequence[str], topic: str) -> Any:
-    """Return the class of the messages on a topic.
+def message_class(types: Sequence[str]) -> Any:
+    """Return the class of the messages on a topic with these types.
 
     Raises:
-        CommandError: the topic has several types.
-        MissingPackageError: the package of the type is not installed.
+        CommandError: the topic has several types, or its type is not installed.
     """
     if len(types) != 1:
-        raise CommandError(f"{topic}: expected one type of messages, got {', '.join(types)}")
-    package, kind, name = types[0].split("/")
-    return getattr(messages_of(package, topic, kind), name)
+        raise CommandError(f"expected one type of messages, got {', '.join(types)}")
+    found = None
+    # The name comes from a bag or from another machine: import nothing but packages of messages.
+    if (match := _TYPE.fullmatch(types[0])) and has_resource("rosidl_interfaces", match["package"]):
+        found = getattr(messages_of(match["package"], kind=match["kind"]), match["name"], None)
+    if not hasattr(found, "get_fields_and_field_types"):
+        raise CommandError(f"the message type {short(types[0])} is not installed")
+    return found
 
 
 def quality(*, reliable: bool, latched: bool, depth: int) -> QoSProfile:

@@ -3,14 +3,16 @@
 """Publish the messages of a bag at the pace of the recording."""
 
 import argparse
+import threading
 import time
 from collections.abc import Sequence
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 
 from grid_map_core_py.commands import CommandError, message
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, short
 from grid_map_core_py.files import parse_yaml
 
 from ..bags._bag import BagFiles
@@ -62,7 +64,7 @@ def _play(
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)
         due = begin + (entry.time - entries[0][0].time) / rate / 1e9
-        if session.ended.wait(max(0.0, due - time.monotonic())):
+        if session.ended.wait(min(max(0.0, due - time.monotonic()), threading.TIMEOUT_MAX)):
             return count
         publishers[topic].publish(data)
     return len(entries)
@@ -79,12 +81,11 @@ def _publishers(session: Session, bag: BagFiles, options: argparse.Namespace) ->
         try:
             if kind.encoding != "cdr":
                 raise CommandError(f"expected messages encoded as 'cdr', got {kind.encoding!r}")
-            message_type = message_class([kind.type], topic)
-        except GridMapError as error:
-            message(f"warning: {topic} is not published: {error}")
-            continue
-        qos = quality(**_recorded_offer(kind), depth=_DEPTH)
-        publishers[topic] = session.node.create_publisher(message_type, topic, qos)
+            message_type = message_class([kind.type])
+            qos = quality(**_recorded_offer(kind), depth=_DEPTH)
+            publishers[topic] = session.node.create_publisher(message_type, topic, qos)
+        except (GridMapError, NameValidationException) as error:
+            message(f"warning: {topic} is not published: {' '.join(str(error).split())}")
     return publishers
 
 
@@ -94,6 +95,8 @@ def _recorded_offer(topic: Topic) -> dict[str, bool]:
     Bags of rosbag2 have names of policies, and before ROS 2 Jazzy their numbers in rmw.
     """
     profiles = parse_yaml(topic.qos, "quality of service") or [{}]
+    if not (isinstance(profiles, list) and all(isinstance(one, dict) for one in profiles)):
+        raise CommandError(f"expected a list of profiles of quality, got {short(profiles)}")
     reliable = all(one.get("reliability") in ("reliable", 1, None) for one in profiles)
     latched = all(one.get("durability") in ("transient_local", 1) for one in profiles)
     return {"reliable": reliable, "latched": latched}

@@ -117,7 +117,7 @@ class _Recorder:
             self._session.node.destroy_subscription(subscription)
             subscription = None
         try:
-            kind = message_class(types, topic)
+            kind = message_class(types)
             recorded = Topic(
                 types[0],
                 "cdr",

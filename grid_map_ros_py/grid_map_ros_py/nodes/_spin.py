@@ -50,9 +50,9 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
-            raises, or a name that ROS refuses, is logged as one message: the configuration is
-            wrong. So is a `NodeFailedError` of a callback. Other exceptions pass through. Given
-            parameters that the node has not declared are warned of.
+            raises, or an error of ROS (a name, missing keys), is logged as one message: the
+            configuration is wrong. So is a `NodeFailedError` of a callback. Other exceptions pass
+            through. Given parameters that the node has not declared are warned of.
         args: command line arguments; None means those of the process.
 
     Returns:
@@ -114,11 +114,13 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
         raise NodeFailedError(f"{error}{hint}") from error
     try:
         node = create_node()
-    except (GridMapError, NameValidationException) as error:
+    except (GridMapError, NameValidationException, rclpy_implementation.RCLError) as error:
         text = str(error)
         if isinstance(error, NameValidationException):
             # The last line is only a caret below the line before.
-            text = " ".join(text.rpartition("\n")[0].split())
+            text = text.rpartition("\n")[0]
+        if not isinstance(error, GridMapError):
+            text = " ".join(text.split())
         unfinished = _node_of(error)
         hint = unmatched_files(unfinished, args) if unfinished else ""
         raise NodeFailedError(f"{text}; {hint}" if hint else text) from error
