@@ -67,15 +67,12 @@ class DemoReportNode(Demo):
         self._filtered: GridMap | None = None
         for topic, message_type in {INPUT: GridMapMessage, **SHOWN}.items():
             # Raw messages are counted without converting them to Python.
-            count = partial(self._on_raw, topic)
+            count = partial(self._count, topic)
             self.create_subscription(message_type, topic, count, map_qos(), raw=True)
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
         self._timeout = self.read_positive("timeout", 60.0, "maximum time to wait [s]")
         self.create_timer(self._timeout, self._give_up)
-
-    def _on_raw(self, topic: str, _message: bytes) -> None:
-        self._count(topic)
 
     def _on_filtered(self, received: ReceivedMap) -> None:
         self._filtered = received.decode()
@@ -93,7 +90,7 @@ class DemoReportNode(Demo):
                         self._times.setdefault(name, []).append(milliseconds)
                     self._count(DIAGNOSTICS)
 
-    def _count(self, topic: str) -> None:
+    def _count(self, topic: str, _message: bytes = b"") -> None:
         self._counts[topic] += 1
         if self._filtered is None or self._missing():
             return
@@ -120,12 +117,9 @@ def write_pictures(grid_map: GridMap, folder: Path) -> list[Path]:
     """Write the pictures of a filtered map, and return their paths."""
     elevation, traversability = (folder / f"{name}.png" for name in ("elevation", "traversability"))
     title = "Published elevation; holes are white"
-    shown: dict[str, Any] = {
-        "shade_by": "elevation_inpainted",
-        "color_map": "gist_earth",
-        "exaggeration": 1.5,
-    }
-    save_picture(grid_map, "elevation", elevation, title=title, label="elevation [m]", **shown)
+    shown: dict[str, Any] = {"title": title, "label": "elevation [m]", "exaggeration": 1.5}
+    shown |= {"shade_by": "elevation_inpainted", "color_map": "gist_earth"}
+    save_picture(grid_map, "elevation", elevation, **shown)
     relief: dict[str, Any] = {"style": "relief", "exaggeration": 1.3}
     relief |= {"color_layer": "traversability", "color_map": "BrBG", "lower": 0.2, "upper": 1.0}
     save_picture(grid_map, "elevation_inpainted", traversability, **relief)

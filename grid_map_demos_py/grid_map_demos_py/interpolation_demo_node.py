@@ -129,12 +129,9 @@ class InterpolationDemoNode(Demo):
         world = WORLDS[self.read_choice("world", WORLDS, "Sine", about)]
         about = "method of the published map: Nearest, Linear, Cubic_convolution, Cubic"
         method = METHODS[self.read_choice("interpolation_type", METHODS, "Nearest", about)]
-        length = np.array(
-            [
-                self.read_positive("world_size.length", 4.0, "extent along x [m]"),
-                self.read_positive("world_size.width", 4.0, "extent along y [m]"),
-            ]
-        )
+        x = self.read_positive("world_size.length", 4.0, "extent along x [m]")
+        y = self.read_positive("world_size.width", 4.0, "extent along y [m]")
+        length = np.array([x, y])
         truth = self._read_geometry("groundtruth_resolution", length, 0.02, "the truth")
         data = self._read_geometry("interpolation.data_resolution", length, 0.1, "the data")
         # The samples cover whole cells; the interpolated map must stay within them.

@@ -14,19 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from geometry_msgs.msg import PolygonStamped
 
-from grid_map_core_py import (
-    GridMap,
-    Polygon,
-    circle_cells,
-    ellipse_cells,
-    line_cells_between,
-    map_cells,
-    mean_of_finites,
-    polygon_cells,
-    sliding_windows,
-    spiral_cells,
-    submap_cells,
-)
+import grid_map_core_py as gm
 from grid_map_core_py.arrays import Cells, Positions
 from grid_map_ros_py import to_polygon, to_serialized_message
 from grid_map_ros_py.nodes import map_qos
@@ -35,16 +23,16 @@ from .demo import Demo
 from .parts import VERTICES
 
 CENTER = (0.0, -0.15)
-STAR = Polygon(VERTICES)
+STAR = gm.Polygon(VERTICES)
 
-REGIONS: dict[str, Callable[[GridMap], Cells]] = {
-    "the whole map": map_cells,
-    "a submap": lambda grid_map: submap_cells(grid_map, (3, 5), (12, 7)),
-    "a circle": lambda grid_map: circle_cells(grid_map, CENTER, 0.4),
-    "an ellipse": lambda grid_map: ellipse_cells(grid_map, CENTER, (0.45, 0.9), math.pi / 4),
-    "a spiral": lambda grid_map: spiral_cells(grid_map, CENTER, 0.4),
-    "a line": lambda grid_map: line_cells_between(grid_map, (18, 2), (2, 13)),
-    "a polygon": lambda grid_map: polygon_cells(grid_map, STAR),
+REGIONS: dict[str, Callable[[gm.GridMap], Cells]] = {
+    "the whole map": gm.map_cells,
+    "a submap": lambda grid_map: gm.submap_cells(grid_map, (3, 5), (12, 7)),
+    "a circle": lambda grid_map: gm.circle_cells(grid_map, CENTER, 0.4),
+    "an ellipse": lambda grid_map: gm.ellipse_cells(grid_map, CENTER, (0.45, 0.9), math.pi / 4),
+    "a spiral": lambda grid_map: gm.spiral_cells(grid_map, CENTER, 0.4),
+    "a line": lambda grid_map: gm.line_cells_between(grid_map, (18, 2), (2, 13)),
+    "a polygon": lambda grid_map: gm.polygon_cells(grid_map, STAR),
 }
 """Functions that return the cells (rows, cols) of a region, in the order of the demo."""
 
@@ -60,15 +48,15 @@ class Step(NamedTuple):
 
     pause: float
     title: str = ""
-    polygon: Polygon | None = None
+    polygon: gm.Polygon | None = None
 
 
-def make_map() -> GridMap:
+def make_map() -> gm.GridMap:
     """Return an empty map of 20 x 20 cells."""
-    return GridMap((1.0, 1.0), 0.05, layers=["type"], frame_id="map")
+    return gm.GridMap((1.0, 1.0), 0.05, layers=["type"], frame_id="map")
 
 
-def show_everything(grid_map: GridMap) -> Iterator[Step]:
+def show_everything(grid_map: gm.GridMap) -> Iterator[Step]:
     """Change a map step by step: all regions, then the sliding window."""
     yield Step(2.0)
     for title, find_cells in REGIONS.items():
@@ -82,22 +70,22 @@ def show_everything(grid_map: GridMap) -> Iterator[Step]:
     yield from show_sliding_window(grid_map)
 
 
-def show_sliding_window(grid_map: GridMap) -> Iterator[Step]:
+def show_sliding_window(grid_map: gm.GridMap) -> Iterator[Step]:
     """Blur a polygon with the mean of the window around each cell."""
     grid_map["type"] = 0.0
-    grid_map["type"][polygon_cells(grid_map, STAR)] = 1.0
+    grid_map["type"][gm.polygon_cells(grid_map, STAR)] = 1.0
     yield Step(CELL_PAUSE, "a sliding window", STAR)
     # Windows contain means of earlier cells, because the loop writes into the layer.
-    for cell, window in sliding_windows(grid_map, "type", "crop", WINDOW):
-        grid_map["type"][cell] = mean_of_finites(window)
+    for cell, window in gm.sliding_windows(grid_map, "type", "crop", WINDOW):
+        grid_map["type"][cell] = gm.mean_of_finites(window)
         yield Step(CELL_PAUSE, polygon=square(grid_map, grid_map.get_position(cell)))
     yield Step(REGION_PAUSE)
 
 
-def square(grid_map: GridMap, center: Positions) -> Polygon:
+def square(grid_map: gm.GridMap, center: Positions) -> gm.Polygon:
     """Return the outline of the window around a position (2,)."""
     corners = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
-    return Polygon(center + 0.5 * WINDOW * grid_map.resolution * corners)
+    return gm.Polygon(center + 0.5 * WINDOW * grid_map.resolution * corners)
 
 
 class IteratorsDemoNode(Demo):

@@ -76,12 +76,8 @@ def cone(x: Numbers, y: Numbers, _seconds: float) -> Surface:
     return 0.5 - 0.4 * distance, scale * x, scale * y
 
 
-SHAPES: dict[str, Callable[[Numbers, Numbers, float], Surface]] = {
-    "wave": wave,
-    "plane": plane,
-    "hill": hill,
-    "cone": cone,
-}
+Shape = Callable[[Numbers, Numbers, float], Surface]
+SHAPES: dict[str, Shape] = {"wave": wave, "plane": plane, "hill": hill, "cone": cone}
 
 
 def surface_map(shape: str, seconds: float) -> GridMap:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, circle_cells, color_vector_to_value
-from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.files import storage_errors
 
 METRES_PER_POST = 84.0
 """Spacing of the elevation model: 3 arc seconds at 36.6 degrees of latitude, mean of x and y."""
@@ -31,21 +31,12 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
         `color`; both NaN in round holes.
 
     Raises:
-        ConfigError: the file cannot be read or holds no heights.
+        GridMapError: the file cannot be read or holds no heights.
     """
-    try:
-        with np.load(path) as model:
-            posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
-    except Exception as error:  # For a damaged file NumPy may raise any exception.
-        raise ConfigError(
-            f"elevation model {str(path)!r}: expected an .npz file with 'elevation', "
-            f"got {type(error).__name__}: {error}"
-        ) from error
-    if posts.ndim != 2 or not posts.size:
-        raise ConfigError(
-            f"elevation model {str(path)!r}: expected 'elevation' with rows and columns, "
-            f"got the shape {posts.shape}"
-        )
+    with storage_errors(path, "read"), np.load(path) as model:
+        posts: npt.NDArray[np.float32] = model["elevation"].astype(np.float32)
+        if posts.ndim != 2 or not posts.size:
+            raise ValueError(f"'elevation': expected rows and columns, got the shape {posts.shape}")
     heights = (posts - posts.min()) * np.float32(EXAGGERATION * resolution / METRES_PER_POST)
     # Rows of a map run to -x and columns to -y, that is from east to west and from north to south.
     elevation = heights[:, ::-1].T

@@ -28,8 +28,8 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("resolution:=-1", "parameter 'resolution': expected a positive"),
         ("topic:=7", "parameter 'topic': expected a string"),
         ("topic:='no topic'", "parameter 'topic': expected the name of a"),
-        ("file:=/nope.npz", "elevation model '/nope.npz': expected an .npz"),
-        ("file:=~nobody_known/a.npz", "/a.npz': expected an .npz"),
+        ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
+        ("file:=~nobody_known/a.npz", "/a.npz: cannot be read: No such file"),
     ],
     "demo_report": [
         ("timeout:=-1.0", "parameter 'timeout': expected a positive"),
@@ -38,8 +38,8 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
     "image_publisher": [
-        ("image_path:=/nope.png", "image '/nope.png': No such file"),
-        ("image_path:=~nobody_known/a.png", "a.png': No such file"),
+        ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
+        ("image_path:=~nobody_known/a.png", "a.png: cannot be read: No such file"),
     ],
     "image_publisher.py": [("topic:='a b'", "parameter 'topic': expected the name of a topic")],
     "image_to_gridmap_demo": [("max_height:=0.0", "parameter 'max_height': expected a finite")],

@@ -71,12 +71,9 @@ def to_point_cloud(
     names = select_layers(grid_map.layers, layers)
     if point_layer not in names:
         names = (point_layer, *names)
-    fields: list[str] = []
-    for name in names:
-        if name == point_layer:
-            fields += AXES
-        else:
-            fields.append("rgb" if name == "color" and "rgb" not in names else name)
+    color = "color" if "rgb" in names else "rgb"
+    renamed: dict[str, tuple[str, ...]] = {"color": (color,), point_layer: AXES}
+    fields = [field for name in names for field in renamed.get(name, (name,))]
     for axis in AXES:
         if fields.count(axis) > 1:
             raise MessageError("fields", f"no layer called {axis!r} beside the coordinates", fields)
@@ -218,12 +215,8 @@ def from_point_cloud(
         "max_height": max_height,
     }
     if onto is not None:
-        check(
-            resolution is None and length is None and position is None,
-            "onto",
-            "no resolution, length or position beside it",
-            onto,
-        )
+        is_alone = resolution is None and length is None and position is None
+        check(is_alone, "onto", "no resolution, length or position beside it", onto)
         if isinstance(onto, GridGeometry):
             onto = GridMap.from_geometry(onto)
         elif onto.frame_id and frame_id != onto.frame_id:

@@ -42,7 +42,7 @@ def to_polygon(
         MessageError: the timestamp, the height or a vertex does not fit the message.
     """
     messages = messages_of("geometry_msgs")
-    message = _stamped(messages.PolygonStamped(), frame_id, timestamp)
+    message: PolygonStamped = messages.PolygonStamped(header=_header(frame_id, timestamp))
     vertices = _raised(polygon.vertices, height)
     with np.errstate(over="ignore"):
         single = vertices.astype(np.float32)
@@ -90,13 +90,13 @@ def to_line_marker(
             is invalid.
         GeometryError: the color does not have four components from 0 to 1.
     """
-    marker = _stamped(messages_of("visualization_msgs").Marker(), frame_id, timestamp)
-    marker.type = marker.LINE_STRIP
-    marker.scale.x = as_number(line_width, "line_width")
-    if not 0 <= marker.scale.x < math.inf:
-        raise MessageError("line_width", "a finite number, 0 or more", marker.scale.x)
+    header, width = _header(frame_id, timestamp), as_number(line_width, "line_width")
+    if not 0 <= width < math.inf:
+        raise MessageError("line_width", "a finite number, 0 or more", width)
     closed = np.concatenate([polygon.vertices, polygon.vertices[:1]])
-    return _filled(marker, closed, height, color, len(closed))
+    marker = _marker(header, closed, height, color, len(closed))
+    marker.type, marker.scale.x = marker.LINE_STRIP, width
+    return marker
 
 
 def to_triangle_list_marker(
@@ -111,24 +111,21 @@ def to_triangle_list_marker(
 
     Arguments and errors: see `to_line_marker`. There is one color per triangle.
     """
-    marker = _stamped(messages_of("visualization_msgs").Marker(), frame_id, timestamp)
-    marker.type = marker.TRIANGLE_LIST
-    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     # The fan of `Polygon.triangulate`, without an object for every triangle.
     count = max(len(polygon) - 2, 0)
     corners = np.arange(count)[:, None] + (0, 1, 2)
     corners[:, 0] = 0
-    return _filled(marker, polygon.vertices[corners.ravel()], height, color, count)
+    vertices = polygon.vertices[corners.ravel()]
+    marker = _marker(_header(frame_id, timestamp), vertices, height, color, count)
+    marker.type = marker.TRIANGLE_LIST
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    return marker
 
 
-def _filled(
-    marker: "Marker",
-    vertices: npt.NDArray[np.float64],
-    height: float,
-    color: npt.ArrayLike,
-    count: int,
+def _marker(
+    header: Any, vertices: npt.NDArray[np.float64], height: float, color: npt.ArrayLike, count: int
 ) -> "Marker":
-    """Give a marker its points and `count` equal colors."""
+    """Return a marker with points and `count` equal colors."""
     rgba = as_array(color, np.float32, "color")
     if rgba.shape != (4,) or not ((rgba >= 0) & (rgba <= 1)).all():
         raise GeometryError(
@@ -136,6 +133,7 @@ def _filled(
         )
     r, g, b, a = rgba.tolist()
     point, color_type = messages_of("geometry_msgs").Point, messages_of("std_msgs").ColorRGBA
+    marker: Marker = messages_of("visualization_msgs").Marker(header=header)
     marker.points = [point(x=x, y=y, z=z) for x, y, z in _raised(vertices, height).tolist()]
     marker.colors = [color_type(r=r, g=g, b=b, a=a) for _ in range(count)]
     return marker
@@ -147,6 +145,5 @@ def _raised(vertices: npt.NDArray[np.float64], height: float) -> npt.NDArray[np.
     return np.pad(vertices, ((0, 0), (0, 1)), constant_values=((0, 0), (0, height)))
 
 
-def _stamped(message: Any, frame_id: str, timestamp: int) -> Any:
-    message.header.frame_id, message.header.stamp = frame_id, to_stamp(timestamp)
-    return message
+def _header(frame_id: str, timestamp: int) -> Any:
+    return messages_of("std_msgs").Header(frame_id=frame_id, stamp=to_stamp(timestamp))

@@ -39,9 +39,8 @@ def from_pose(message: Any) -> Matrix:
     Raises:
         MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
     """
-    pose, path = _inner(message, "pose")
-    check_fields(pose, "geometry_msgs/Pose, or one with a pose", "position", "orientation")
-    return _from(path, ("position", pose.position), ("orientation", pose.orientation))
+    kind = "geometry_msgs/Pose, or one with a pose"
+    return _from(message, "pose", kind, "position", "orientation")
 
 
 def from_transform(message: Any) -> Matrix:
@@ -53,9 +52,7 @@ def from_transform(message: Any) -> Matrix:
     Raises:
         MessageError: a coordinate is not finite, or the quaternion is not of norm 1.
     """
-    transform, path = _inner(message, "transform")
-    check_fields(transform, "geometry_msgs/Transform", "translation", "rotation")
-    return _from(path, ("translation", transform.translation), ("rotation", transform.rotation))
+    return _from(message, "transform", "geometry_msgs/Transform", "translation", "rotation")
 
 
 def to_pose(matrix: npt.ArrayLike) -> "Pose":
@@ -84,22 +81,19 @@ def as_matrix(rotation: "Rotation", translation: npt.ArrayLike) -> Matrix:
     return matrix
 
 
-def _inner(message: Any, name: str) -> tuple[Any, str]:
-    """Return the innermost message that messages hold under a name, and its path."""
-    path = ""
-    while hasattr(message, name):
-        message, path = getattr(message, name), f"{path}{name}."
-    return message, path
-
-
-def _from(path: str, place: tuple[str, Any], turn: tuple[str, Any]) -> Matrix:
+def _from(message: Any, inner: str, kind: str, place: str, turn: str) -> Matrix:
+    """Return the matrix of the innermost message that messages hold under the name `inner`."""
     from scipy.spatial.transform import Rotation  # slow to import
 
-    (place_name, position), (turn_name, orientation) = place, turn
-    check_position(f"{path}{place_name}", position)
+    path = ""
+    while hasattr(message, inner):
+        message, path = getattr(message, inner), f"{path}{inner}."
+    check_fields(message, kind, place, turn)
+    position, orientation = getattr(message, place), getattr(message, turn)
+    check_position(f"{path}{place}", position)
     quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
     if not abs(math.hypot(*quaternion) - 1.0) <= NORM_TOLERANCE:
-        raise MessageError(f"{path}{turn_name}", "a quaternion of norm 1", quaternion)
+        raise MessageError(f"{path}{turn}", "a quaternion of norm 1", quaternion)
     return as_matrix(Rotation.from_quat(quaternion), (position.x, position.y, position.z))
 
 
