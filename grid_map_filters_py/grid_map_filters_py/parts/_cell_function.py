@@ -127,8 +127,14 @@ class CellFunction:
             if numba is None:
                 return None
             compile_ = numba.njit(**_LIKE_NUMPY)
-            loop: Callable[..., None] = compile_(_LOOPS[self.layers](compile_(self.function)))
-            return loop
+            function, arguments = compile_(self.function), compile_(_ARGUMENTS[self.layers])
+
+            def loop(layers: Any, numbers: Any, results: Any) -> None:
+                for i in range(results.size):
+                    results[i] = function(*arguments(layers, i, numbers))
+
+            compiled: Callable[..., None] = compile_(loop)
+            return compiled
 
 
 def cell_function(
@@ -167,43 +173,11 @@ def _compile_choose(overload: Callable[..., Any]) -> None:
     overload(choose)(lambda condition, yes, no: one_of_both)  # noqa: ARG005
 
 
-# Numba supports neither a variable number of arguments nor arguments from a list.
-
-
-def _over_1(function: Callable[..., Value]) -> Callable[..., None]:
-    def loop(layers: Any, numbers: Any, results: Any) -> None:
-        (a,) = layers
-        for i in range(results.size):
-            results[i] = function(a[i], numbers)
-
-    return loop
-
-
-def _over_2(function: Callable[..., Value]) -> Callable[..., None]:
-    def loop(layers: Any, numbers: Any, results: Any) -> None:
-        a, b = layers
-        for i in range(results.size):
-            results[i] = function(a[i], b[i], numbers)
-
-    return loop
-
-
-def _over_3(function: Callable[..., Value]) -> Callable[..., None]:
-    def loop(layers: Any, numbers: Any, results: Any) -> None:
-        a, b, c = layers
-        for i in range(results.size):
-            results[i] = function(a[i], b[i], c[i], numbers)
-
-    return loop
-
-
-def _over_5(function: Callable[..., Value]) -> Callable[..., None]:
-    def loop(layers: Any, numbers: Any, results: Any) -> None:
-        a, b, c, d, e = layers
-        for i in range(results.size):
-            results[i] = function(a[i], b[i], c[i], d[i], e[i], numbers)
-
-    return loop
-
-
-_LOOPS = {1: _over_1, 2: _over_2, 3: _over_3, 5: _over_5}
+# Numba compiles no tuple of a variable number of elements.
+_ARGUMENTS: dict[int, Callable[..., tuple[Value, ...]]] = {
+    1: lambda a, i, numbers: (a[0][i], numbers),
+    2: lambda a, i, numbers: (a[0][i], a[1][i], numbers),
+    3: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], numbers),
+    5: lambda a, i, numbers: (a[0][i], a[1][i], a[2][i], a[3][i], a[4][i], numbers),
+}
+"""Functions that return the arguments for cell `i` of layers, by the number of layers."""
