@@ -22,111 +22,79 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .arrays import (
-        max_of_finites,
-        mean_of_finites,
-        min_of_finites,
-        number_of_finites,
-        sum_of_finites,
+        max_of_finites as max_of_finites,
+        mean_of_finites as mean_of_finites,
+        min_of_finites as min_of_finites,
+        number_of_finites as number_of_finites,
+        sum_of_finites as sum_of_finites,
     )
     from .conversions import (
-        change_resolution,
-        color_value_to_vector,
-        color_vector_to_value,
-        from_image,
-        from_mesh,
-        from_points,
-        to_image,
+        change_resolution as change_resolution,
+        color_value_to_vector as color_value_to_vector,
+        color_vector_to_value as color_vector_to_value,
+        from_image as from_image,
+        from_mesh as from_mesh,
+        from_points as from_points,
+        to_image as to_image,
     )
     from .errors import (
-        ConfigError,
-        GeometryError,
-        GridMapError,
-        LayerNotFoundError,
-        MissingPackageError,
-        OutOfMapError,
+        ConfigError as ConfigError,
+        GeometryError as GeometryError,
+        GridMapError as GridMapError,
+        LayerNotFoundError as LayerNotFoundError,
+        MissingPackageError as MissingPackageError,
+        OutOfMapError as OutOfMapError,
     )
-    from .files import load, save
-    from .map import BufferRegion, GridGeometry, GridMap, Interpolation, SignedDistanceField
+    from .files import load as load, save as save
+    from .map import (
+        BufferRegion as BufferRegion,
+        GridGeometry as GridGeometry,
+        GridMap as GridMap,
+        Interpolation as Interpolation,
+        SignedDistanceField as SignedDistanceField,
+    )
     from .regions import (
-        Polygon,
-        cells_to_mask,
-        circle_cells,
-        ellipse_cells,
-        line_cells,
-        line_cells_between,
-        map_cells,
-        polygon_cells,
-        sliding_windows,
-        spiral_cells,
-        submap_cells,
-        window_array,
+        Polygon as Polygon,
+        cells_to_mask as cells_to_mask,
+        circle_cells as circle_cells,
+        ellipse_cells as ellipse_cells,
+        line_cells as line_cells,
+        line_cells_between as line_cells_between,
+        map_cells as map_cells,
+        polygon_cells as polygon_cells,
+        sliding_windows as sliding_windows,
+        spiral_cells as spiral_cells,
+        submap_cells as submap_cells,
+        window_array as window_array,
     )
 
 __version__ = "0.2.0"
 
-__all__ = [
-    "BufferRegion",
-    "ConfigError",
-    "GeometryError",
-    "GridGeometry",
-    "GridMap",
-    "GridMapError",
-    "Interpolation",
-    "LayerNotFoundError",
-    "MissingPackageError",
+_OFFERED = {
+    "arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
+    "conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "
+    "from_mesh from_points to_image",
+    "errors": "ConfigError GeometryError GridMapError LayerNotFoundError MissingPackageError "
     "OutOfMapError",
-    "Polygon",
-    "SignedDistanceField",
-    "cells_to_mask",
-    "change_resolution",
-    "circle_cells",
-    "color_value_to_vector",
-    "color_vector_to_value",
-    "ellipse_cells",
-    "from_image",
-    "from_mesh",
-    "from_points",
-    "line_cells",
-    "line_cells_between",
-    "load",
-    "map_cells",
-    "max_of_finites",
-    "mean_of_finites",
-    "min_of_finites",
-    "number_of_finites",
-    "polygon_cells",
-    "save",
-    "sliding_windows",
-    "spiral_cells",
-    "submap_cells",
-    "sum_of_finites",
-    "to_image",
-    "window_array",
-]
+    "files": "load save",
+    "map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
+    "regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
+    "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
+}
+_ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
+_ROOMS = (*_OFFERED, "elevation", "plugins", "testing")
+"""Rooms, which are imported when they are first used, so that programs such as `grid-map --help`
+need not wait for NumPy, SciPy and OpenCV."""
 
-_ROOMS = (
-    "errors",
-    "arrays",
-    "map",
-    "regions",
-    "conversions",
-    "files",
-    "elevation",
-    "plugins",
-    "testing",
-)
-"""Rooms; each imports only earlier ones. A name is searched in them when it is first used, so that
-programs such as `grid-map --help` need not wait for NumPy, SciPy and OpenCV."""
+__all__ = sorted(_ROOM_OF)
 
 
 def __getattr__(name: str) -> Any:
     if name in _ROOMS:
         return import_module(f"{__name__}.{name}")
-    if name not in __all__:
+    if name not in _ROOM_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    rooms = (import_module(f"{__name__}.{room}") for room in _ROOMS)
-    found = next(getattr(room, name) for room in rooms if name in room.__all__)
-    globals()[name] = found
+    found = globals()[name] = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
     return found
 
 
