@@ -182,14 +182,11 @@ class FilterChain:
         """
         if not OPENCV_KEEPS_READ_ONLY and grid_map.start_index == (0, 0):
             grid_map = grid_map.copy()
-        result, start, own = self._run(grid_map, observer, warnings)
+        result, start = self.without_copies(grid_map, observer, warnings=warnings)
         if start != (0, 0):
             return result.with_start_index(start)
-        # Two layers with one address must not share an array.
-        arrays = {name: own.pop(_address(result[name]), None) for name in result}
-        return result.with_layers(
-            {name: result[name].copy("F") if a is None else a for name, a in arrays.items()}
-        )
+        taken = {_address(grid_map[name]) for name in grid_map}
+        return result.with_layers({name: _own(result[name], taken) for name in result})
 
     def without_copies(
         self,
@@ -205,29 +202,19 @@ class FilterChain:
 
         Arguments and errors: see a call.
         """
-        return self._run(grid_map, observer, warnings)[:2]
-
-    def _run(
-        self, grid_map: GridMap, observer: StepObserver | None, warnings: list[str] | None
-    ) -> tuple[GridMap, Size, dict[int, Layer]]:
-        """Return the read-only result, its start index, and the arrays behind it that are its own.
-
-        These are found by the address of their data.
-        """
-        moved = grid_map.start_index != (0, 0)
-        result = grid_map.with_start_index((0, 0)) if moved else grid_map
-        own = _own_arrays(result, {}) if moved else {}
+        result = grid_map
+        if grid_map.start_index != (0, 0):
+            result = grid_map.with_start_index((0, 0))
         for step in self.steps:
             given = _read_only(result)
             begin = time.perf_counter()
             result = _filtered(step, given, warnings)
             if observer is not None:
                 observer(step, time.perf_counter() - begin)
-            own = _own_arrays(result, own)
         keeps_start = result.size == grid_map.size and not any(
             isinstance(step.filter, BufferNormalizer) for step in self.steps
         )
-        return _read_only(result), grid_map.start_index if keeps_start else (0, 0), own
+        return _read_only(result), grid_map.start_index if keeps_start else (0, 0)
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -303,19 +290,20 @@ def _read_only(grid_map: GridMap) -> GridMap:
     return grid_map.with_layers(views)
 
 
-def _own_arrays(result: GridMap, known: dict[int, Layer]) -> dict[int, Layer]:
-    """Return the arrays of layers that nothing else refers to, by the address of their data.
+def _own(layer: Layer, taken: set[int]) -> Layer:
+    """Return a read-only layer as a writeable one, copied if its memory is not its own.
 
     Args:
-        result: output of a filter. It may write into the layers that the filter has made.
-        known: the same for the input of the filter, of which it got read-only views.
+        layer: its memory is that of an array of a filter, or of the input.
+        taken: addresses of memory that belongs to the input or to other layers; grows.
     """
-    layers = {_address(result[name]): result[name] for name in result}
-    return {
-        address: layer if layer.flags.writeable else known[address]
-        for address, layer in layers.items()
-        if layer.flags.writeable or address in known
-    }
+    own = layer.view()
+    try:
+        own.flags.writeable = _address(layer) not in taken
+    except ValueError:  # The filter returned an array that is read-only.
+        own.flags.writeable = False
+    taken.add(_address(layer))
+    return own if own.flags.writeable else layer.copy("F")
 
 
 def _address(layer: Layer) -> int:
