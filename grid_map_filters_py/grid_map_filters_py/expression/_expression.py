@@ -44,14 +44,13 @@ class Expression:
     """The layers that the expression needs."""
 
     _root: Node = field(init=False, repr=False, compare=False)
-    _repeated: frozenset[int] = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
             raise ExpressionError(f"an expression must be a text, not {self.text!r}")
         with _faults_as_errors(self.text):
-            root, repeated = parse(self.text)
+            root = parse(self.text)
             check(root)
         nodes = list(root.descendants())
         names, functions = (
@@ -60,7 +59,6 @@ class Expression:
         )
         object.__setattr__(self, "names", frozenset(names.keys() - CONSTANTS.keys()))
         object.__setattr__(self, "_root", root)
-        object.__setattr__(self, "_repeated", repeated)
         object.__setattr__(self, "_places", functions | names)
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
@@ -90,7 +88,7 @@ class Expression:
         used = self._places.keys() & layers.keys()
         with _faults_as_errors(self.text):
             values = {name: _bind(name, layers[name], self._places[name]) for name in used}
-            interpreter = Interpreter(Matrices(), values, available, self._repeated)
+            interpreter = Interpreter(Matrices(), values, available)
             result: NDArray[np.float32] | float = interpreter(self._root)
         is_shared = isinstance(result, np.ndarray) and not result.flags.writeable
         return np.copy(result, order="K") if is_shared else result
@@ -136,9 +134,7 @@ class Expression:
         if not np.issubdtype(np.asarray(layer).dtype, np.floating):
             layer = np.asarray(layer, np.float32)
         with _faults_as_errors(self.text):
-            result = evaluate_over_windows(
-                self._root, self._repeated, name, layer, window_size, edge_handling
-            )
+            result = evaluate_over_windows(self._root, name, layer, window_size, edge_handling)
         if not compute_empty_cells:
             result[np.isnan(layer)] = np.nan
         return result

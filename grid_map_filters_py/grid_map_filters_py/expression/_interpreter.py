@@ -4,7 +4,7 @@
 
 import difflib
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,21 +23,12 @@ class Interpreter:
         algebra: the primitives for the kind of values.
         names: values of the names; they hide functions and constants of the same name.
         available: the existing names, for error messages.
-        repeated: structures that occur more than once; their values are kept.
     """
 
-    def __init__(
-        self,
-        algebra: Matrices,
-        names: Mapping[str, Value],
-        available: str,
-        repeated: Collection[int] = (),
-    ) -> None:
+    def __init__(self, algebra: Matrices, names: Mapping[str, Value], available: str) -> None:
         self._algebra = algebra
         self._names = names
         self._available = available
-        self._repeated = repeated
-        self._memory: dict[int, Value] = {}
 
     def __call__(self, node: Node, end: int | None = None) -> Value:
         """Evaluate `node`.
@@ -49,18 +40,8 @@ class Interpreter:
         Raises:
             Fault: with its position.
         """
-        if node.structure in self._memory:
-            return self._memory[node.structure]
-        try:
-            value = getattr(self, f"_{node.kind}")(end, *node.parts)
-        except Fault as fault:
-            fault.position = node.position if fault.position is None else fault.position
-            raise
-        if node.structure in self._repeated:
-            self._memory[node.structure] = value
-            if isinstance(value, np.ndarray):
-                value.flags.writeable = False
-        return value
+        with node.blamed():
+            return getattr(self, f"_{node.kind}")(end, *node.parts)
 
     def _number(self, _end: int | None, number: float) -> Value:
         return number

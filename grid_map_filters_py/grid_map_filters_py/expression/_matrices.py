@@ -3,8 +3,8 @@
 """Evaluation on whole matrices: numbers are Python floats, matrices are float32 arrays.
 
 A Python float takes the type of the array it is combined with, in NumPy 1 and 2: float32 stays
-float32. Arrays of the user and cached values are read-only. A writeable array is therefore a
-temporary of the evaluation; the next operation may write its result into it.
+float32. Arrays of the user are read-only. A writeable array is therefore a temporary of the
+evaluation; the next operation may write its result into it.
 """
 
 from collections.abc import Callable, Iterable, Sequence

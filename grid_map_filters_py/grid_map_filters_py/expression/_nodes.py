@@ -30,14 +30,11 @@ class Node:
         kind: see above.
         parts: see above.
         position: column that errors point at.
-        structure: number of the part; equal parts have equal numbers, so that an evaluator computes
-            them once.
     """
 
     kind: str
     parts: tuple[Any, ...]
     position: int
-    structure: int
 
     @contextmanager
     def blamed(self) -> Iterator[None]:

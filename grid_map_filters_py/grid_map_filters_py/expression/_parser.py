@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Parser of expressions: converts text to a syntax tree."""
 
-from collections.abc import Hashable
 from functools import cache
 from importlib.resources import files
 from typing import Any, cast
@@ -44,23 +43,19 @@ _MISPLACED = {
 }
 
 
-def parse(text: str) -> tuple[Node, frozenset[int]]:
-    """Parse an expression.
-
-    Returns:
-        The root of the syntax tree, and the structures (not leaves) that occur more than once.
+def parse(text: str) -> Node:
+    """Return the root of the syntax tree of an expression.
 
     Raises:
         Fault: the text is not an expression.
     """
     if not text.strip():
         raise Fault("the expression is empty", position=0)
-    builder = _Builder()
     try:
-        tree = builder.transform(_grammar().parse(text))
+        root: Node = _Builder().transform(_grammar().parse(text))
     except UnexpectedInput as error:
         raise _explain(error, text) from None
-    return tree, frozenset(builder.repeated)
+    return root
 
 
 @cache
@@ -94,44 +89,29 @@ def _wanted(accepted: set[str]) -> str:
 
 @v_args(inline=True)
 class _Builder(Transformer_NonRecursive):
-    """Turns lark's tree into nodes and numbers their structures."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.repeated: set[int] = set()
-        self._structures: dict[Hashable, int] = {}
-
-    def _node(self, kind: str, place: Token | Node, *parts: Any) -> Node:
-        new = len(self._structures)
-        # The value of `end` depends on the index it stands in, so that no two are equal.
-        key = (kind, new) if kind == "end" else (kind, *map(_key, parts))
-        structure = self._structures.setdefault(key, new)
-        if structure != new and kind not in ("number", "name"):
-            self.repeated.add(structure)
-        position = place.position if isinstance(place, Node) else place.start_pos or 0
-        return Node(kind, parts, position, structure)
+    """Turns lark's tree into nodes."""
 
     def number(self, token: Token) -> Node:
-        return self._node("number", token, float(token))
+        return _node("number", token, float(token))
 
     def name(self, token: Token) -> Node:
-        return self._node("end", token) if token == "end" else self._node("name", token, str(token))
+        return _node("end", token) if token == "end" else _node("name", token, str(token))
 
     def quoted(self, token: Token) -> Node:
-        return self._node("name", token, str(token)[1:-1])
+        return _node("name", token, str(token)[1:-1])
 
     def all(self, token: Token) -> Node:
-        return self._node("all", token)
+        return _node("all", token)
 
     def unary(self, operator: Token, operand: Node) -> Node:
-        return self._node("unary", operator, str(operator), operand)
+        return _node("unary", operator, str(operator), operand)
 
     def binary(self, left: Node, operator: Token, right: Node) -> Node:
-        return self._node("binary", operator, str(operator), left, right)
+        return _node("binary", operator, str(operator), left, right)
 
     def range(self, first: Node, *others: Node) -> Node:
         step, last = others if len(others) == 2 else (None, *others)
-        return self._node("range", first, first, step, last)
+        return _node("range", first, first, step, last)
 
     def row(self, *blocks: Node) -> tuple[Node, ...]:
         return blocks
@@ -139,16 +119,14 @@ class _Builder(Transformer_NonRecursive):
     arguments = row
 
     def matrix(self, bracket: Token, *rows: tuple[Node, ...]) -> Node:
-        return self._node("matrix", bracket, *rows)
+        return _node("matrix", bracket, *rows)
 
     def apply(self, base: Node, bracket: Token, arguments: tuple[Node, ...]) -> Node:
         if base.kind == "name" and base.parts[0] in FUNCTIONS:
-            return self._node("call", base, base.parts[0], arguments)
-        return self._node("index", base if base.kind == "name" else bracket, base, arguments)
+            return _node("call", base, base.parts[0], arguments)
+        return _node("index", base if base.kind == "name" else bracket, base, arguments)
 
 
-def _key(part: Any) -> Hashable:
-    """Return a key of the structure: the number of a node, any other value itself."""
-    if isinstance(part, tuple):
-        return tuple(map(_key, part))
-    return part.structure if isinstance(part, Node) else part
+def _node(kind: str, place: Token | Node, *parts: Any) -> Node:
+    position = place.position if isinstance(place, Node) else place.start_pos or 0
+    return Node(kind, parts, position)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Evaluation of an expression on the sliding window around every cell."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise, product
 from typing import Any, Literal, NamedTuple, get_args
@@ -28,7 +28,6 @@ _LARGEST_MARGIN = 1000
 
 def evaluate_over_windows(
     root: Node,
-    repeated: Collection[int],
     name: str,
     layer: NDArray[Any],
     window_size: int,
@@ -42,12 +41,12 @@ def evaluate_over_windows(
     size, margin = window_size, window_size // 2
     if edge_handling == "empty" or (edge_handling == "crop" and skips_missing(root, name)):
         padded = np.pad(layer, margin, constant_values=np.nan)
-        result = evaluate_over_windows(root, repeated, name, padded, size, "inside")
+        result = evaluate_over_windows(root, name, padded, size, "inside")
         inner = tuple(slice(margin, margin + length) for length in layer.shape)
         return np.asfortranarray(result[inner])
-    number = partial(_number, root, repeated, name)
+    number = partial(_number, root, name)
     if edge_handling == "mean":
-        result = evaluate_over_windows(root, repeated, name, layer, size, "inside")
+        result = evaluate_over_windows(root, name, layer, size, "inside")
         border = np.ones(layer.shape, np.bool_)
         border[tuple(slice(margin, max(margin, length - margin)) for length in layer.shape)] = False
         result.T[border.T] = number(MeanPaddedWindow(layer, border, size))
@@ -101,10 +100,10 @@ def _spans(length: int, size: int, edge_handling: EdgeHandling) -> list[_Span]:
     return [span for span in spans if edge_handling == "crop" or span.window == size]
 
 
-def _number(root: Node, repeated: Collection[int], name: str, window: WindowMatrix) -> Any:
+def _number(root: Node, name: str, window: WindowMatrix) -> Any:
     """Return the value of windows: an array over their cells, or one number for all."""
     available = f"{name} (a window expression knows only its input layer)"
-    value = Interpreter(WindowMatrices(), {name: window}, available, repeated)(root)
+    value = Interpreter(WindowMatrices(), {name: window}, available)(root)
     if shape_of(value) != SCALAR:
         shape = describe(shape_of(value))
         text = f"a window expression must give a single number, this one gives {shape}"
