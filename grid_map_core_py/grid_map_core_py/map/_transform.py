@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 ROTATION_TOLERANCE = 1e-3
 """Tolerance of R^T R = I for a rotation R, so that rounded numbers pass."""
 
-_SMALL_BLOCK, _LARGE_BLOCK = 1 << 13, 1 << 14
-"""Number of cells transformed at a time, in a small and in a large map.
-
-Fewer cost more in calls than they save in the cache; more would outweigh a small map.
-"""
+_BLOCK = 1 << 14  # number of cells transformed at a time, whose points fit into the cache
 
 _Indices: TypeAlias = npt.NDArray[np.intp]
 
@@ -124,11 +120,10 @@ def _points(
         steps: (dx, dy) [m] from the center of a cell to each of its points.
     """
     heights = grid_map.unwrapped(height_layer)
-    block = min(max(_SMALL_BLOCK, heights.size // 12), _LARGE_BLOCK)
     x, y = grid_map.geometry.axes_in_map_order()
     all_numbers = np.arange(y.size)[:, None] * x.size, np.arange(x.size)
-    for columns in slices(y.size, block // x.size):
-        for rows in slices(x.size, block):
+    for columns in slices(y.size, _BLOCK // x.size):
+        for rows in slices(x.size, _BLOCK):
             z = heights[rows, columns].T.astype(np.float64)
             missing = ~np.isfinite(z)
             np.copyto(z, 0.0, where=missing)
