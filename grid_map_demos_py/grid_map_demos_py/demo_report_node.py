@@ -33,7 +33,7 @@ from .demo import Demo
 INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
 DIAGNOSTICS = "/diagnostics"
-FILTER_CHAIN = "grid_map_filters: filter chain"
+FILTER_CHAIN = "grid_map_filters"
 """Name of the diagnostic status of the filter chain."""
 
 SHOWN = {

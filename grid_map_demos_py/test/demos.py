@@ -35,7 +35,7 @@ LAUNCH_FILES = {
 ATTRIBUTES = {
     "launch": set(),
     "arg": {"name", "default", "description"},
-    "node": {"pkg", "exec", "output", "name", "args", "if"},
+    "node": {"pkg", "exec", "output", "name", "args", "if", "respawn", "respawn_delay"},
     "param": {"from", "name", "value"},
 }
 

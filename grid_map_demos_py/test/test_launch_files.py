@@ -101,6 +101,7 @@ def test_parameter_files_have_a_section_for_their_node(demo):
     assert "grid_map_visualization" in nodes
     for node in nodes.values():
         assert (node.get("output"), node.get("if")) == ("screen", None)
+        assert (node.get("respawn"), node.get("respawn_delay")) == ("true", "2.0")
         for file in (param.get("from") for param in node if "from" in param.attrib):
             section = yaml.safe_load(Path(file).read_text())[node.get("name")]
             assert [*section] == ["ros__parameters"]

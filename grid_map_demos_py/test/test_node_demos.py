@@ -161,7 +161,7 @@ def test_report_names_topics_without_messages_after_the_timeout(tmp_path):
 
 
 def test_report_counts_only_valid_maps_and_chain_diagnostics():
-    ours = DiagnosticStatus(name="grid_map_filters: filter chain")
+    ours = DiagnosticStatus(name="grid_map_filters")
     battery = DiagnosticStatus(name="battery", values=[KeyValue(key="ms left", value="plenty")])
     strange = DiagnosticStatus(name=ours.name, values=[KeyValue(key="ms inpaint", value="few")])
     broken = to_message(GridMap((1.0, 1.0), 0.5, layers=["elevation"]))

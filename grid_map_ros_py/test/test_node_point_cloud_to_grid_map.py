@@ -7,6 +7,7 @@ import signal
 
 import numpy as np
 from clouds import xyz_cloud
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
@@ -156,7 +157,14 @@ def test_fixed_map_is_published_at_a_rate_and_latched(other_side: Peer) -> None:
         other_side.publish("/points", xyz_cloud([(0.5, 0.5, 3.0)], "lidar"), 50)
         other_side.wait_until(lambda: "20 clouds with 20 points fused" in node.text, "statistics")
         other_side.wait_until(lambda: "; 1 clouds dropped" in node.text, "the cloud that is wrong")
-        assert "header.frame_id: expected 'map', that of the map, as there are no" in node.text
+        other_side.listen("/diagnostics", DiagnosticArray, 10)
+        reason = "header.frame_id: expected 'map', that of the map, as there are no"
+        assert reason in node.text
+        found = other_side.expect("/diagnostics").status[0]
+        values = {value.key: value.value for value in found.values}
+        counts = [values[f"clouds {name}"] for name in ("in", "out", "dropped")]
+        assert (counts, found.level) == (["21", "20", "1"], DiagnosticStatus.WARN)
+        assert reason in values["last error"]
         with peer() as late:
             late.listen("/grid_map", GridMapMessage)
             late.wait_until(

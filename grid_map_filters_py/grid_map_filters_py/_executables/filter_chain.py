@@ -5,17 +5,13 @@
 The parameters of the chain can be set while the node runs. The node builds the new chain first; if
 that fails, it refuses the change with the reason and keeps the old chain.
 
-While there are subscribers, the node also publishes `diagnostic_msgs/DiagnosticArray` on
-`/diagnostics`: numbers of maps in, out and dropped, the last error, and the last, mean and maximum
-duration of each filter [ms].
+Its reports on `/diagnostics` also have the last, mean and maximum duration of each filter [ms].
 """
 
 import array
 import sys
-from dataclasses import dataclass, field
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -27,49 +23,15 @@ from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
     LogThrottle,
     MapSubscription,
+    health_of,
     map_qos,
     read_parameter,
     read_parameter_tree,
-    read_positive,
     read_topic,
     run,
-    steady_timer,
 )
 
 from .._chain import FilterChain, StepTimes, describe_parameters
-
-
-@dataclass
-class Statistics:
-    """Numbers of maps, the last error and the durations of the steps of a node."""
-
-    maps_in: int = 0
-    maps_out: int = 0
-    maps_dropped: int = 0
-    last_was_dropped: bool = False
-    last_error: str = ""
-    times: StepTimes = field(default_factory=StepTimes)
-
-    def to_status(self, name: str) -> DiagnosticStatus:
-        """Return the statistics as a diagnostic message."""
-        milliseconds = {"ms": self.times.last, "mean ms": self.times.mean}
-        for time in self.times:
-            milliseconds[f"ms {time.config.name}"] = time.last
-            milliseconds[f"mean ms {time.config.name}"] = time.mean
-            milliseconds[f"max ms {time.config.name}"] = time.longest
-        values = {
-            "maps in": str(self.maps_in),
-            "maps out": str(self.maps_out),
-            "maps dropped": str(self.maps_dropped),
-            "last error": self.last_error,
-            **{key: f"{value:.3f}" for key, value in milliseconds.items()},
-        }
-        return DiagnosticStatus(
-            level=DiagnosticStatus.WARN if self.last_was_dropped else DiagnosticStatus.OK,
-            name=f"{name}: filter chain",
-            message=f"{self.maps_dropped} of {self.maps_in} maps dropped",
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
 
 
 class FilterChainNode(Node):
@@ -94,15 +56,12 @@ class FilterChainNode(Node):
         )
         self._chain = FilterChain.from_config(tree)
         self._next_chain: FilterChain | None = None
-        self._statistics = Statistics()
+        self._times = StepTimes()
+        health_of(self).details = self._milliseconds
         self._log = LogThrottle(self.get_logger())
         self._publisher = self.create_publisher(GridMapMessage, output, map_qos())
         if self.resolve_topic_name(topic) == self._publisher.topic_name:
             raise ConfigError(f"input_topic and output_topic are both {topic!r}")
-        about = "time between two reports on `/diagnostics` [s]"
-        period = read_positive(self, "diagnostics_period", 1.0, description=about)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        steady_timer(self, period, self._publish_diagnostics)
         self.add_on_set_parameters_callback(self._prepare_chain)
         self.add_post_set_parameters_callback(self._replace_chain)
         self._subscription = MapSubscription(self, topic, self._on_map)
@@ -137,7 +96,7 @@ class FilterChainNode(Node):
         """Use the new chain after all callbacks have accepted the change."""
         if self._next_chain is not None:
             self._chain, self._next_chain = self._next_chain, None
-            self._statistics.times = StepTimes()
+            self._times = StepTimes()
             self.get_logger().info(f"now {self._chain}")
 
     def _changed_config(self, changes: list[Parameter]) -> dict[str, Any]:
@@ -154,33 +113,23 @@ class FilterChainNode(Node):
     # --- maps -------------------------------------------------------------------------------------
 
     def _on_map(self, received: ReceivedMap) -> None:
-        statistics, warnings = self._statistics, list[str]()
-        statistics.maps_in += 1
+        warnings = list[str]()
+        grid_map = received.decode(unwrap=False, copy=False)
         try:
-            grid_map = received.decode(unwrap=False, copy=False)
-            result, start = self._chain.without_copies(
-                grid_map, statistics.times, warnings=warnings
-            )
-            self._publisher.publish(to_serialized_message(result, start_index=start))
-        except GridMapError as error:
-            statistics.maps_dropped += 1
-            statistics.last_was_dropped, statistics.last_error = True, str(error)
-            raise
-        else:
-            statistics.maps_out += 1
-            statistics.last_was_dropped = False
+            result, start = self._chain.without_copies(grid_map, self._times, warnings=warnings)
         finally:
             for text in warnings:
                 self._log.warning(text)
+        self._publisher.publish(to_serialized_message(result, start_index=start))
 
-    # --- diagnostics ------------------------------------------------------------------------------
-
-    def _publish_diagnostics(self) -> None:
-        if self._diagnostics.get_subscription_count() == 0:
-            return
-        message = DiagnosticArray(status=[self._statistics.to_status(self.get_name())])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(message)
+    def _milliseconds(self) -> dict[str, str]:
+        """Return the durations of the whole chain and of its filters [ms]."""
+        found = {"ms": self._times.last, "mean ms": self._times.mean}
+        for time in self._times:
+            found[f"ms {time.config.name}"] = time.last
+            found[f"mean ms {time.config.name}"] = time.mean
+            found[f"max ms {time.config.name}"] = time.longest
+        return {key: f"{value:.3f}" for key, value in found.items()}
 
 
 def main() -> int:

@@ -10,7 +10,14 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
 from ..messages._packages import messages_of
-from ..nodes import ConfiguredNode, LatchedSubscription, LogThrottle, map_qos, steady_timer
+from ..nodes import (
+    ConfiguredNode,
+    LatchedSubscription,
+    LogThrottle,
+    health_of,
+    map_qos,
+    steady_timer,
+)
 
 NAME = "octomap_to_grid_map"
 
@@ -69,7 +76,8 @@ class OctomapToGridMapNode(ConfiguredNode):
 
     def _receive(self, answer: Any) -> None:
         try:
-            self._publish(answer.result().map)
+            with health_of(self).counted():
+                self._publish(answer.result().map)
         except GridMapError as error:
             self._log.error(f"cannot use the octomap: {error}")
 

@@ -25,6 +25,7 @@ from ..nodes import (
     LogThrottle,
     TfPoses,
     has_tf,
+    health_of,
     map_qos,
     read_parameter,
     steady_timer,
@@ -53,7 +54,9 @@ class PointCloudToGridMapNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("point_cloud_to_grid_map")
-        self._report = LogThrottle(self.get_logger()).error
+        self._log = LogThrottle(self.get_logger())
+        self._health = health_of(self)
+        self._health.inputs = "clouds"
         self._has_news = False
         topic = self.read("input_topic", "/points", "topic of the clouds")
         output_topic = self.read("output_topic", "/grid_map", "topic of the map")
@@ -132,7 +135,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         return CloudMapper(
             rolling_map,
             self._read_poses(map_frame),
-            self._report,
+            self._drop,
             fields=fields,
             follow=follow,
             min_range=near,
@@ -177,13 +180,18 @@ class PointCloudToGridMapNode(ConfiguredNode):
     # --- messages ---------------------------------------------------------------------------------
 
     def _on_cloud(self, data: bytes) -> None:
+        self._health.receive()
         self._note(self._mapper.add(data))
+
+    def _drop(self, text: str) -> None:
+        self._health.drop(text)
+        self._log.error(text)
 
     def _on_pose(self, history: PoseHistory, message: Odometry | PoseStamped) -> None:
         try:
             history.add(message)
         except GridMapError as error:
-            self._report(f"dropped a pose: {error}")
+            self._log.error(f"dropped a pose: {error}")
         else:
             self._work()
 
@@ -192,6 +200,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
 
     def _note(self, has_changed: bool) -> None:
         self._has_news |= has_changed
+        if has_changed:
+            self._health.use(self._mapper.statistics.fused - self._health.used)
         if self._publish_rate == 0:
             self._publish()
 

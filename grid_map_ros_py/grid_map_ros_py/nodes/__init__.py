@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ._configured import ConfiguredNode
+    from ._health import Health, health_of
     from ._parameters import (
         check_topic,
         read_parameter,
@@ -50,12 +51,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ConfiguredNode",
+    "Health",
     "LatchedSubscription",
     "LogThrottle",
     "MapSubscription",
     "TfPoses",
     "check_topic",
     "has_tf",
+    "health_of",
     "map_qos",
     "quiet_start",
     "read_parameter",
@@ -69,7 +72,16 @@ __all__ = [
 ]
 
 
-_MODULES = ("_throttle", "_profile", "_topics", "_parameters", "_spin", "_configured", "_tf_poses")
+_MODULES = (
+    "_throttle",
+    "_profile",
+    "_health",
+    "_topics",
+    "_parameters",
+    "_spin",
+    "_configured",
+    "_tf_poses",
+)
 """Modules in which a name is searched when it is first used; the first two need no rclpy."""
 
 

@@ -5,6 +5,7 @@
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from traceback import walk_tb
 from types import FrameType
@@ -24,6 +25,7 @@ from rclpy.utilities import ok, try_shutdown
 from grid_map_core_py.errors import GridMapError
 
 from ..errors import NodeFailedError
+from ._health import PERIOD, health_of
 from ._overrides import unknown_parameters, unmatched_files
 from ._profile import use_profile
 
@@ -46,7 +48,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     Call it in the main thread. SIGINT and SIGTERM take effect between two callbacks. (The handlers
     of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor may miss
-    that.) A second signal interrupts the callback.
+    that.) A second signal interrupts the callback. The node reports its state on `/diagnostics`; see
+    `Health`.
 
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
@@ -60,18 +63,28 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
         node gave up.
     """
     signals = _Signals()
+    node = None
     try:
-        _spin(_start(create_node, sys.argv if args is None else list(args)), signals)
-    except NodeFailedError as error:
-        node = _node_of(error)
-        name = Path(sys.argv[0]).stem or "grid_map"
-        logger = get_logger(name) if node is None else node.get_logger()
-        logger.fatal(str(error))
+        node = _start(create_node, sys.argv if args is None else list(args))
+        _spin(node, signals)
+    except Exception as error:
+        signals.ignore()
+        failed, is_expected = _node_of(error), isinstance(error, NodeFailedError)
+        if is_expected:
+            name = Path(sys.argv[0]).stem or "grid_map"
+            logger = get_logger(name) if failed is None else failed.get_logger()
+            logger.fatal(str(error))
+        if failed is not None:
+            health_of(failed).report_failure(failed, str(error) or repr(error))
+        if not is_expected:
+            raise
         return 1
     except KeyboardInterrupt:
         pass
     finally:
         signals.ignore()
+        if node is not None:
+            node.destroy_node()
         try_shutdown()
     return 0
 
@@ -127,6 +140,9 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     for text in (unmatched_files(node, args), unknown_parameters(node, args)):
         if text:
             node.get_logger().warning(text)
+    health = health_of(node)
+    health.offer(node)
+    steady_timer(node, PERIOD, partial(health.report, node))
     return node
 
 
@@ -150,7 +166,5 @@ def _spin(node: Node, signals: _Signals) -> None:
     except (ExternalShutdownException, KeyboardInterrupt):
         pass
     finally:
-        signals.ignore()
-        node.destroy_node()
         # In the garbage collector its parts may already be gone, which would print a traceback.
         executor.shutdown()

@@ -16,6 +16,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..errors import NodeFailedError
 from ..messages._grid_map import ReceivedMap
+from ._health import health_of
 from ._throttle import LogThrottle
 
 WEAKER: dict[QoSPolicyKind, Any] = {
@@ -110,7 +111,8 @@ class LatchedSubscription:
 
     def _receive(self, message: Any) -> None:
         try:
-            self._callback(message)
+            with health_of(self._node).counted():
+                self._callback(message)
         except NodeFailedError:
             raise
         except GridMapError as error:

@@ -1,0 +1,121 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""State of a node, which `run` reports on `/diagnostics`."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+TOPIC = "/diagnostics"
+
+PERIOD = 1.0
+"""Time between two reports of a node [s]."""
+
+PATIENCE = 1.0
+"""Time after which a publisher has found its subscribers, and in which they acknowledge [s]."""
+
+
+@dataclass
+class Health:
+    """State of a node: numbers of its inputs, and the last error.
+
+    Attributes:
+        inputs: name of the inputs, such as "maps".
+        received: number of inputs.
+        used: number of inputs that the node has processed.
+        dropped: number of inputs that it could not use.
+        last_error: reason for the last dropped input; empty if there is none.
+        details: returns further values by name.
+    """
+
+    inputs: str = "maps"
+    received: int = 0
+    used: int = 0
+    dropped: int = 0
+    last_error: str = ""
+    details: Callable[[], Mapping[str, object]] = dict
+    _last_was_dropped: bool = False
+    _last_time: float = math.nan
+    _publisher: Any = None
+    _discovered: float = math.inf
+
+    @contextmanager
+    def counted(self) -> Iterator[None]:
+        """Count an input: as dropped if the context raises an error, else as used."""
+        self.receive()
+        try:
+            yield
+        except Exception as error:
+            self.drop(str(error))
+            raise
+        self.use()
+
+    def receive(self) -> None:
+        """Count an input that has come."""
+        self.received += 1
+        self._last_time = time.monotonic()
+
+    def use(self, count: int = 1) -> None:
+        """Count inputs that have been processed."""
+        self.used += count
+        self._last_was_dropped = False
+
+    def drop(self, reason: str) -> None:
+        """Count an input that cannot be used."""
+        self.dropped += 1
+        self._last_was_dropped, self.last_error = True, reason
+
+    def offer(self, node: Node) -> None:
+        """Make the publisher of the reports."""
+        self._publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)
+        self._discovered = time.monotonic() + PATIENCE
+
+    def report(self, node: Node) -> None:
+        """Publish the state if there are subscribers."""
+        if self._publisher.get_subscription_count():
+            level = DiagnosticStatus.WARN if self._last_was_dropped else DiagnosticStatus.OK
+            self._publish(node, level, f"{self.dropped} of {self.received} {self.inputs} dropped")
+
+    def report_failure(self, node: Node, reason: str) -> None:
+        """Publish that the node ends, and wait until subscribers have it, at most 2 s."""
+        # The reason for the end, which the caller reports as well, must not be lost.
+        with suppress(Exception):
+            if self._publisher is None:
+                self.offer(node)
+            count = self._publisher.get_subscription_count
+            while not count() and time.monotonic() < self._discovered:
+                time.sleep(0.01)
+            self._publish(node, DiagnosticStatus.ERROR, reason)
+            self._publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
+
+    def _publish(self, node: Node, level: bytes, text: str) -> None:
+        values = {
+            f"{self.inputs} in": self.received,
+            f"{self.inputs} out": self.used,
+            f"{self.inputs} dropped": self.dropped,
+            "last error": self.last_error,
+            "seconds since the last input": f"{time.monotonic() - self._last_time:.1f}",
+            **self.details(),
+        }
+        status = DiagnosticStatus(
+            level=level,
+            name=node.get_fully_qualified_name().removeprefix("/"),
+            message=text,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def health_of(node: Node) -> Health:
+    """Return the state of a node."""
+    health: Health = vars(node).setdefault("_grid_map_health", Health())
+    return health
