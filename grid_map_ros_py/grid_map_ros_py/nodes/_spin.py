@@ -48,8 +48,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     Call it in the main thread. SIGINT and SIGTERM take effect between two callbacks. (The handlers
     of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor may miss
-    that.) A second signal interrupts the callback. The node reports its state on `/diagnostics`; see
-    `Health`.
+    that.) A second signal interrupts the callback. The node reports its state on `/diagnostics`, as
+    `Health` has it.
 
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
