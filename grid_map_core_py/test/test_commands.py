@@ -295,12 +295,12 @@ def test_full_disk_is_an_error_and_keeps_existing_data(command, full_disk, endin
     assert Path(f"out.{ending}").read_bytes() == before
 
 
-def test_control_characters_in_names_are_escaped(command):
-    save_npz(GridMap((1, 1), 0.5, layers={"\x1b[31mred": 1.0}, frame_id="a\nb"), "evil.npz")
+def test_invisible_characters_in_names_are_escaped(command):
+    save_npz(GridMap((1, 1), 0.5, layers={"\u202ered": 1.0}, frame_id="a\u2028b"), "evil.npz")
     for line in ("info evil.npz", "inspect evil.npz"):
         _, text, _ = command(line)
-        assert "\x1b" not in text
-        assert "\\x1b[31mred" in text
+        assert "\u202e" not in text
+        assert "\\u202ered" in text
 
 
 # --- pipes and exit codes -------------------------------------------------------------------------

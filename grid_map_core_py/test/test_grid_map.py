@@ -145,12 +145,37 @@ def test_every_access_to_a_missing_layer_raises(terrain, access):
         access(terrain)
 
 
-@pytest.mark.parametrize("name", ["", None, 3])
+CONTROLS = ["a\0", "\x1b[2J", "a\nb", "\x7f", "\x85", "\ud800"]
+
+
+@pytest.mark.parametrize("name", ["", None, 3, *CONTROLS])
 def test_a_layer_needs_a_name(terrain, name):
-    with pytest.raises(GridMapError, match="non-empty string"):
-        terrain[name] = 1.0
-    with pytest.raises(GridMapError, match="non-empty string"):
-        terrain.with_layers({name: terrain["elevation"]})
+    for make in (
+        lambda: terrain.add(name),
+        lambda: terrain.update({name: 1.0}),
+        lambda: terrain.set_unwrapped(name, 1.0),
+        lambda: terrain.with_layers({name: terrain["elevation"]}),
+        lambda: GridMap((1, 1), 0.5, layers=[name]),
+    ):
+        with pytest.raises(GridMapError, match="a non-empty string without control characters"):
+            make()
+
+
+@pytest.mark.parametrize("name", [None, 3, *CONTROLS])
+def test_a_frame_is_a_text_without_control_characters(terrain, name):
+    for make in (
+        lambda: setattr(terrain, "frame_id", name),
+        lambda: GridMap((1, 1), 0.5, frame_id=name),
+        lambda: terrain.get_transformed_map(np.eye(4), "elevation", name),
+    ):
+        with pytest.raises(GridMapError, match="frame_id: expected a string without control"):
+            make()
+
+
+def test_names_in_any_language_are_kept(terrain):
+    terrain.frame_id = "größe \u2028 地図 👩\u200d🚀"
+    terrain[terrain.frame_id] = 1.0
+    assert terrain.layers[-1] == terrain.frame_id
 
 
 @pytest.mark.parametrize("value", [None, "high", 1j, [[None] * 5] * 8, {}, np.zeros((5, 8))])

@@ -138,17 +138,11 @@ def test_foreign_files_are_never_replaced(tmp_path):
         save_images(grid_map, theirs)
 
 
-@pytest.mark.parametrize("name", ["a\x85b", "\x85", "a\n b", "\u2028", "null", "1", "../x", "höhe"])
+@pytest.mark.parametrize("name", ["\u2028", "null", "1", "../x", "höhe"])
 def test_any_name_round_trips(tmp_path, name):
     save_images(GridMap((1, 1), 0.5, layers=[name], frame_id=name), tmp_path / "images")
     loaded = load_images(tmp_path / "images")
     assert (loaded.layers, loaded.frame_id) == ((name,), name)
-
-
-def test_name_without_file_representation_is_refused(tmp_path):
-    with pytest.raises(GridMapError, match="cannot be written"):
-        save_images(GridMap((1, 1), 0.5, layers=["\ud800"]), tmp_path / "images")
-    assert not any(tmp_path.iterdir())
 
 
 def test_yaml_file_names_its_folder(tmp_path):
@@ -213,8 +207,10 @@ def changed(path: Path, **changes: object) -> Path:
         ({"mode": "scale", "lower": "low"}, "lower"),
         ({"basic_layers": ["b"]}, "'b' is not among the layers"),
         ({"timestamp": 1.5}, "timestamp"),
+        ({"frame_id": "a\0"}, "frame_id: expected a string without control characters"),
+        ({"layers": [{"name": "\x1b[2J", "image": "a.png"}]}, "expected the name of a layer"),
     ],
-    ids=range(13),
+    ids=range(15),
 )
 def test_invalid_yaml_is_refused(saved, changes, reason):
     with pytest.raises(GridMapError, match=rf"{saved.parent}/\S+: cannot be read: ") as caught:

@@ -19,7 +19,7 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_npz, save_npz
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
-NAMES = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), min_size=1)
+NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"]), min_size=1)
 
 
 @pytest.fixture
@@ -60,10 +60,9 @@ def test_any_name_round_trips(names, frame_id):
         assert_maps_equal(load_npz(f"{folder}/map.npz"), grid_map)
 
 
-@pytest.mark.parametrize("name", ["a\0b", "\ud800", "x" * 70_000])
-def test_name_without_file_representation_is_refused(path, name):
+def test_name_without_file_representation_is_refused(path):
     with pytest.raises(GridMapError, match="a file cannot hold this name"):
-        save_npz(GridMap((1, 1), 0.5, layers=[name]), path)
+        save_npz(GridMap((1, 1), 0.5, layers=["x" * 70_000]), path)
     assert not path.exists()
 
 
@@ -118,7 +117,9 @@ def with_metadata(path: Path, **changes: object) -> Path:
         ({"position": [1]}, "position"),
         ({"layers": ["slope"]}, "slope.npy"),
         ({"layers": [3]}, "expected the name of a layer, got 3"),
+        ({"layers": ["elevation", "a\0"]}, "expected the name of a layer, got 'a.x00'"),
         ({"frame_id": 3}, "frame_id"),
+        ({"frame_id": "\x1b[2J"}, "frame_id: expected a string without control characters"),
         ({"timestamp": "now"}, "timestamp"),
         ({"basic_layers": 3}, ""),
     ],

@@ -42,6 +42,8 @@ MALFORMED: list[tuple[dict[str, Any], str, str, str]] = [
     ({"layers": []}, "data", "0 arrays", "2"),
     ({"layers": ["elevation"] * 2}, "layers", "every name once", "['elevation']"),
     ({"layers": ["elevation", ""]}, "layers[1]", "a name", "''"),
+    ({"layers": ["\x7f", "slope"]}, "layers[0]", "a name without control", "'\\x7f'"),
+    ({"header.frame_id": "\x1b[2J"}, "header.frame_id", "a text without control", "'\\x1b[2J'"),
     ({"basic_layers": ["slope"]}, "basic_layers[0]", "one of ['elevation'", "'slope'"),
     *(
         ({DIM: dims(*labels)}, DIM, LABELS, repr(labels))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Iterable
 from typing import Any, TypeAlias
@@ -32,6 +33,9 @@ Cells: TypeAlias = tuple[Integers, Integers]
 
 Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
+
+
+_CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 def as_positions(values: ArrayLike, name: str = "position") -> Positions:
@@ -163,6 +167,17 @@ def as_layer(value: ArrayLike, size: Size, name: str) -> Layer:
     with np.errstate(over="call", call=warn):
         layer[...] = data
     return layer
+
+
+def is_name(text: object) -> bool:
+    """Return whether layers and frames can have this name.
+
+    It is a text that is not empty, and holds no control characters (C0, DEL, C1) and no halves of
+    surrogate pairs: ROS, files and terminals cannot hold them.
+    """
+    if not isinstance(text, str) or not text:
+        return False
+    return text.isprintable() or not _CONTROL.search(text)
 
 
 def as_names(names: str | Iterable[str]) -> tuple[str, ...]:

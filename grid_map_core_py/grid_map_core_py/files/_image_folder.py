@@ -148,19 +148,20 @@ def _opened(path: str | PathLike[str]) -> StoredMap:
             if name not in entries:
                 raise ValueError(f"basic layer {name!r} is not among the layers")
 
-    def read(name: str) -> Layer:
-        entry, grid_map = entries[name], empty.copy()
-        with storage_errors(images[name], "read"):
-            pixels, mode = from_north_up(read_image(images[name], empty.size[::-1])), entry["mode"]
-            if mode == "color":
-                add_color_layer_from_image(grid_map, pixels, name)
-            elif mode == "values":
-                add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
-            else:
-                raise ValueError(f"mode: expected 'values' or 'color', got {short(mode)}")
-        return grid_map[name]
+        def read(name: str) -> Layer:
+            entry, grid_map = entries[name], empty.copy()
+            with storage_errors(images[name], "read"):
+                pixels = from_north_up(read_image(images[name], empty.size[::-1]))
+                mode = entry["mode"]
+                if mode == "color":
+                    add_color_layer_from_image(grid_map, pixels, name)
+                elif mode == "values":
+                    add_layer_from_image(grid_map, pixels, name, entry["lower"], entry["upper"])
+                else:
+                    raise ValueError(f"mode: expected 'values' or 'color', got {short(mode)}")
+            return grid_map[name]
 
-    return StoredMap(empty, [*entries], found["basic_layers"], read)
+        return StoredMap(empty, [*entries], found["basic_layers"], read)
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
@@ -175,8 +176,6 @@ def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:
 
 
 def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
-    # YAML can escape half of a surrogate pair, but readers reject it.
-    "".join([grid_map.frame_id, *(entry["name"] for entry in entries)]).encode()
     stored = {entry["name"] for entry in entries}
     origin = (grid_map.position - 0.5 * grid_map.length).tolist()
     document = {

@@ -4,15 +4,16 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import select_layers
-from ..errors import GridMapError, LayerNotFoundError, MissingPackageError
+from ..arrays._checks import is_name, select_layers
+from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, short
 from ..map._grid_map import GridMap
 
 _KNOWN = frozenset(
@@ -72,7 +73,8 @@ def map_facts(grid_map: GridMap) -> dict[str, Any]:
     }
 
 
-class StoredMap(NamedTuple):
+@dataclass(frozen=True)
+class StoredMap:
     """A map in a file whose layers have not been read yet."""
 
     empty: GridMap
@@ -81,6 +83,11 @@ class StoredMap(NamedTuple):
     basic_layers: Sequence[str]
     read: Callable[[str], ArrayLike]
     """Returns a layer in map order."""
+
+    def __post_init__(self) -> None:
+        for name in self.layers:
+            if not is_name(name):
+                raise ValueError(f"expected the name of a layer, got {short(name)}")
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
         """Return the map with the named layers; None means all."""

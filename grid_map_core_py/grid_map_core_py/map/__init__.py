@@ -6,11 +6,11 @@
 - `GridGeometry`: size, resolution and place of a grid; positions to cells and back.
 - `Interpolation`: the methods of `GridMap.at_position`.
 - `BufferRegion` and `unwrapped`: the circular buffer in which layers are stored.
-- `select_layers`: names of layers that users give, checked.
+- `is_name` and `select_layers`: names of layers that users give, checked.
 - `SignedDistanceField`: distances from points in space to the surface of a layer.
 """
 
-from ..arrays._checks import select_layers as select_layers
+from ..arrays._checks import is_name as is_name, select_layers as select_layers
 from ._geometry import GridGeometry as GridGeometry
 from ._grid_map import GridMap as GridMap
 from ._interpolation import Interpolation as Interpolation

@@ -25,6 +25,7 @@ from ..arrays._checks import (
     as_point,
     as_size,
     as_text,
+    is_name,
     select_layers,
 )
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, short
@@ -209,8 +210,9 @@ class GridMap(MutableMapping[str, Layer]):
 
     @frame_id.setter
     def frame_id(self, frame_id: str) -> None:
-        if not isinstance(frame_id, str):
-            raise GridMapError(f"frame_id: expected a string, got {short(frame_id)}")
+        if frame_id != "" and not is_name(frame_id):
+            expected = "a string without control characters"
+            raise GridMapError(f"frame_id: expected {expected}, got {short(frame_id)}")
         self._frame_id = frame_id
 
     @property
@@ -248,7 +250,8 @@ class GridMap(MutableMapping[str, Layer]):
             raise LayerNotFoundError(layer, self._layers) from None
 
     def __setitem__(self, layer: str, value: ArrayLike) -> None:
-        _check_name(layer)
+        if not is_name(layer):
+            raise _wrong_name(layer)
         # `map[layer] += 1` has already written into the layer.
         if layer not in self._layers or value is not self._layers[layer]:
             self._layers[layer] = as_layer(value, self.size, layer)
@@ -706,7 +709,8 @@ class GridMap(MutableMapping[str, Layer]):
         return layers
 
     def _adopt(self, name: str, data: ArrayLike) -> Layer:
-        _check_name(name)
+        if not is_name(name):
+            raise _wrong_name(name)
         if (
             isinstance(data, np.ndarray)
             and data.dtype == np.float32
@@ -743,9 +747,9 @@ class GridMap(MutableMapping[str, Layer]):
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)
 
 
-def _check_name(layer: object) -> None:
-    if not isinstance(layer, str) or not layer:
-        raise GridMapError(f"layer: expected a name, a non-empty string, got {short(layer)}")
+def _wrong_name(layer: object) -> GridMapError:
+    expected = "a name, a non-empty string without control characters"
+    return GridMapError(f"layer: expected {expected}, got {short(layer)}")
 
 
 def _finite_or_nan(vector: Positions) -> Positions:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GeometryError, GridGeometry
+from grid_map_core_py.map import is_name
 
 from ..errors import MessageError
 
@@ -25,13 +26,22 @@ MOST_CELLS = 2**25
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
-    """Raise if an object lacks one of the fields that tell messages of its kind from others."""
+    """Raise if an object is no message of a kind, or if the name of its frame is invalid.
+
+    Args:
+        message: the object.
+        kind: the kind, for the error.
+        paths: fields that tell messages of this kind from others.
+    """
     try:
         attrgetter(*paths)(message)
     except AttributeError:
         package = type(message).__module__.partition(".")[0]
         found = f"{package}.{type(message).__name__}"
         raise MessageError("message", f"a {kind}", found) from None
+    frame_id = getattr(getattr(message, "header", None), "frame_id", "")
+    if frame_id != "" and not is_name(frame_id):
+        raise MessageError("header.frame_id", "a text without control characters", frame_id)
 
 
 def check_positive(field: str, value: float) -> float:

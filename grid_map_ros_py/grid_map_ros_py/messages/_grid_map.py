@@ -15,7 +15,7 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Layer, Size
-from grid_map_core_py.map import select_layers, unwrapped
+from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
 from ._cdr import Buffer, Deferred, serialize, view
@@ -78,7 +78,7 @@ def to_serialized_message(
     Raises:
         LayerNotFoundError: the map lacks a layer.
         OutOfMapError: the start index is no cell of the map.
-        MessageError: the timestamp does not fit the message, or UTF-8 cannot hold a name.
+        MessageError: the timestamp does not fit the message.
     """
     if start_index is None:
         start_index = grid_map.start_index
@@ -319,8 +319,10 @@ def from_info(info: "GridMapInfo") -> GridGeometry:
 def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
     """Return the layers in the message's memory, after checking their names, sizes and data."""
     names = list(message.layers)
-    if "" in names:
-        raise MessageError(f"layers[{names.index('')}]", "a name", "")
+    for index, name in enumerate(names):
+        if not is_name(name):
+            expected = "a name without control characters"
+            raise MessageError(f"layers[{index}]", expected, name)
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise MessageError("layers", "every name once", repeated)
