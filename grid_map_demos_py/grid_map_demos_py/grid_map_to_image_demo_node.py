@@ -17,7 +17,7 @@ from rclpy.utilities import try_shutdown
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import COLOR_LAYER, Image, to_color_image, to_image
 from grid_map_core_py.errors import GridMapError
-from grid_map_core_py.files import new_file, storage_errors
+from grid_map_core_py.files import encode_image, storage_errors, write_image
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
@@ -30,29 +30,12 @@ DTYPES = {8: np.uint8, 16: np.uint16}
 
 def keeps(file: Path, image: Image) -> bool:
     """Return whether the format of a file, by its ending, stores such an image without loss."""
-    if not cv2.haveImageWriter(str(file)):
-        return False
     try:
-        data = np.frombuffer(encode(image, file), np.uint8)
-    except GridMapError:
+        data = np.frombuffer(encode_image(image, file.suffix), np.uint8)
+    except (cv2.error, ValueError):
         return False
     again = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     return again is not None and (again.dtype, again.shape) == (image.dtype, image.shape)
-
-
-def encode(image: Image, file: Path) -> bytes:
-    """Return the bytes of an image file; the ending of its name sets the format.
-
-    Raises:
-        GridMapError: OpenCV does not write such images in this format.
-    """
-    try:
-        is_done, data = cv2.imencode(file.suffix, image)
-    except cv2.error:
-        is_done = False
-    if not is_done:
-        raise GridMapError(f"{file}: OpenCV cannot write this image in this format")
-    return data.tobytes()
 
 
 class GridMapToImageDemoNode(Demo):
@@ -94,8 +77,8 @@ class GridMapToImageDemoNode(Demo):
     def _receive(self, received: ReceivedMap) -> None:
         try:
             image = self._draw(received.decode([self._layer]), self._layer)
-            with storage_errors(self._file, "written"), new_file(self._file) as temporary:
-                temporary.write_bytes(encode(image, self._file))
+            with storage_errors(self._file, "written"):
+                write_image(self._file, image)
         except MessageError:
             raise
         except GridMapError as error:

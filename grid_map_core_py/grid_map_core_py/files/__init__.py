@@ -20,9 +20,11 @@ from ._formats import (
 )
 from ._geotiff import load_geotiff as load_geotiff, save_geotiff as save_geotiff
 from ._image_files import (
+    encode_image as encode_image,
     load_height_image as load_height_image,
     read_image as read_image,
     save_height_image as save_height_image,
+    write_image as write_image,
 )
 from ._image_folder import load_images as load_images, save_images as save_images
 from ._map_server import load_map_server as load_map_server, save_map_server as save_map_server

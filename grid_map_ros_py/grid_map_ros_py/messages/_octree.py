@@ -194,20 +194,25 @@ def highest_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> npt.NDArray[np.
     Returns:
         (x, y), counted from `first`.
     """
-    corner, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
+    begin, highest = first[:2] >> DEPTH, np.full((1, 1), -1, np.int32)
     for depth in range(DEPTH + 1):
-        if depth:
-            # Split each column into four, and cut off those beyond the box.
-            highest = highest.repeat(2, axis=0).repeat(2, axis=1)
-            corner, beyond = first[:2] >> (DEPTH - depth), 2 * corner
-            end = (last[:2] >> (DEPTH - depth)) + 1 - beyond
-            start = corner - beyond
-            highest = highest[start[0] : end[0], start[1] : end[1]]
+        # Split each column of the depth above into four, except those beyond the box.
+        above, begin = begin, first[:2] >> (DEPTH - depth)
+        shape = (last[:2] >> (DEPTH - depth)) + 1 - begin
+        row, column = begin - 2 * above
+        highest = highest.repeat(2, axis=0).repeat(2, axis=1)
+        highest = np.ascontiguousarray(highest[row : row + shape[0], column : column + shape[1]])
         if depth in leaves:
             keys, occupied = leaves[depth]
-            keys = keys.compress(occupied, axis=1)
-            highest = np.ascontiguousarray(highest)
-            _raise_to(highest, keys, side_of(depth), corner, (first[2], last[2]))
+            x, y, z = keys.compress(occupied, axis=1)
+            x -= begin[0]
+            y -= begin[1]
+            bottom = z * np.int32(side_of(depth))
+            top = np.minimum(bottom + np.int32(side_of(depth) - 1), last[2])
+            within = (x >= 0) & (x < shape[0]) & (y >= 0) & (y < shape[1])
+            within &= (top >= first[2]) & (bottom <= last[2])
+            cells = x[within].astype(np.intp) * shape[1] + y[within]
+            np.maximum.at(highest.reshape(-1), cells, top[within])
     return highest
 
 
@@ -241,22 +246,3 @@ def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
         within = (keys >= (first >> shift)[:, None]) & (keys <= (last >> shift)[:, None])
         keys = keys.compress(within.all(axis=0), axis=1)
     return keys
-
-
-def _raise_to(
-    highest: npt.NDArray[np.int32], keys: Keys, side: int, corner: Voxel, heights: tuple[int, int]
-) -> None:
-    """Raise columns (in place) to the tops of occupied leaves (3, N) of one depth.
-
-    `corner` is the first column; leaves that are not within the lowest and highest z do not count.
-    """
-    x, y, z = keys
-    x -= corner[0]
-    y -= corner[1]
-    lowest, limit = map(np.int32, heights)
-    bottom = z * np.int32(side)
-    top = np.minimum(bottom + np.int32(side - 1), limit)
-    within = (x >= 0) & (x < highest.shape[0]) & (y >= 0) & (y < highest.shape[1])
-    within &= (top >= lowest) & (bottom <= limit)
-    cells = x[within].astype(np.intp) * highest.shape[1] + y[within]
-    np.maximum.at(highest.reshape(-1), cells, top[within])
