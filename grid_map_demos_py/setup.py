@@ -22,6 +22,7 @@ NODES = (
     "opencv_demo",
     "resolution_change_demo",
     "sdf_demo",
+    "simple_demo",
     "terrain_publisher",
     "tutorial_demo",
 )
@@ -74,7 +75,6 @@ setup(
             # The name in C++.
             f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",
             f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
-            f"simple_demo = {PACKAGE}.simple_demo_node:main",
             *(
                 # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
                 f"{name} = {PACKAGE}.{name}_node:{name.title().replace('_', '')}Node.main"

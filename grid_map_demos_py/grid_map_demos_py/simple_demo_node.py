@@ -6,15 +6,14 @@ Publishes on `grid_map`, 30 times a second.
 """
 
 import numpy as np
-from rclpy.node import Node
 
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_serialized_message
-from grid_map_ros_py.nodes import map_qos, run
+from grid_map_ros_py.nodes import ConfiguredNode, map_qos
 
 
-class SimpleDemoNode(Node):
+class SimpleDemoNode(ConfiguredNode):
     """Fills a map with a moving wave and publishes it."""
 
     def __init__(self) -> None:
@@ -33,10 +32,5 @@ class SimpleDemoNode(Node):
         self._publisher.publish(to_serialized_message(self._map))
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(SimpleDemoNode)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(SimpleDemoNode.main())

@@ -23,14 +23,7 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
-from .. import (
-    ReceivedMap,
-    from_message,
-    load_from_bag,
-    save_to_bag,
-    to_message,
-    to_serialized_message,
-)
+from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
 from .._mapping.map_server import part, path_inside
 from ..bags._bag import STORAGES
 from ..errors import RequestError
@@ -64,7 +57,9 @@ class GridMapServerNode(ConfiguredNode):
         if topic:
             if self.resolve_topic_name(topic) == self._publisher.topic_name:
                 raise ConfigError(f"input_topic and output_topic are both {topic!r}")
-            self._subscription = MapSubscription(self, topic, self._on_map)
+            self._subscription = MapSubscription(
+                self, topic, lambda received: self._take(received.decode(unwrap=False))
+            )
         for kind, action in (
             (GetGridMap, self._get_grid_map),
             (GetGridMapInfo, self._get_grid_map_info),
@@ -92,9 +87,6 @@ class GridMapServerNode(ConfiguredNode):
         data = to_serialized_message(grid_map)
         self._map = grid_map
         self._publisher.publish(data)
-
-    def _on_map(self, received: ReceivedMap) -> None:
-        self._take(received.decode(unwrap=False))
 
     def _held_map(self) -> GridMap:
         if self._map is None:

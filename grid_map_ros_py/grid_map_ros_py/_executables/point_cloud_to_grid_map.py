@@ -75,7 +75,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
             steady_timer(self, 1 / self._publish_rate, self._publish)
         about = "time between two lines of statistics in the log [s]; 0 means none"
         if period := self._read_not_negative("statistics_period", about):
-            steady_timer(self, period, self._log_statistics)
+            steady_timer(self, period, lambda: self.get_logger().info(str(self._mapper.statistics)))
         steady_timer(self, WAIT_PERIOD, self._work)
         about = (
             "`best_effort` receives from every publisher; `reliable` requests lost clouds again, "
@@ -209,9 +209,6 @@ class PointCloudToGridMapNode(ConfiguredNode):
         if self._has_news:
             self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
             self._has_news = False
-
-    def _log_statistics(self) -> None:
-        self.get_logger().info(str(self._mapper.statistics))
 
 
 if __name__ == "__main__":

@@ -171,20 +171,20 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
         raise BagError(path, "no such file or folder")
     if not path.is_dir():
         return [path]
-    if recover and not (path / FILE_NAME).is_file():
-        # The names end in numbers without leading zeros.
-        files = [file for file in _stored(path) if file.stat().st_size]
-        return sorted(files, key=lambda file: (len(file.name), file.name))
-    # Old versions include the folder; paths to other folders are not followed.
-    files = [path / Path(name).name for name in _listed_files(path)]
-    for file in files:
-        if not file.is_file():
-            raise BagError(path, f"its file {file.name} is missing")
-    return files
-
-
-def _stored(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if file.suffix in (".mcap", ".db3"))
+    if (path / FILE_NAME).is_file():
+        # Old versions include the folder; paths to other folders are not followed.
+        files = [path / Path(name).name for name in _listed_files(path)]
+        for file in files:
+            if not file.is_file():
+                raise BagError(path, f"its file {file.name} is missing")
+        return files
+    files = [file for file in path.iterdir() if file.suffix in (".mcap", ".db3")]
+    # The names end in numbers without leading zeros.
+    files.sort(key=lambda file: (len(file.name), file.name))
+    if recover:
+        return [file for file in files if file.stat().st_size]
+    hint = f"; read {files[0].name} itself, or use recover=True (--recover)" if files else ""
+    raise BagError(path, f"no bag: a folder without {FILE_NAME}{hint}")
 
 
 def message_count(path: Path) -> int | None:
@@ -205,11 +205,6 @@ def _information(folder: Path) -> dict[str, Any]:
 
 
 def _listed_files(folder: Path) -> list[str]:
-    path = folder / FILE_NAME
-    if not path.is_file():
-        files = _stored(folder)
-        hint = f"; read {files[0].name} itself, or use recover=True (--recover)" if files else ""
-        raise BagError(folder, f"no bag: a folder without {FILE_NAME}{hint}")
     found = _information(folder)
     if str(found.get("compression_mode")).lower() == "file":
         raise BagError(
@@ -219,7 +214,7 @@ def _listed_files(folder: Path) -> list[str]:
         )
     names = found.get("relative_file_paths")
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
-        raise BagError(path, "relative_file_paths: expected a list of names")
+        raise BagError(folder / FILE_NAME, "relative_file_paths: expected a list of names")
     if not names:
-        raise BagError(path, "the bag has no files")
+        raise BagError(folder / FILE_NAME, "the bag has no files")
     return names
