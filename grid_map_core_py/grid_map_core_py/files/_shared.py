@@ -36,8 +36,13 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
 
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
-    """Turn every error of reading or writing a file into one GridMapError that names it."""
+    """Turn every error of reading or writing a file into one GridMapError that names it.
+
+    A device or a pipe is not read: it may never end.
+    """
     try:
+        if doing == "read" and file.exists() and not (file.is_file() or file.is_dir()):
+            raise OSError("a device or a pipe")
         yield
     except (LayerNotFoundError, MissingPackageError):
         raise

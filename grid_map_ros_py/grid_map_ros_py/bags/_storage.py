@@ -167,10 +167,10 @@ def files_of(path: Path, *, recover: bool = False) -> list[Path]:
         BagError: the folder is no bag, its metadata is damaged, or its files are missing or
             compressed.
     """
-    if not path.exists():
-        raise BagError(path, "no such file or folder")
-    if not path.is_dir():
+    if path.is_file():
         return [path]
+    if not path.is_dir():
+        raise BagError(path, "a device or a pipe" if path.exists() else "no such file or folder")
     if (path / FILE_NAME).is_file():
         # Old versions include the folder; paths to other folders are not followed.
         files = [path / Path(name).name for name in _listed_files(path)]

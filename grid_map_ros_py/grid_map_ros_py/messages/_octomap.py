@@ -27,6 +27,7 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import as_array
 from grid_map_core_py.conversions import fitting_geometry, rasterize
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.files import storage_errors
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
@@ -162,10 +163,8 @@ def load_octomap(
 
 def _read(path: Path, frame_id: str) -> Any:
     """Return a file as an object with the fields of `octomap_msgs/Octomap`."""
-    try:
+    with storage_errors(path, "read"):
         head, separator, tree = path.read_bytes().partition(b"\ndata\n")
-    except OSError as error:
-        raise GridMapError(f"{path}: cannot be read: {error.strerror}") from error
     kind, *lines = head.splitlines() or [b""]
     if not (separator and kind in (BINARY, FULL)):
         raise GridMapError(f"{path}: cannot be read: expected a .bt or .ot file of OctoMap")
