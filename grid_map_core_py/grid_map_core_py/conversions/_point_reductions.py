@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays._checks import Integers
+from ._packed_colors import color_value_to_bytes, join_channels
 
 Flat = npt.NDArray[np.float32]
 """(cells,) one value per cell."""
@@ -180,29 +181,24 @@ class MeanColor:
     """The mean of each channel of packed colors, rounded."""
 
     def __init__(self, cells: int) -> None:
-        self._channels = [np.zeros(cells, np.uint32) for _ in _SHIFTS]
+        self._sums = [np.zeros(cells, np.uint32) for _ in "rgb"]
         self._count = Count(cells)
 
     def add(self, cells: Integers, values: Values) -> None:
-        bits = values.astype(np.float32).view(np.uint32)
-        for sums, shift in zip(self._channels, _SHIFTS, strict=True):
-            np.add.at(sums, cells, (bits >> shift) & np.uint32(0xFF))
+        for sums, channel in zip(self._sums, color_value_to_bytes(values), strict=True):
+            np.add.at(sums, cells, channel.astype(np.uint32))
         self._count.add(cells, values)
 
     def result(self) -> Flat:
         numbers = self._count.numbers.astype(np.uint32)
-        packed = np.zeros(numbers.size, np.uint32)
-        for shift in _SHIFTS:
-            sums = self._channels.pop(0)
+        for sums in self._sums:
             sums += numbers // 2
             sums //= numbers
-            sums <<= shift
-            packed |= sums
-        packed[numbers == 0] = np.float32(np.nan).view(np.uint32)
-        return packed.view(np.float32)
+        colors: Flat = join_channels(*self._sums).view(np.float32)
+        colors[numbers == 0] = np.nan
+        return colors
 
 
-_SHIFTS = np.array([16, 8, 0], np.uint32)  # bit positions of red, green and blue in a packed color
 _SIGN = np.uint32(1 << 31)
 
 
