@@ -11,12 +11,7 @@ import numpy as np
 
 from .map._grid_map import GridMap
 
-__all__ = [
-    "assert_maps_equal",
-    "grid_maps",
-    "moved_in_buffer",
-    "register_profiles",
-]
+__all__ = ["assert_maps_equal", "grid_maps", "moved_in_buffer", "register_profiles"]
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

@@ -194,12 +194,7 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
 
 
 def fitting_geometry(
-    lower: Positions,
-    upper: Positions,
-    resolution: float,
-    *,
-    hold_edges: bool,
-    align: bool = False,
+    lower: Positions, upper: Positions, resolution: float, *, hold_edges: bool, align: bool = False
 ) -> GridGeometry:
     """Return the smallest grid that covers a rectangle.
 

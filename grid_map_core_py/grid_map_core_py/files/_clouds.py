@@ -64,9 +64,7 @@ def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     return points, _with_packed_colors(table)
 
 
-def load_mesh(
-    path: str | PathLike[str],
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+def load_mesh(path: str | PathLike[str]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Read a mesh from a PLY, OBJ or STL file.
 
     Polygons come as triangles. The objects of an OBJ file come as one mesh. A binary PLY file can

@@ -651,11 +651,7 @@ class GridMap(MutableMapping[str, Layer]):
         )
 
     def get_transformed_map(
-        self,
-        transform: ArrayLike,
-        height_layer: str,
-        frame_id: str,
-        sample_ratio: float = 0.0,
+        self, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float = 0.0
     ) -> GridMap:
         """Return the map in another frame, as a surface of 3-D points seen from above.
 

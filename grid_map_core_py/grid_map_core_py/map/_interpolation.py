@@ -206,10 +206,7 @@ def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
 
     If the border cell were only repeated, its slope would be zero.
     """
-    for beyond, near, far in (
-        (below >= np.array(size)[:, np.newaxis], 0, 3),
-        (below <= 0, 3, 0),
-    ):
+    for beyond, near, far in ((below >= np.array(size)[:, np.newaxis], 0, 3), (below <= 0, 3, 0)):
         if beyond.any():
             weights[far][beyond] -= weights[near][beyond]
             weights[near][beyond] *= 2.0

@@ -29,11 +29,7 @@ _Indices: TypeAlias = npt.NDArray[np.intp]
 
 
 def transformed_map(
-    grid_map: GridMap,
-    transform: ArrayLike,
-    height_layer: str,
-    frame_id: str,
-    sample_ratio: float,
+    grid_map: GridMap, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float
 ) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
     matrix = _as_rigid(transform)

@@ -10,16 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import (
-    Cells,
-    Mask,
-    Positions,
-    Size,
-    as_finite,
-    as_pair,
-    as_size,
-    as_text,
-)
+from ..arrays._checks import Cells, Mask, Positions, Size, as_finite, as_pair, as_size, as_text
 from ..arrays._pieces import slices
 from ..errors import GeometryError, OutOfMapError, short
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry

@@ -48,11 +48,7 @@ class FilterChainNode(Node):
         self._chain_name = read_parameter(self, name, str, "filters", description=about)
         about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
         tree = read_parameter_tree(
-            self,
-            self._chain_name,
-            read_only=False,
-            description=about,
-            describe=describe_parameters,
+            self, self._chain_name, read_only=False, description=about, describe=describe_parameters
         )
         self._chain = FilterChain.from_config(tree)
         self._next_chain: FilterChain | None = None

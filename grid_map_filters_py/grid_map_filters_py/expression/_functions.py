@@ -49,13 +49,7 @@ def _finite_or(substitute: float) -> Callable[[Any], Any]:
 
 # --- operators ------------------------------------------------------------------------------------
 
-ARITHMETIC = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "^": np.power,
-}
+ARITHMETIC = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "^": np.power}
 """A point before an operator, as in `.*`, makes it elementwise."""
 
 COMPARISONS = {

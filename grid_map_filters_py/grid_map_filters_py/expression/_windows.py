@@ -27,11 +27,7 @@ _LARGEST_MARGIN = 1000
 
 
 def evaluate_over_windows(
-    root: Node,
-    name: str,
-    layer: NDArray[Any],
-    window_size: int,
-    edge_handling: EdgeHandling,
+    root: Node, name: str, layer: NDArray[Any], window_size: int, edge_handling: EdgeHandling
 ) -> NDArray[np.float32]:
     """Evaluate a syntax tree as `Expression.over_windows` does; raises Fault."""
     _check_arguments(layer, window_size, edge_handling)
