@@ -367,16 +367,13 @@ def change_resolution(
     expected = f"at most twice the length {tuple(grid_map.length.tolist())} of the map"
     _check(rows > 0 and columns > 0, "resolution", expected, resolution)
     geometry = GridGeometry.from_size((rows, columns), target, grid_map.position)
-    result = GridMap.from_geometry(
-        geometry, frame_id=grid_map.frame_id, timestamp=grid_map.timestamp
-    )
     axes = _axes(grid_map.size, geometry.size, factor, interpolation)
     picking = _axes(grid_map.size, geometry.size, factor, cv2.INTER_NEAREST_EXACT)
-    for name, layer in grid_map.items():
-        chosen = picking if name == COLOR_LAYER else axes
-        result = result.with_layers({name: resample(layer, grid_map.start_index, *chosen)})
-    result.basic_layers = grid_map.basic_layers
-    return result
+    layers = {
+        name: resample(layer, grid_map.start_index, *(picking if name == COLOR_LAYER else axes))
+        for name, layer in grid_map.items()
+    }
+    return grid_map._with(layers, geometry, (0, 0))
 
 
 def _axes(old: Size, new: Size, factor: float, interpolation: int) -> tuple[Axis, Axis]:

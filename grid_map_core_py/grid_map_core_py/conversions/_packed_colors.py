@@ -53,8 +53,8 @@ def color_channels_to_value(
     Returns:
         (...) float32, in the memory order of the arrays; NaN where a component is NaN.
     """
-    pack = _pack_floats if np.result_type(red, green, blue).kind == "f" else _pack
-    bits = elementwise(pack, np.uint32, red, green, blue)
+    with np.errstate(invalid="ignore"):
+        bits = elementwise(_pack, np.uint32, red, green, blue)
     values: npt.NDArray[np.float32] = bits.view(np.float32)
     return values
 
@@ -110,23 +110,19 @@ def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
     return red, green, blue
 
 
-def _pack_floats(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
-    """Return the bits of colors in [0, 1]."""
-    with np.errstate(invalid="ignore"):
-        bits = _pack(*(255 * channel for channel in channels))
-    for channel in channels:
-        bits[np.isnan(channel)] = NO_COLOR
-    return bits
-
-
 def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
-    """Return the bits of colors in [0, 255]; fractions are cut off."""
-    clamped = []
+    """Return the bits of colors, which are floats in [0, 1] or integers in [0, 255]."""
+    bits: npt.NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
-        if channel.dtype != np.uint8:
-            # Not every integer type holds 255.
-            floats = channel if channel.dtype.kind == "f" else channel.astype(np.float64)
-            channel = np.clip(floats, 0, 255)
-        clamped.append(channel.astype(np.uint32))
-    bits: npt.NDArray[np.uint32] = join_channels(*clamped)
+        if channel.dtype.kind == "f":
+            bits[np.isnan(channel)] = NO_COLOR
     return bits
+
+
+def _byte(channel: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+    """Return a channel in [0, 255], its fractions cut off."""
+    if channel.dtype != np.uint8:
+        # Not every integer type holds 255.
+        scaled = 255 * channel if channel.dtype.kind == "f" else channel.astype(np.float64)
+        channel = np.clip(scaled, 0, 255)
+    return channel.astype(np.uint32)

@@ -63,22 +63,17 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     )
     if not (before.any() or after.any()):
         return grid_map
-    shift = 0.5 * grid_map.resolution * (before - after)
-    result = grid_map.from_geometry(
-        GridGeometry(
-            grid_map.length + grid_map.resolution * (before + after),
-            grid_map.resolution,
-            grid_map.position + shift,
-        ),
-        grid_map.layers,
-        basic_layers=grid_map.basic_layers,
-        frame_id=grid_map.frame_id,
-        timestamp=grid_map.timestamp,
+    geometry = GridGeometry(
+        grid_map.length + grid_map.resolution * (before + after),
+        grid_map.resolution,
+        grid_map.position + 0.5 * grid_map.resolution * (before - after),
     )
-    (row, column), (rows, columns) = before.astype(int), grid_map.size
-    for name in grid_map:
-        result[name][row : row + rows, column : column + columns] = grid_map.unwrapped(name)
-    return result
+    margins = np.transpose([before, after]).astype(int)
+    layers = {
+        name: np.asfortranarray(np.pad(grid_map.unwrapped(name), margins, constant_values=np.nan))
+        for name in grid_map
+    }
+    return grid_map._with(layers, geometry, (0, 0))
 
 
 def _check_frames(grid_map: GridMap, other: GridMap) -> None:

@@ -48,9 +48,8 @@ def transformed_map(
         values = grid_map.unwrapped(name).ravel("F")[sources] if name in others else highest
         values[is_empty] = np.nan
         layers[name] = values.reshape(geometry.size, order="F")
-    result = grid_map.from_geometry(geometry, frame_id=frame_id, timestamp=grid_map.timestamp)
-    result = result.with_layers(layers)
-    result.basic_layers = grid_map.basic_layers
+    result = grid_map._with(layers, geometry, (0, 0))
+    result.frame_id = frame_id
     return result
 
 
