@@ -2,15 +2,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Requests to the server of maps, without a node."""
 
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from test_grid_map import sample_map
 
-from grid_map_core_py import GeometryError, OutOfMapError
+from grid_map_core_py import GeometryError, GridMap, OutOfMapError
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py._mapping.map_server import part, path_inside
+from grid_map_ros_py import load_from_bag, save_to_bag
+from grid_map_ros_py._mapping.map_server import part, place_to_read, place_to_write
 from grid_map_ros_py.errors import RequestError
 
 # The sample has 3 x 4 cells of 0.5 m around (1, -2) in the frame odom, moved in its buffer.
@@ -51,12 +55,26 @@ def test_invalid_request_is_refused(frame_id, position, length, error, text) -> 
 # --- paths ----------------------------------------------------------------------------------------
 
 
+def save(directory: Path | None, path: str, **options: str) -> None:
+    with place_to_write(directory, path) as place:
+        save_to_bag(sample_map(), place, "/map", **options)
+
+
+def load(directory: Path | None, path: str) -> GridMap:
+    with place_to_read(directory, path) as place:
+        return load_from_bag(place, unwrap=False)
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 @pytest.fixture
 def directory(tmp_path: Path) -> Path:
     """Directory for bags, beside a directory that requests must not reach."""
-    (tmp_path / "bags").mkdir()
-    (tmp_path / "secret" / "bag").mkdir(parents=True)
-    (tmp_path / "secret" / "bag" / "metadata.yaml").touch()
+    (tmp_path / "bags" / "inner").mkdir(parents=True)
+    (tmp_path / "secret").mkdir()
+    save_to_bag(sample_map(), tmp_path / "secret" / "bag", "/map")
     return tmp_path / "bags"
 
 
@@ -68,7 +86,7 @@ OUTSIDE = [
     "../secret/bag",
     "inner/../../secret/bag",
     "link/bag",
-    "bag of links",
+    "link",
     "dangling",
     "loop",
     "/etc/passwd",
@@ -81,30 +99,103 @@ OUTSIDE = [
 ]
 
 
+@pytest.mark.parametrize("use", [save, load])
 @pytest.mark.parametrize("path", OUTSIDE)
-def test_paths_that_lead_outside_are_refused(directory: Path, path: str) -> None:
+def test_paths_that_lead_outside_are_refused(directory: Path, path: str, use: Any) -> None:
     secret = directory.parent / "secret"
-    (directory / "inner").mkdir()
+    before = contents(secret)
     (directory / "link").symlink_to(secret)
     (directory / "dangling").symlink_to(secret / "new")
     (directory / "loop").symlink_to("loop")
-    (directory / "bag of links").mkdir()
-    for file in (secret / "bag").iterdir():
-        (directory / "bag of links" / file.name).symlink_to(file)
     with pytest.raises(RequestError, match="file_path"):
-        path_inside(directory, path.format(secret=secret, bags=directory))
+        use(directory, path.format(secret=secret, bags=directory))
+    assert contents(secret) == before
 
 
-def test_links_and_tildes_that_stay_inside_are_followed(directory: Path) -> None:
-    (directory / "latest").symlink_to("bag")
-    assert path_inside(directory, "latest") == directory / "bag"
-    assert path_inside(directory, str(directory / "bag")) == directory / "bag"
-    assert path_inside(directory, "~/bag") == directory / "~" / "bag"
-    (directory.parent / "link").symlink_to(directory)
-    assert path_inside(directory.parent / "link", "bag") == directory / "bag"
+def test_bags_of_links_are_not_read_and_only_links_are_replaced(directory: Path) -> None:
+    secret = directory.parent / "secret" / "bag"
+    before = contents(secret)
+    (directory / "bag").mkdir()
+    for file in before:
+        (directory / "bag" / file.name).symlink_to(file)
+    with pytest.raises(RequestError, match="file_path 'bag': Too many levels of symbolic links"):
+        load(directory, "bag")
+    save(directory, "bag")
+    assert contents(secret) == before
+    assert_maps_equal(load(directory, "bag"), sample_map())
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("path", ["bag", "inner/bag", "./bag", "{bags}/bag", "{link}/inner/bag"])
+def test_bags_below_the_directory_round_trip(directory: Path, storage: str, path: str) -> None:
+    link = directory.parent / "link"
+    link.symlink_to(directory)
+    path = path.format(bags=directory, link=link)
+    for _ in range(2):
+        save(link, path, storage=storage)
+        assert_maps_equal(load(link, path), sample_map())
+    (file,) = (file for file in (link / path).iterdir() if file.suffix in (".mcap", ".db3"))
+    assert_maps_equal(load(link, f"{path}/{file.name}"), sample_map())
+    assert not [*directory.rglob(".*")]
+
+
+def test_errors_of_bags_name_the_path_of_the_request(directory: Path) -> None:
+    (directory / "text").write_text("precious")
+    for use, path, text in (
+        (load, "missing", "'missing': No such file or directory"),
+        (load, "text", "'text': .*"),
+        (save, "text", "'text': is a file, and a bag is a folder"),
+        (save, "missing/bag", "'missing/bag': No such file or directory"),
+    ):
+        with pytest.raises(RequestError, match=f"^file_path {text}$") as error:
+            use(directory, path)
+        assert "/proc" not in str(error.value)
+        assert "/tmp" not in str(error.value)
+
+
+EXCHANGE_LINKS = """
+import os, sys
+from contextlib import suppress
+
+folder, spare, secret = sys.argv[1:]
+print("ready", flush=True)
+number = 0
+while True:
+    os.rename(folder, spare)
+    os.symlink(secret, folder)
+    os.unlink(folder)
+    os.rename(spare, folder)
+    for name in os.listdir(folder):
+        if name.endswith(".partial") or name == "bag":
+            number += 1
+            with suppress(OSError):
+                os.rename(f"{folder}/{name}", f"{spare}.{number}")
+                os.symlink(secret, f"{folder}/{name}")
+"""
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_links_exchanged_meanwhile_divert_nothing(directory: Path, storage: str) -> None:
+    secret = directory.parent / "secret"
+    before = contents(secret)
+    command = [sys.executable, "-c", EXCHANGE_LINKS]
+    paths = [directory / "inner", directory.parent / "spare", secret]
+    with subprocess.Popen([*command, *paths], stdout=subprocess.PIPE, text=True) as attacker:
+        assert attacker.stdout is not None
+        assert attacker.stdout.readline() == "ready\n"
+        refused = 0
+        for _ in range(200):
+            try:
+                save(directory, "inner/bag", storage=storage)
+            except RequestError:
+                refused += 1
+        assert attacker.poll() is None
+        attacker.kill()
+    assert contents(secret) == before
+    assert refused > 0
 
 
 @pytest.mark.parametrize("path", ["bag", "/tmp/bag"])
 def test_without_a_directory_all_files_are_refused(path: str) -> None:
     with pytest.raises(RequestError, match="the parameter 'directory' is not set"):
-        path_inside(None, path)
+        load(None, path)

@@ -2,7 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps, point clouds and meshes in files: `load` and `save` choose the format by the name."""
 
-from ._atomic import new_file as new_file, new_folder as new_folder
+from ._atomic import (
+    has_descriptor as has_descriptor,
+    new_file as new_file,
+    new_folder as new_folder,
+)
 from ._clouds import (
     Fields as Fields,
     load_cloud as load_cloud,

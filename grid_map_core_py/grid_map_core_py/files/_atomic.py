@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 
+_DESCRIPTORS = Path("/proc/self/fd")
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 _TAKEN = {errno.EEXIST, errno.ENOTDIR, errno.ENOTEMPTY}
@@ -59,17 +60,18 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     Raises:
         OSError: the parent folder is missing or cannot be written to; it names `path`.
     """
-    target = Path(path).resolve()
+    target = Path(path) if has_descriptor(path) else Path(path).resolve()
     if target.exists():
         check_old(target)
     temporary = _hidden(target, "partial")
     with _errors_of(path, temporary):
         try:
             temporary.mkdir()
-            yield temporary
-            for file in temporary.iterdir():
-                _sync(file)
-            _sync(temporary)
+            with _pinned(temporary) as folder:
+                yield folder
+                for file in folder.iterdir():
+                    _sync(file)
+                _sync(folder)
             if target.exists():
                 check_old(target)
             try:
@@ -82,7 +84,28 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
                 _replace(temporary, target)
             _sync(target.parent)
         finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+            _remove(temporary)
+
+
+def has_descriptor(path: str | PathLike[str]) -> bool:
+    """Return whether a path begins with a descriptor of this process: /proc/self/fd/7/map.
+
+    Such a path stays below its folder, whatever happens to the names above: no link is followed.
+    """
+    return Path(path).parts[: len(_DESCRIPTORS.parts)] == _DESCRIPTORS.parts
+
+
+@contextmanager
+def _pinned(folder: Path) -> Iterator[Path]:
+    """Yield a path of a folder that a link in place of the folder does not divert, if possible."""
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        pinned = _DESCRIPTORS / str(number)
+        pinned = pinned if pinned.exists() else folder
+        with _errors_of(folder, pinned):
+            yield pinned
+    finally:
+        os.close(number)
 
 
 @contextmanager
@@ -115,7 +138,14 @@ def _replace(temporary: Path, target: Path) -> None:
     except OSError:
         aside.rename(target)
         raise
-    shutil.rmtree(aside, ignore_errors=True)
+    _remove(aside)
+
+
+def _remove(path: Path) -> None:
+    """Remove a folder or a link."""
+    if path.is_symlink():
+        path.unlink()
+    shutil.rmtree(path, ignore_errors=True)
 
 
 def _exchange(one: Path, other: Path) -> bool:

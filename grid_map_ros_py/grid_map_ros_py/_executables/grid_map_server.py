@@ -24,7 +24,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
-from .._mapping.map_server import part, path_inside
+from .._mapping.map_server import part, place_to_read, place_to_write
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info
@@ -108,14 +108,14 @@ class GridMapServerNode(ConfiguredNode):
         self._take(from_message(request.map, unwrap=False))
 
     def _load_map(self, request: Any, response: Any) -> None:
-        path = path_inside(self._directory, request.file_path)
-        self._take(load_from_bag(path, request.topic_name or None, unwrap=False))
+        with place_to_read(self._directory, request.file_path) as path:
+            self._take(load_from_bag(path, request.topic_name or None, unwrap=False))
         response.success = True
 
     def _save_map(self, request: Any, response: Any) -> None:
-        grid_map, path = self._held_map(), path_inside(self._directory, request.file_path)
-        topic = request.topic_name or self._publisher.topic_name
-        save_to_bag(grid_map, path, topic, storage=self._storage)
+        grid_map, topic = self._held_map(), request.topic_name or self._publisher.topic_name
+        with place_to_write(self._directory, request.file_path) as path:
+            save_to_bag(grid_map, path, topic, storage=self._storage)
         response.success = True
 
 

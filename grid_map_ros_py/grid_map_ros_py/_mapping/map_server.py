@@ -2,12 +2,20 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Requests to a server of maps: parts of a map, and files below a directory."""
 
-from collections.abc import Sequence
+import os
+import shutil
+import stat
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GridMapError, short
 
 from ..errors import RequestError
+
+_DESCRIPTORS = Path("/proc/self/fd")
 
 
 def part(
@@ -33,25 +41,89 @@ def part(
     return grid_map.get_submap(position, length) if any(length) else grid_map
 
 
-def path_inside(directory: Path | None, path: str) -> Path:
-    """Return the resolved path if it and the files in it are below a directory.
+@contextmanager
+def place_to_write(directory: Path | None, path: str) -> Iterator[Path]:
+    """Yield the path of a bag to write below a directory.
+
+    The path begins with the descriptor of an open folder, so that links that are exchanged
+    meanwhile divert nothing.
 
     Args:
         directory: the directory; None refuses every path.
-        path: absolute, or relative to the directory. Symbolic links and `..` are followed first.
+        path: absolute, or relative to the directory; no part of it may be a link.
 
     Raises:
-        RequestError: the path is not below the directory, or is no valid path.
+        RequestError: the path is not below the directory, or the bag cannot be written.
     """
+    with ExitStack() as stack:
+        folder, name = _folder_of(stack, directory, path)
+        place = _DESCRIPTORS / str(folder) / name
+        stack.enter_context(_errors_of(path, place))
+        if place.is_symlink():
+            raise RequestError("expected no symbolic link")
+        yield place
+
+
+@contextmanager
+def place_to_read(directory: Path | None, path: str) -> Iterator[Path]:
+    """Yield the path of a bag to read below a directory.
+
+    It is in a private folder, with a link to the descriptor of each file of the bag. Arguments and
+    errors are those of `place_to_write`.
+    """
+    with ExitStack() as stack, TemporaryDirectory() as private:
+        folder, name = _folder_of(stack, directory, path)
+        place = Path(private) / name
+        stack.enter_context(_errors_of(path, place))
+        bag = _opened(stack, name, folder)
+        if stat.S_ISDIR(os.fstat(bag).st_mode):
+            place.mkdir()
+            for file in (_DESCRIPTORS / str(bag)).iterdir():
+                _lend(_opened(stack, file.name, bag), place / file.name)
+        else:
+            _lend(bag, place)
+        yield place
+
+
+def _folder_of(stack: ExitStack, directory: Path | None, path: str) -> tuple[int, str]:
+    """Return the descriptor of the folder that holds a file, and the name of the file in it."""
     if directory is None:
         raise RequestError("files are refused: the parameter 'directory' is not set")
-    root = directory.resolve()
+    root, given = directory.resolve(), Path(path)
+    for base in (root, directory.absolute()):
+        given = given.relative_to(base) if given.is_relative_to(base) else given
+    if given.is_absolute() or ".." in given.parts or not given.parts:
+        raise RequestError(f"file_path: expected a path below {str(root)!r}, got {short(path)}")
+    with _errors_of(path, root):
+        folder = _opened(stack, root, None)
+        for name in given.parts[:-1]:
+            folder = _opened(stack, name, folder)
+    return folder, given.name
+
+
+@contextmanager
+def _errors_of(path: str, place: Path) -> Iterator[None]:
+    """Let errors name the path of the request."""
     try:
-        target = (root / path).resolve()
-        # The files of a bag may also be symbolic links.
-        found = [target, *(file.resolve() for file in target.iterdir())] if target.is_dir() else []
-    except (OSError, RuntimeError, ValueError) as error:
-        raise RequestError(f"file_path {path!r}: {error}") from error
-    if not all(root in place.parents for place in found or [target]):
-        raise RequestError(f"file_path: expected a path below {str(root)!r}, got {path!r}")
-    return target
+        yield
+    except (GridMapError, OSError, ValueError) as error:
+        text = error.strerror if isinstance(error, OSError) else error
+        text = str(text).replace(f"{place}: ", "")
+        raise RequestError(f"file_path {short(path)}: {text}") from error
+
+
+def _opened(stack: ExitStack, path: str | Path, folder: int | None) -> int:
+    """Return the descriptor of a file or folder in a folder; a link is an error."""
+    # A pipe would wait for a writer.
+    number = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+    stack.callback(os.close, number)
+    return number
+
+
+def _lend(number: int, place: Path) -> None:
+    """Let `place` be the open file; a copy for sqlite3, which would look where the link leads."""
+    source = _DESCRIPTORS / str(number)
+    if ".db3" in place.name:
+        shutil.copyfile(source, place)
+    elif source.is_file():
+        place.symlink_to(source)

@@ -32,10 +32,17 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 
 
 class SqliteWriter:
-    """Writes serialized messages to a new database."""
+    """Writes serialized messages to a new database.
 
-    def __init__(self, path: Path) -> None:
-        self._database = sqlite3.connect(path)
+    Args:
+        path: the file.
+        in_memory: write the file at the end. sqlite3 resolves a path before it opens the file, so
+            that a link can divert it meanwhile.
+    """
+
+    def __init__(self, path: Path, *, in_memory: bool = False) -> None:
+        self._database = sqlite3.connect(":memory:" if in_memory else path)
+        self._path = path if in_memory else None
         # The file is renamed into its place when it is complete; a journal would protect nothing.
         self._database.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
         self._database.executescript(_SCHEMA)
@@ -64,6 +71,9 @@ class SqliteWriter:
         """Write the metadata of the bag and close the file."""
         self._insert("metadata", None, VERSION, dump(information))
         self._database.commit()
+        if self._path is not None:
+            with self._path.open("xb") as file:
+                file.write(self._database.serialize())
         self._database.close()
 
     def close(self) -> None:

@@ -153,7 +153,8 @@ MAPS = Topic(
 def save(folder: Path, document: object) -> None:
     """Write `information` as the metadata of a bag."""
     text = dump({"rosbag2_bagfile_information": document})
-    (folder / FILE_NAME).write_text(text, encoding="utf-8")
+    with (folder / FILE_NAME).open("x", encoding="utf-8") as file:
+        file.write(text)
 
 
 def files_of(path: Path, *, recover: bool = False) -> list[Path]:
