@@ -249,13 +249,13 @@ def test_warnings_go_to_the_list_of_the_caller(grid_map):
 
 
 def test_one_chain_runs_in_many_threads(grid_map):
-    """Four threads are in the last step at the same time, each with another map."""
+    """Four threads are in the last step at the same time, each with another map; 400 warnings."""
     all_run = threading.Barrier(4, timeout=30)
 
     def warns(grid_map):
-        all_run.wait()
-        warn(str(grid_map["elevation"][0, 0]))
-        all_run.wait()
+        for number in range(4):
+            all_run.wait()
+            warn(f"{grid_map['elevation'][0, 0]} {number}")
         return grid_map
 
     ramp = {"min": {"value": 0, "color": [0, 0, 1]}, "max": {"value": 300, "color": [1, 0, 0]}}
@@ -275,7 +275,7 @@ def test_one_chain_runs_in_many_threads(grid_map):
     with ThreadPoolExecutor(4) as threads:
         results = list(threads.map(run, range(100)))
     for height, (result, collected) in enumerate(results):
-        assert collected == [f"filter 4 'w' (F): {2.0 * height}"]
+        assert collected == [f"filter 4 'w' (F): {2.0 * height} {number}" for number in range(4)]
         expected = built_in(grid_map.with_layers({"elevation": height}))
         assert_maps_equal(result, expected)
 

@@ -145,8 +145,7 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
     _check_beside(Path(f"{name}.msk"), b"")
     _check_beside(Path(f"{name}.aux.xml"), rb"<(NoDataValue|Offset|Scale)\b")
     alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR", GDAL_PAM_ENABLED=False)
-    with alone, warnings.catch_warnings():
-        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+    with alone:
         raster = rasterio.open(name, driver="GTiff")
     if "OVERVIEW_FILE" in raster.tags(ns="OVERVIEWS"):
         raster.close()
