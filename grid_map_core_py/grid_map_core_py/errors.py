@@ -21,12 +21,23 @@ __all__ = [
     "LayerNotFoundError",
     "MissingPackageError",
     "OutOfMapError",
+    "cut",
     "short",
 ]
 
 
 class GridMapError(Exception):
-    """Base of all errors of the grid_map packages: catch this one to catch them all."""
+    """Base of all errors of the grid_map packages: catch this one to catch them all.
+
+    Its text is at most 500 characters long, whatever names it contains.
+    """
+
+    def __str__(self) -> str:
+        return cut(self.whole_text())
+
+    def whole_text(self) -> str:
+        """Return the text of the error, however long it is."""
+        return super().__str__()
 
 
 class LayerNotFoundError(GridMapError, KeyError):
@@ -37,8 +48,7 @@ class LayerNotFoundError(GridMapError, KeyError):
         self.available = tuple(available)
         super().__init__(layer, self.available)
 
-    def __str__(self) -> str:
-        # KeyError would print the repr of its argument.
+    def whole_text(self) -> str:
         return f"no layer {self.layer!r}; available: {', '.join(self.available) or '(none)'}"
 
 
@@ -61,12 +71,13 @@ class MissingPackageError(GridMapError, ImportError):
         self.package = package
         super().__init__(package, feature, remedy)
 
-    def __str__(self) -> str:
+    def whole_text(self) -> str:
         package, feature, remedy = self.args
         return f"{feature} needs the package {package!r}, which is not installed: {remedy}"
 
 
 _LONGEST = 80  # characters of a value in a message
+_LONGEST_TEXT, _END = 500, 100  # characters of a whole message, and those at its end
 _MOST_ELEMENTS = 4  # elements of an array that is shown in full
 
 _repr = reprlib.Repr()
@@ -83,3 +94,10 @@ def short(value: object) -> str:
         return f"an array of shape {shape} and type {dtype}"
     text = " ".join(_repr.repr(value).split())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def cut(text: str) -> str:
+    """Return a text of at most 500 characters: of a longer one, the middle is left out."""
+    if len(text) <= _LONGEST_TEXT:
+        return text
+    return f"{text[: _LONGEST_TEXT - _END - 5]} ... {text[-_END:]}"

@@ -275,6 +275,16 @@ def test_pipes_and_devices_are_never_replaced(command):
     assert Path("pipe").is_fifo()
 
 
+def test_long_name_does_not_fill_the_screen(command):
+    name = "n" * 30_000
+    save_npz(GridMap((1.0, 1.0), 0.5, layers=[name]), "long.npz")
+    for words in "info", "inspect", "inspect --layer none", f"info --{'n' * 9999}":
+        line = f"{words} long.npz"
+        _, text, error = command(line)
+        assert 100 < max(map(len, f"{text}\n{error}".splitlines())) < 700, line
+    assert name in command("info long.npz --json")[1]
+
+
 def test_error_keeps_existing_data(command):
     save_npz(a_map(1), "out.npz")
     before = Path("out.npz").read_bytes()

@@ -2,16 +2,18 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Values in error messages are one short line."""
 
+import pickle
 from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError, Polygon, circle_cells
-from grid_map_core_py.errors import short
+from grid_map_core_py.errors import LayerNotFoundError, MissingPackageError, short
 from grid_map_core_py.plugins import cast
 
 WORDS = np.full((300, 200), "high")
+LONG_NAME = "n" * 10**6
 
 
 @pytest.mark.parametrize(
@@ -125,3 +127,27 @@ def test_values_beyond_float32_warn_with_the_layer(setter, value):
 def test_other_values_are_set_without_warning(value):
     for setter in SETTERS.values():
         setter(GridMap((3, 2), 1.0), value)
+
+
+class OwnError(GridMapError):
+    """An error of another package."""
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        OwnError(f"{LONG_NAME}: the end"),
+        LayerNotFoundError(LONG_NAME, ["the end"]),
+        LayerNotFoundError("a", [LONG_NAME, "the end"]),
+        MissingPackageError("a", LONG_NAME, "the end"),
+    ],
+)
+def test_texts_of_errors_are_cut_in_their_middle(error):
+    assert len(str(error)) == 500
+    assert str(error).endswith("the end")
+    assert len(pickle.loads(pickle.dumps(error)).whole_text()) > len(LONG_NAME)
+
+
+def test_maps_with_long_names_are_shown_in_a_short_line():
+    grid_map = GridMap((1.0, 1.0), 0.5, layers=[LONG_NAME, "last"])
+    assert len(repr(grid_map)) == 500

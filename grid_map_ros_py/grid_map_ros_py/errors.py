@@ -30,7 +30,7 @@ class MessageError(GridMapError, ValueError):
         self.found = found
         super().__init__(field, expected, found)
 
-    def __str__(self) -> str:
+    def whole_text(self) -> str:
         return f"{self.field}: expected {self.expected}, got {short(self.found)}"
 
 
@@ -47,7 +47,7 @@ class BagError(GridMapError):
         self.reason = reason
         super().__init__(path, reason)
 
-    def __str__(self) -> str:
+    def whole_text(self) -> str:
         return f"{self.path}: {self.reason}"
 
 

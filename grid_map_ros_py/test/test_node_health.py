@@ -2,33 +2,43 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reports of nodes on `/diagnostics`."""
 
+import re
 from collections.abc import Callable
+from itertools import count
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from test_grid_map import sample_map
 
-from conftest import Start
-from grid_map_ros_py.testing import Peer
+from conftest import Start, arguments
+from grid_map_ros_py import to_message
+from grid_map_ros_py.testing import Peer, Process, running_node, wait_until
+
+
+def values(report: DiagnosticArray) -> dict[str, str]:
+    return {value.key: value.value for value in report.status[0].values}
 
 
 @pytest.fixture
-def status(other_side: Peer) -> Callable[[], DiagnosticStatus]:
+def report(other_side: Peer) -> Callable[[], DiagnosticArray]:
     """Function that waits for the next report, and returns it."""
     other_side.listen("/diagnostics", DiagnosticArray, 10)
     reports = other_side.received["/diagnostics"]
 
-    def wait() -> DiagnosticStatus:
-        return other_side.expect("/diagnostics", len(reports) + 1).status[0]
+    def wait() -> DiagnosticArray:
+        return other_side.expect("/diagnostics", len(reports) + 1)
 
     return wait
 
 
-def test_idle_node_reports_while_its_clock_stands_still(start: Start, status) -> None:
+def test_idle_node_reports_while_its_clock_stands_still(start: Start, report) -> None:
     start("living.py", "idle", "--ros-args", "-p", "use_sim_time:=true", "-r", "__ns:=/robot")
     for _ in range(2):
-        found = status()
-        assert (found.name, found.level) == ("robot/being", DiagnosticStatus.OK)
-        assert {value.key: value.value for value in found.values}["maps in"] == "0"
+        found = report()
+        assert found.status[0].name == "robot/being"
+        assert found.status[0].level == DiagnosticStatus.OK
+        assert values(found)["maps in"] == "0"
 
 
 @pytest.mark.parametrize(
@@ -41,9 +51,49 @@ def test_idle_node_reports_while_its_clock_stands_still(start: Start, status) ->
     ],
 )
 def test_node_that_fails_reports_why_before_it_ends(
-    start: Start, status, habit: str, text: str
+    start: Start, report, habit: str, text: str
 ) -> None:
     process = start("living.py", habit)
-    found = status()
+    (found,) = report().status
     assert (found.name, found.level, found.message) == ("being", DiagnosticStatus.ERROR, text)
     assert process.wait() == 1
+
+
+def test_flood_of_wrong_maps_makes_few_short_lines_and_is_counted(
+    other_side: Peer, tmp_path: Path
+) -> None:
+    other_side.listen("/diagnostics", DiagnosticArray, 10)
+    reports = other_side.received["/diagnostics"]
+    numbers = count()
+
+    def send_wrong_map() -> None:
+        message = to_message(sample_map())
+        message.basic_layers = [f"{next(numbers)}{'x' * 10**6}"]
+        other_side.publish("/grid_map", message)
+        other_side.spin(0.01)
+
+    def last() -> dict[str, str]:
+        return values(reports[-1])
+
+    with running_node(
+        "grid_map_ros_py._executables.grid_map_saver",
+        *arguments(file_path=tmp_path / "bag", continuous=True),
+    ) as node:
+        send_wrong_map()
+        other_side.expect("/diagnostics")
+        wait_until(lambda: int(last()["maps dropped"]) > 50, "a flood", step=send_wrong_map)
+        other_side.publish("/grid_map", to_message(sample_map()))
+        other_side.wait_until(lambda: last()["maps out"] == "1", "the map that is right")
+        dropped = int(last()["maps dropped"])
+        assert int(last()["maps in"]) == 1 + dropped
+        assert len(last()["last error"]) <= 500
+        wait_until(lambda: logged(node) == dropped, "the count of the dropped maps")
+    lines = [line for line in node.lines if "ERROR" in line]
+    assert len(lines) < 0.5 * dropped
+    assert max(map(len, lines)) < 700
+
+
+def logged(node: Process) -> int:
+    """Return the number of dropped maps that a node has logged."""
+    lines = [line for line in node.lines if "dropped a message" in line]
+    return len(lines) + sum(int(n) for n in re.findall(r"\(and (\d+) more", node.text))

@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..errors import GridMapError
-from ._output import CommandError, UsageError, message
+from ._output import CommandError, UsageError, message, shown
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
@@ -37,7 +37,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End the process with exit code 2."""
-        self.exit(2, f"{PROGRAM}: error: {message} (see '{self.prog} --help')\n")
+        self.exit(2, f"{PROGRAM}: error: {shown(message)} (see '{self.prog} --help')\n")
 
 
 def make_parser(words: Sequence[str]) -> Parser:

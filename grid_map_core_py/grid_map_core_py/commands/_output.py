@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
-from ..errors import GridMapError
+from ..errors import GridMapError, cut
 
 _BAR = 30  # characters of a progress bar
 _PERIOD = 0.1  # time between two updates of its line [s]
@@ -24,7 +24,7 @@ class UsageError(CommandError):
 
 
 def message(text: str) -> None:
-    """Print a line of text for the user, to standard error; control characters are escaped."""
+    """Print a line of text for the user, to standard error, as `shown` returns it."""
     print(f"grid-map: {shown(text)}", file=sys.stderr)
 
 
@@ -45,8 +45,8 @@ def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> N
 
 
 def shown(text: str) -> str:
-    """Return a name from a file with control characters escaped."""
-    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    """Return a text with control characters escaped, and at most 500 characters of it."""
+    return cut("".join(one if one.isprintable() else repr(one)[1:-1] for one in cut(text)))
 
 
 def number(value: float) -> str:

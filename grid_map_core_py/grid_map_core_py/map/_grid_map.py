@@ -28,7 +28,7 @@ from ..arrays._checks import (
     is_name,
     select_layers,
 )
-from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, short
+from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, cut, short
 from . import _merge as merge, _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
@@ -680,7 +680,7 @@ class GridMap(MutableMapping[str, Layer]):
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
 
     def __repr__(self) -> str:
-        return (
+        return cut(
             f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "
             f"{as_text(self.position)} in {self.frame_id!r}, layers: {', '.join(self) or '(none)'})"
         )

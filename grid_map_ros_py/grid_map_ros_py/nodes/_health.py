@@ -13,6 +13,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from grid_map_core_py.errors import cut
+
+from ._throttle import flush_logs
+
 TOPIC = "/diagnostics"
 
 PERIOD = 1.0
@@ -78,7 +82,8 @@ class Health:
         self._discovered = time.monotonic() + PATIENCE
 
     def report(self, node: Node) -> None:
-        """Publish the state if there are subscribers."""
+        """Publish the state if there are subscribers, and log what was held back."""
+        flush_logs()
         if self._publisher.get_subscription_count():
             level = DiagnosticStatus.WARN if self._last_was_dropped else DiagnosticStatus.OK
             self._publish(node, level, f"{self.dropped} of {self.received} {self.inputs} dropped")
@@ -107,8 +112,8 @@ class Health:
         status = DiagnosticStatus(
             level=level,
             name=node.get_fully_qualified_name().removeprefix("/"),
-            message=text,
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+            message=cut(text),
+            values=[KeyValue(key=key, value=cut(str(value))) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = node.get_clock().now().to_msg()

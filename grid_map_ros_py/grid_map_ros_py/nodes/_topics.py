@@ -122,7 +122,7 @@ class LatchedSubscription:
         kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor
         policy = kind.name.lower()
         if kind not in self._can_give_up:
-            self._node.get_logger().warning(
+            self._log.warning(
                 f"no messages from a publisher of {self.topic_name}: "
                 f"incompatible quality of service ({policy})"
             )
