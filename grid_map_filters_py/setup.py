@@ -48,7 +48,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
-            "filter_chain = grid_map_filters_py._executables.filter_chain:main",
+            "filter_chain = grid_map_filters_py._executables.filter_chain:FilterChainNode.main",
         ],
         "grid_map_core_py.commands": ["filter = grid_map_filters_py._commands.filter"],
     },

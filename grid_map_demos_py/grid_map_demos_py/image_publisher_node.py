@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import read_image, storage_errors
@@ -40,7 +39,7 @@ def read_message(path: Path) -> Image:
                 f"expected 1, 3 or 4 channels of 8 or 16 bits or floats, got {pixels.shape[2]} "
                 f"of {pixels.dtype}"
             )
-    return from_pixels(pixels, ENCODING_OF[pixels.dtype, pixels.shape[2]], Header())
+    return from_pixels(pixels, ENCODING_OF[pixels.dtype, pixels.shape[2]], Image().header)
 
 
 class ImagePublisherNode(Demo):

@@ -8,119 +8,83 @@ needs the package of its type. `nodes` has parts for writing nodes (subscription
 parameters, `run`), and `testing` starts nodes for tests; both need rclpy.
 """
 
-import importlib
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from grid_map_core_py.errors import MissingPackageError
+    from grid_map_core_py.errors import MissingPackageError as MissingPackageError
 
     from .bags import (
-        BagReader,
-        BagRecord,
-        BagTopic,
-        BagWriter,
-        bag_maps,
-        bag_topics,
-        load_from_bag,
-        save_to_bag,
+        BagReader as BagReader,
+        BagRecord as BagRecord,
+        BagTopic as BagTopic,
+        BagWriter as BagWriter,
+        bag_maps as bag_maps,
+        bag_topics as bag_topics,
+        load_from_bag as load_from_bag,
+        save_to_bag as save_to_bag,
     )
-    from .errors import BagError, MessageError
+    from .errors import BagError as BagError, MessageError as MessageError
     from .messages import (
-        ReceivedMap,
-        add_color_layer_from_image,
-        add_layer_from_image,
-        from_costmap,
-        from_grid_cells,
-        from_image,
-        from_message,
-        from_occupancy_grid,
-        from_octomap,
-        from_point_cloud,
-        from_polygon,
-        from_pose,
-        from_serialized_message,
-        from_stamp,
-        from_transform,
-        load_octomap,
-        octomap_to_points,
-        read_points,
-        to_color_image,
-        to_costmap,
-        to_flat_point_cloud,
-        to_grid_cells,
-        to_image,
-        to_line_marker,
-        to_message,
-        to_occupancy_grid,
-        to_point_cloud,
-        to_polygon,
-        to_pose,
-        to_serialized_grid_cells,
-        to_serialized_message,
-        to_stamp,
-        to_transform,
-        to_triangle_list_marker,
+        ReceivedMap as ReceivedMap,
+        add_color_layer_from_image as add_color_layer_from_image,
+        add_layer_from_image as add_layer_from_image,
+        from_costmap as from_costmap,
+        from_grid_cells as from_grid_cells,
+        from_image as from_image,
+        from_message as from_message,
+        from_occupancy_grid as from_occupancy_grid,
+        from_octomap as from_octomap,
+        from_point_cloud as from_point_cloud,
+        from_polygon as from_polygon,
+        from_pose as from_pose,
+        from_serialized_message as from_serialized_message,
+        from_stamp as from_stamp,
+        from_transform as from_transform,
+        load_octomap as load_octomap,
+        octomap_to_points as octomap_to_points,
+        read_points as read_points,
+        to_color_image as to_color_image,
+        to_costmap as to_costmap,
+        to_flat_point_cloud as to_flat_point_cloud,
+        to_grid_cells as to_grid_cells,
+        to_image as to_image,
+        to_line_marker as to_line_marker,
+        to_message as to_message,
+        to_occupancy_grid as to_occupancy_grid,
+        to_point_cloud as to_point_cloud,
+        to_polygon as to_polygon,
+        to_pose as to_pose,
+        to_serialized_grid_cells as to_serialized_grid_cells,
+        to_serialized_message as to_serialized_message,
+        to_stamp as to_stamp,
+        to_transform as to_transform,
+        to_triangle_list_marker as to_triangle_list_marker,
     )
 
 __version__ = "0.2.0"
 
-__all__ = [
-    "BagError",
-    "BagReader",
-    "BagRecord",
-    "BagTopic",
-    "BagWriter",
-    "MessageError",
-    "MissingPackageError",
-    "ReceivedMap",
-    "add_color_layer_from_image",
-    "add_layer_from_image",
-    "bag_maps",
-    "bag_topics",
-    "from_costmap",
-    "from_grid_cells",
-    "from_image",
-    "from_message",
-    "from_occupancy_grid",
-    "from_octomap",
-    "from_point_cloud",
-    "from_polygon",
-    "from_pose",
-    "from_serialized_message",
-    "from_stamp",
-    "from_transform",
-    "load_from_bag",
-    "load_octomap",
-    "octomap_to_points",
-    "read_points",
-    "save_to_bag",
-    "to_color_image",
-    "to_costmap",
-    "to_flat_point_cloud",
-    "to_grid_cells",
-    "to_image",
-    "to_line_marker",
-    "to_message",
-    "to_occupancy_grid",
-    "to_point_cloud",
-    "to_polygon",
-    "to_pose",
-    "to_serialized_grid_cells",
-    "to_serialized_message",
-    "to_stamp",
-    "to_transform",
-    "to_triangle_list_marker",
-]
+_OFFERED = {
+    "bags": "BagReader BagRecord BagTopic BagWriter bag_maps bag_topics load_from_bag save_to_bag",
+    "errors": "BagError MessageError MissingPackageError",
+    "messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "
+    "from_grid_cells from_image from_message from_occupancy_grid from_octomap from_point_cloud "
+    "from_polygon from_pose from_serialized_message from_stamp from_transform load_octomap "
+    "octomap_to_points read_points to_color_image to_costmap to_flat_point_cloud to_grid_cells "
+    "to_image to_line_marker to_message to_occupancy_grid to_point_cloud to_polygon to_pose "
+    "to_serialized_grid_cells to_serialized_message to_stamp to_transform to_triangle_list_marker",
+}
+_ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
+"""Rooms by name; they are imported when a name of theirs is first used."""
+
+__all__ = sorted(_ROOM_OF)
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name not in _ROOM_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    is_bag = "bag" in name.lower()
-    room = "errors" if name.endswith("Error") else "bags" if is_bag else "messages"
-    value = getattr(importlib.import_module(f".{room}", __name__), name)
-    globals()[name] = value
-    return value
+    found = globals()[name] = getattr(import_module(f".{_ROOM_OF[name]}", __name__), name)
+    return found
 
 
 def __dir__() -> list[str]:

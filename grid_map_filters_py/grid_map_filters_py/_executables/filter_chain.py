@@ -9,11 +9,9 @@ Its reports on `/diagnostics` also have the last, mean and maximum duration of e
 """
 
 import array
-import sys
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from grid_map_core_py.errors import ConfigError, GridMapError
@@ -21,31 +19,27 @@ from grid_map_core_py.plugins import nested
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
 from grid_map_ros_py.nodes import (
+    ConfiguredNode,
     LogThrottle,
     MapSubscription,
     health_of,
     map_qos,
-    read_parameter,
     read_parameter_tree,
-    read_topic,
-    run,
 )
 
 from .._chain import FilterChain, StepTimes, describe_parameters
 
 
-class FilterChainNode(Node):
+class FilterChainNode(ConfiguredNode):
     """Subscribes to maps, filters them and publishes the results."""
 
     def __init__(self) -> None:
         # A filter added at run time has parameters that are not declared.
         super().__init__("grid_map_filters", allow_undeclared_parameters=True)
-        about = "topic of the incoming maps"
-        topic = read_topic(self, "input_topic", "/grid_map", description=about)
-        about = "topic of the filtered maps"
-        output = read_topic(self, "output_topic", "/filtered_map", description=about)
-        name, about = "filter_chain_parameter_name", "name of the parameter with the chain"
-        self._chain_name = read_parameter(self, name, str, "filters", description=about)
+        topic = self.read_topic("input_topic", "/grid_map", "topic of the incoming maps")
+        output = self.read_topic("output_topic", "/filtered_map", "topic of the filtered maps")
+        about = "name of the parameter with the chain"
+        self._chain_name = self.read("filter_chain_parameter_name", "filters", about)
         about = "the chain: of `filter1`, `filter2`, ... each a `name`, a `type` and its `params`"
         tree = read_parameter_tree(
             self, self._chain_name, read_only=False, description=about, describe=describe_parameters
@@ -128,10 +122,5 @@ class FilterChainNode(Node):
         return {key: f"{value:.3f}" for key, value in found.items()}
 
 
-def main() -> int:
-    """Run the node until an interrupt or a shutdown; return the exit code."""
-    return run(FilterChainNode)
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(FilterChainNode.main())

@@ -34,55 +34,40 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._configured import ConfiguredNode
-    from ._health import Health, health_of
+    from ._configured import ConfiguredNode as ConfiguredNode
+    from ._health import Health as Health, health_of as health_of
     from ._parameters import (
-        check_topic,
-        read_parameter,
-        read_parameter_tree,
-        read_positive,
-        read_topic,
+        check_topic as check_topic,
+        read_parameter as read_parameter,
+        read_parameter_tree as read_parameter_tree,
+        read_positive as read_positive,
+        read_topic as read_topic,
     )
-    from ._profile import use_profile
-    from ._spin import run, steady_timer
-    from ._tf_poses import TfPoses, has_tf
-    from ._throttle import LogThrottle
-    from ._topics import LatchedSubscription, MapSubscription, map_qos, warn_of_gaps
+    from ._profile import use_profile as use_profile
+    from ._spin import run as run, steady_timer as steady_timer
+    from ._tf_poses import TfPoses as TfPoses, has_tf as has_tf
+    from ._throttle import LogThrottle as LogThrottle
+    from ._topics import (
+        LatchedSubscription as LatchedSubscription,
+        MapSubscription as MapSubscription,
+        map_qos as map_qos,
+        warn_of_gaps as warn_of_gaps,
+    )
 
-__all__ = [
-    "ConfiguredNode",
-    "Health",
-    "LatchedSubscription",
-    "LogThrottle",
-    "MapSubscription",
-    "TfPoses",
-    "check_topic",
-    "has_tf",
-    "health_of",
-    "map_qos",
-    "quiet_start",
-    "read_parameter",
-    "read_parameter_tree",
-    "read_positive",
-    "read_topic",
-    "run",
-    "steady_timer",
-    "use_profile",
-    "warn_of_gaps",
-]
+_OFFERED = {
+    "_configured": "ConfiguredNode",
+    "_health": "Health health_of",
+    "_parameters": "check_topic read_parameter read_parameter_tree read_positive read_topic",
+    "_profile": "use_profile",
+    "_spin": "run steady_timer",
+    "_tf_poses": "TfPoses has_tf",
+    "_throttle": "LogThrottle",
+    "_topics": "LatchedSubscription MapSubscription map_qos warn_of_gaps",
+}
+_MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
+"""Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""
 
-
-_MODULES = (
-    "_throttle",
-    "_profile",
-    "_health",
-    "_topics",
-    "_parameters",
-    "_spin",
-    "_configured",
-    "_tf_poses",
-)
-"""Modules in which a name is searched when it is first used; the first two need no rclpy."""
+__all__ = sorted(["quiet_start", *_MODULE_OF])
 
 
 def quiet_start() -> None:
@@ -102,12 +87,11 @@ def quiet_start() -> None:
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    modules = (importlib.import_module(f".{module}", __name__) for module in _MODULES)
-    value = next(getattr(module, name) for module in modules if hasattr(module, name))
-    globals()[name] = value
-    return value
+    module = importlib.import_module(f".{_MODULE_OF[name]}", __name__)
+    found = globals()[name] = getattr(module, name)
+    return found
 
 
 def __dir__() -> list[str]:
