@@ -146,6 +146,7 @@ def test_errors_of_bags_name_the_path_of_the_request(directory: Path) -> None:
         (load, "text", "'text': .*"),
         (save, "text", "'text': is a file, and a bag is a folder"),
         (save, "missing/bag", "'missing/bag': No such file or directory"),
+        (save, "red\x1b[31m", r"'red\\x1b\[31m': expected no control characters"),
     ):
         with pytest.raises(RequestError, match=f"^file_path {text}$") as error:
             use(directory, path)

@@ -89,6 +89,8 @@ def _folder_of(stack: ExitStack, directory: Path | None, path: str) -> tuple[int
     """Return the descriptor of the folder that holds a file, and the name of the file in it."""
     if directory is None:
         raise RequestError("files are refused: the parameter 'directory' is not set")
+    if not path.isprintable():
+        raise RequestError(f"file_path {short(path)}: expected no control characters")
     root, given = directory.resolve(), Path(path)
     for base in (root, directory.absolute()):
         given = given.relative_to(base) if given.is_relative_to(base) else given
