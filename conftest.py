@@ -7,6 +7,7 @@ import io
 import os
 import random
 import resource
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -44,7 +45,9 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Shuffle modules and tests within them, if wanted."""
+    """Shuffle modules and tests within them, if wanted; let Ctrl-C end the tests in order."""
+    # Executables that tests import leave it to the operating system.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if seed := config.getoption("--shuffle"):
         # Tests of a module stay together, because they share slow fixtures.
         generator = random.Random(seed)

@@ -1,5 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+import shlex
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +15,9 @@ requirements = ["numpy>=1.26", "opencv-python-headless>=4.6", "PyYAML>=6.0", "sc
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
+    # Ctrl-C waits until `__main__`; Python would print a traceback while it starts.
+    python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
+    options = {"build_scripts": {"executable": python}}
 else:
     # pip and build create no files among the sources.
     scratch = TemporaryDirectory()
@@ -53,5 +57,5 @@ setup(
         "test": ["pytest"],
     },
     zip_safe=True,
-    entry_points={"console_scripts": ["grid_map = grid_map_core_py.commands._main:main"]},
+    entry_points={"console_scripts": ["grid_map = grid_map_core_py.__main__:main"]},
 )

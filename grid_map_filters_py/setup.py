@@ -1,5 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
+import shlex
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +15,9 @@ requirements = ["grid_map_core_py~=0.2.0", "lark>=1.1.9"]
 if {"develop", "install"} & set(sys.argv):
     # Under colcon, rosdep installs the dependencies in package.xml from apt.
     requirements = []
+    # Ctrl-C waits until `quiet_start`; Python would print a traceback while it starts.
+    python = f"/usr/bin/env -S --block-signal=INT {shlex.quote(sys.executable)}"
+    options = {"build_scripts": {"executable": python}}
 else:
     # pip and build create no files among the sources.
     scratch = TemporaryDirectory()

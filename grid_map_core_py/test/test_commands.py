@@ -334,7 +334,7 @@ def test_full_disk_and_closed_output_are_one_error(files):
     assert "expected a pipe or a file at standard output" in closed
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
     pipes = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
     command = [str(PROGRAM), "convert", "-", str(tmp_path / "out.npz")]
@@ -349,6 +349,13 @@ def test_signal_ends_it_without_traceback_or_temporary_files(number, tmp_path):
         _, error = process.communicate(timeout=30)
     assert (process.returncode, error) == (128 + number, b"")
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(("prefix", "numbers"), [([], "2 15 1"), (["nohup"], "2 15")])
+def test_hangup_stays_ignored_under_nohup(prefix, numbers, tmp_path):
+    code = "from grid_map_core_py.commands import on_end\nprint(*map(int, on_end(lambda *_: None)))"
+    done = run(*prefix, sys.executable, "-c", code, cwd=tmp_path)
+    assert done.stdout.split() == numbers.split()
 
 
 # --- commands of packages -------------------------------------------------------------------------

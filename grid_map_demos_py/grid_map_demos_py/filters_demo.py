@@ -22,7 +22,7 @@ from itertools import takewhile
 from pathlib import Path
 from types import FrameType
 
-# Other modules are imported on use, so that the handlers of signals are installed early.
+from grid_map_core_py.commands import on_end
 
 REPORT = "grid_map_demos_py.demo_report_node"
 
@@ -84,8 +84,7 @@ class ProcessGroup:
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> "ProcessGroup":
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._stop)
+        on_end(self._stop)
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -132,7 +132,7 @@ def table(sides: Sequence[int]) -> Iterator[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return 0, 130 after an interrupt, or 141 if the output is closed."""
+    """Print the table; return 0, or 141 if the output is closed."""
     parser = argparse.ArgumentParser(
         prog="iterator_benchmark", description=(__doc__ or "").partition("\n")[0]
     )
@@ -150,8 +150,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for line in table(options.sides):
             print(line, flush=True)
-    except KeyboardInterrupt:
-        return 128 + signal.SIGINT
     except BrokenPipeError:
         # Without this, Python would try to write the rest at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

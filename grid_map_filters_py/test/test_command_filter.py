@@ -72,7 +72,7 @@ def test_chain_runs_over_one_map(command):
 
 def test_chain_may_come_from_a_pipe(command):
     assert command("convert site.npz again.npz")[0] == 0
-    words = [sys.executable, "-m", "grid_map_core_py.commands"]
+    words = [sys.executable, "-m", "grid_map_core_py"]
     words += ["filter", "-", "site.npz", "-", "--timing"]
     done = subprocess.run(words, input=CHAIN.encode(), capture_output=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -37,7 +37,7 @@ from grid_map_ros_py.testing import Peer, Process, peer, wait_until
 MAP, TEXT = "/grid_map", "/text"
 SENSOR = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 SECOND = 10**9
-GRID_MAP = [sys.executable, "-m", "grid_map_core_py.commands"]
+GRID_MAP = [sys.executable, "-m", "grid_map_core_py"]
 
 
 @contextmanager

@@ -51,7 +51,7 @@ def interrupt_until_it_ends(process: Process) -> None:
     wait_until(lambda: not process.is_running, "its end", step=interrupt)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("habit", ["idle", "busy", "slow"])
 def test_signal_ends_the_node_with_exit_code_0(
     start: Start, habit: str, number: signal.Signals

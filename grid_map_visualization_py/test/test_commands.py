@@ -109,7 +109,7 @@ def test_error_without_matplotlib_says_how_to_install_it(command):
 @pytest.mark.usefixtures("command")
 def test_the_page_is_served_until_an_interrupt():
     pytest.importorskip("viser")
-    words = [sys.executable, "-m", "grid_map_core_py.commands", "view", "survey", "--port", "0"]
+    words = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
     with running(Process(words)) as process:
         wait_until(lambda: process.lines, "the address")
         with urlopen(process.lines[0].strip()) as answer:

@@ -9,7 +9,8 @@ point of the group `grid_map_core_py.commands`: the command's name and the modul
 broken or missing leaves the other commands usable.
 
 Data goes to standard output, all messages to standard error. Exit codes: 0, 1 after an error, 2 for
-wrong arguments, 130 after Ctrl-C, 143 after SIGTERM, 141 if the reader of the output is gone.
+wrong arguments, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP, 141 if the reader of the
+output is gone.
 """
 
 from ._arguments import (
@@ -40,5 +41,6 @@ from ._output import (
     print_table as print_table,
     shown as shown,
 )
+from ._signals import on_end as on_end
 
 __all__ = [name for name in dir() if not name.startswith("_")]

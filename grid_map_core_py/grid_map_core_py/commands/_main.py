@@ -14,17 +14,22 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from types import FrameType
 from typing import Any, NoReturn
 
 from .. import __version__
 from ..errors import GridMapError
 from ._output import CommandError, UsageError, message, shown
+from ._signals import on_end
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
 BUILT_IN = ("info", "inspect", "convert", "doctor")
 
-_INTERRUPTED, _NO_READER = 128 + signal.SIGINT, 128 + signal.SIGPIPE
+_NO_READER = 128 + signal.SIGPIPE
+
+_PATIENCE = 10
+"""Longest time between a signal and the end of the command [s]."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -93,22 +98,32 @@ def _summary(module: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code."""
-    # As after Ctrl-C, temporary files are removed.
-    before = signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+    """Run a command line and return its exit code.
+
+    Raises:
+        SystemExit: after a signal, or if the arguments are wrong.
+    """
+    before = on_end(_end)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", UserWarning)
             warnings.showwarning = lambda text, *_, **__: message(f"warning: {text}")
             return _run(sys.argv[1:] if arguments is None else arguments)
-    except KeyboardInterrupt:
-        return _INTERRUPTED
     except OSError as error:
         # Standard output is broken; without this Python would try to flush it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.alarm(0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(number: int, _frame: FrameType | None) -> NoReturn:
+    """End the command; meanwhile, further signals do not keep it from removing temporary files."""
+    on_end(signal.SIG_IGN)
+    signal.alarm(_PATIENCE)
+    sys.exit(128 + number)
 
 
 def _run(arguments: Sequence[str]) -> int:

@@ -6,8 +6,6 @@ import argparse
 import math
 import os
 import re
-import signal
-import threading
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -21,7 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from grid_map_core_py.commands import CommandError, UsageError
+from grid_map_core_py.commands import CommandError, UsageError, on_end
 from grid_map_core_py.errors import short
 
 from ..messages._packages import messages_of
@@ -31,7 +29,7 @@ _TYPE = re.compile(r"(?P<package>\w+)/(?P<kind>msg|srv|action)/(?P<name>\w+)", r
 
 
 class Session:
-    """A node without parameters, as a context manager. SIGINT and SIGTERM set `ended`.
+    """A node without parameters, as a context manager. A signal sets `ended`.
 
     Args:
         command: name of the command, part of the name of the node.
@@ -41,13 +39,12 @@ class Session:
 
     Attributes:
         node: the node.
-        ended: set when the command has to end.
+        ended: whether the command has to end.
     """
 
     def __init__(self, command: str) -> None:
-        self.ended = threading.Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self.ended.set())
+        self.ended = False
+        on_end(self._end)
         use_profile()
         name = f"grid_map_{command}_{os.getpid()}"
         try:
@@ -66,11 +63,14 @@ class Session:
         self._executor.shutdown()
         try_shutdown()
 
+    def _end(self, *_: object) -> None:
+        self.ended = True
+
     def spin(self, seconds: float, *, until_ended: bool = True) -> None:
         """Serve callbacks for a time [s], by default only until `ended` is set."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
-            if until_ended and self.ended.is_set():
+            if until_ended and self.ended:
                 return
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 

@@ -3,7 +3,6 @@
 """Publish the messages of a bag at the pace of the recording."""
 
 import argparse
-import threading
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -44,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
             raise CommandError(f"{options.bag}: no messages to publish")
         session.spin(options.delay)
         count = _play(session, bag, entries, publishers, options.rate)
-        while options.loop and not session.ended.is_set():
+        while options.loop and not session.ended:
             count += _play(session, bag, entries, publishers, options.rate)
         for publisher in publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=1))
@@ -64,7 +63,8 @@ def _play(
     for count, (entry, file, topic) in enumerate(entries):
         data = bag.read(file, entry)
         due = begin + (entry.time - entries[0][0].time) / rate / 1e9
-        if session.ended.wait(min(max(0.0, due - time.monotonic()), threading.TIMEOUT_MAX)):
+        session.spin(due - time.monotonic())
+        if session.ended:
             return count
         publishers[topic].publish(data)
     return len(entries)

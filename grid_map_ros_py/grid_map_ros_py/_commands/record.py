@@ -95,7 +95,7 @@ class _Recorder:
         """Record for a time [s] or a number of messages, until a signal or the disk is full."""
         self._most = most
         end = time.monotonic() + seconds
-        while not self._session.ended.is_set() and (left := end - time.monotonic()) > 0:
+        while not self._session.ended and (left := end - time.monotonic()) > 0:
             for topic, types in self._session.topics().items():
                 hidden = any(part.startswith("_") for part in topic.split("/"))
                 if not hidden if self._all else topic in self.counts:
@@ -141,9 +141,9 @@ class _Recorder:
             self._bag.write_serialized(topic, kind, time.time_ns(), data)
         except BagError as error:
             self.failure = error
-            self._session.ended.set()
+            self._session.ended = True
             return
         self.counts[topic] = self.counts.get(topic, 0) + 1
         self.size += len(data)
         if self.total >= self._most:
-            self._session.ended.set()
+            self._session.ended = True

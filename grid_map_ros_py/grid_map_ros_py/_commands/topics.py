@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
             session.spin(_STEP)
             before, found = found, _topics(session)
             calm = calm + 1 if found and found == before else 0
-            if calm >= _CALM_STEPS or session.ended.is_set():
+            if calm >= _CALM_STEPS or session.ended:
                 break
     if options.json:
         print_json(found)

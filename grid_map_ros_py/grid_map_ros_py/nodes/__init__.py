@@ -29,8 +29,7 @@ rclpy takes long to import.
 """
 
 import importlib
-import sys
-from types import TracebackType
+import signal
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -71,19 +70,14 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 
 
 def quiet_start() -> None:
-    """Let Ctrl-C end this process without a traceback where nothing else handles it.
+    """Let Ctrl-C end this process at once, without a traceback, until `run` handles it.
 
     Call it where a package of executables begins, before rclpy is imported: importing takes most of
-    the time in which an executable starts. `run` handles interrupts afterwards.
+    the time in which an executable starts.
     """
-
-    def report(
-        kind: type[BaseException], error: BaseException, trace: TracebackType | None
-    ) -> None:
-        if not issubclass(kind, KeyboardInterrupt):
-            sys.__excepthook__(kind, error, trace)
-
-    sys.excepthook = report
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Executables are started with Ctrl-C blocked, because Python itself would print a traceback.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
 def __getattr__(name: str) -> Any:

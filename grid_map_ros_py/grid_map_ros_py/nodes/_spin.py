@@ -22,6 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
+from grid_map_core_py.commands import on_end
 from grid_map_core_py.errors import GridMapError
 
 from ..errors import NodeFailedError
@@ -29,7 +30,6 @@ from ._health import PERIOD, health_of
 from ._overrides import unknown_parameters, unmatched_files
 from ._profile import use_profile
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
 _NO_FILE_OF_ROS_2 = ("before ros__parameters", "Sequences can only be values")
@@ -46,10 +46,10 @@ WAKE_PERIOD = 0.1
 def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """Create a node, spin it until an interrupt or a shutdown, and return the exit code.
 
-    Call it in the main thread. SIGINT and SIGTERM take effect between two callbacks. (The handlers
-    of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor may miss
-    that.) A second signal interrupts the callback. The node reports its state on `/diagnostics`, as
-    `Health` has it.
+    Call it in the main thread. SIGINT, SIGTERM and SIGHUP take effect between two callbacks. (The
+    handlers of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor
+    may miss that.) A second signal interrupts the callback. A SIGHUP that is ignored, as under
+    `nohup`, stays ignored. The node reports its state on `/diagnostics`, as `Health` has it.
 
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
@@ -100,14 +100,12 @@ class _Signals:
     def __init__(self) -> None:
         self.has_come = False
         self._may_break_off = True
-        for number in _SIGNALS:
-            signal.signal(number, self._take_note)
+        on_end(self._take_note)
 
     def ignore(self) -> None:
         """Ignore signals while the process ends, when Python removes its own handlers."""
         self._may_break_off = False
-        for number in _SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        on_end(signal.SIG_IGN)
 
     def _take_note(self, _number: int, _frame: FrameType | None) -> None:
         if self.has_come and self._may_break_off:

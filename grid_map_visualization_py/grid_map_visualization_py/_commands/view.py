@@ -3,8 +3,7 @@
 """Show a map in the browser, until Ctrl-C."""
 
 import argparse
-import signal
-import threading
+import time
 import webbrowser
 
 from grid_map_core_py.commands import (
@@ -13,6 +12,7 @@ from grid_map_core_py.commands import (
     complete_layers,
     completed,
     message,
+    on_end,
     read_map,
 )
 
@@ -49,9 +49,8 @@ def run(options: argparse.Namespace) -> int:
     if not 0 <= options.port < 2**16:
         raise UsageError(f"--port: expected a number from 0 to 65535, got {options.port}")
     check_max_cells(options.max_cells)
-    ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    came: list[int] = []
+    on_end(lambda number, _: came.append(number))
     grid_map = read_map(options)
     layers = options.layer or usual_layer(grid_map), options.color_layer
     for name in filter(None, layers):
@@ -68,7 +67,8 @@ def run(options: argparse.Namespace) -> int:
             webbrowser.open(page.url)
         told = ""
         # The user's choices on the page take effect within 0.05 s.
-        while not ended.wait(0.05):
+        while not came:
+            time.sleep(0.05)
             problem = viewer.update()
             if problem and problem != told:
                 message(f"error: {problem}")

@@ -1,0 +1,336 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Signals at random moments to every executable, while maps arrive and parameters are set.
+
+`python3 test/interrupts.py --count 2000` starts executables by `tools/run`, as `ros2 run` does, or
+directly. Each gets SIGINT, SIGTERM or SIGHUP, sometimes twice, and must end in time with the right
+exit code, without a traceback, a child or a damaged file. A failure is printed with the number of
+its trial, and with the stacks of all threads if the process hangs; `--only` repeats trials.
+"""
+
+import argparse
+import itertools
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from grid_map_core_py import GridMap, load, save
+from grid_map_core_py.commands import on_end
+from grid_map_ros_py import BagReader, save_to_bag
+from grid_map_ros_py.testing import Process, peer, wait_until
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIG = ROOT / "grid_map_demos_py" / "config"
+CHAIN = CONFIG / "filters_demo_filter_chain.yaml"
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+PATIENCE = 20.0
+"""Longest time from the last signal to the end, on a busy machine [s]."""
+
+ROS2_RUN = """
+import signal, subprocess, sys
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, lambda *_: None)
+print("starts", flush=True)
+sys.exit(subprocess.Popen(sys.argv[1:]).wait())
+"""
+"""Waits for its child, and like it gets the signals of the terminal, as `ros2 run` does."""
+
+BAD = re.compile("Traceback|Exception|terminate called|Fatal|core dumped")
+
+
+class Executable(NamedTuple):
+    """An executable and how it is tried.
+
+    Attributes:
+        path: the file.
+        arguments: its arguments; {folder} stands for a folder of the trial, {data} for maps.
+        codes: exit codes once it handles signals; none for those of a signal.
+    """
+
+    path: Path
+    arguments: str = ""
+    codes: tuple[int, ...] = (0,)
+
+    @property
+    def name(self) -> str:
+        """Name of the executable and of its command."""
+        return " ".join([self.path.name, *self.arguments.split()[: self.is_command]])
+
+    @property
+    def is_command(self) -> bool:
+        """True for `grid-map`, which handles signals before it knows its command."""
+        return self.path.name in ("grid-map", "grid_map")
+
+
+ARGUMENTS = {
+    "demo_report": "--ros-args -p output_directory:={folder} -p messages:=100000",
+    "filter_chain": f"--ros-args --params-file {CHAIN}",
+    "grid_map_loader": "--ros-args -p file_path:={data}/bag",
+    "grid_map_saver": "--ros-args -p file_path:={folder}/bag -p continuous:=true",
+    "grid_map_server": "--ros-args -p directory:={folder}",
+    "grid_map_visualization": f"--ros-args --params-file {CONFIG}/filters_demo_visualization.yaml",
+    "snapshot": "--topic /silent --timeout 100",
+    "web_viewer": "--ros-args -p port:=0",
+}
+
+COMMANDS = {
+    "convert {data}/map.npz {folder}/new.npz --compress": (),
+    f"filter {{data}}/map.npz {{folder}}/new.npz --chain {CHAIN}": (),
+    "plot {data}/map.npz {folder}/new.png": (),
+    "play {data}/bag --loop": (0,),
+    "record /grid_map {folder}/bag": (0, 1),  # 1: no map has come
+    "topics --wait 100": (0,),
+    "view {data}/map.npz --port 0": (0,),
+}
+
+
+def executables() -> list[Executable]:
+    """Return all executables of the workspace."""
+    (program,) = ROOT.glob("install/*/bin/grid-map")
+    files = (path for path in sorted(ROOT.glob("install/*/lib/grid_map_*/*")) if path.is_file())
+    nodes = [Executable(path, ARGUMENTS.get(path.name, "")) for path in files]
+    known = {node.path.name: node for node in nodes}
+    known["iterator_benchmark"] = known["iterator_benchmark"]._replace(codes=())
+    known["grid_map"] = known["grid_map"]._replace(arguments="inspect {data}/map.npz", codes=())
+    return [*known.values(), *(Executable(program, *command) for command in COMMANDS.items())]
+
+
+class Trial(NamedTuple):
+    """An executable, how it is started, and which signals it gets at which times [s]."""
+
+    number: int
+    executable: Executable
+    start: str
+    to_group: bool
+    kind: signal.Signals
+    times: list[float]
+
+    def __str__(self) -> str:
+        times = " and ".join(f"{when:.3f} s" for when in self.times)
+        target = "group" if self.to_group else "process"
+        name = self.executable.name
+        return (
+            f"trial {self.number}: {name} by {self.start}, {self.kind.name} to {target} at {times}"
+        )
+
+
+def trials(seed: int) -> Iterator[Trial]:
+    """Yield trials without end; each round tries all executables."""
+    known = executables()
+    for number in itertools.count():
+        chance = random.Random(f"{seed} {number}")
+        order = random.Random(f"{seed} {number // len(known)}").sample(known, len(known))
+        executable = order[number % len(known)]
+        ways = ["tools/run", "ros2 run", "itself"]
+        start = "itself" if executable.path.name == "grid-map" else chance.choice(ways)
+        to_group = start == "ros2 run" or chance.random() < 0.5
+        when = chance.uniform(0, 2 if executable.is_command else 4)
+        times = [when, when + chance.uniform(0, 0.3)][: chance.choice([1, 1, 2])]
+        yield Trial(number, executable, start, to_group, chance.choice(SIGNALS), times)
+
+
+def carry_out(trial: Trial, data: str) -> tuple[str, str]:
+    """Start an executable and interrupt it; return how far it was, and what is wrong."""
+    path = trial.executable.path
+    command = {
+        "tools/run": [str(ROOT / "tools" / "run"), path.parent.name, path.name],
+        "ros2 run": [sys.executable, "-c", ROS2_RUN, str(path)],
+        "itself": [str(path)],
+    }[trial.start]
+    with tempfile.TemporaryDirectory(prefix="interrupts-") as folder:
+        words = trial.executable.arguments.format(folder=folder, data=data).split()
+        environ = {"PYTHONFAULTHANDLER": "1", "TMPDIR": folder, "HOME": folder}
+        process = Process([*command, *words], environ)
+        try:
+            if trial.start == "ros2 run":
+                wait_until(lambda: process.lines, "the stand-in of ros2 run")
+            phase = interrupt(trial, process)
+            return phase, phase and fault(trial, process, phase, Path(folder))
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def interrupt(trial: Trial, process: Process) -> str:
+    """Send the signals of a trial, and return how far the process was; "" if it had ended."""
+    begin = time.monotonic()
+    phase = ""
+    for when in trial.times:
+        with suppress(subprocess.TimeoutExpired):
+            subprocess.Popen.wait(process, max(0.0, begin + when - time.monotonic()))
+        if process.is_running:
+            phase = phase or phase_of(process.pid)
+            (os.killpg if trial.to_group else os.kill)(process.pid, trial.kind)
+    return phase
+
+
+def phase_of(pid: int) -> str:
+    """Return how far a process, or the child of `ros2 run`, has come."""
+    with suppress(OSError):
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        is_python = "python" in str(Path(f"/proc/{pid}/exe").readlink())
+        pid = int(children[0]) if is_python and children else pid
+        if "python" not in str(Path(f"/proc/{pid}/exe").readlink()):
+            return "shell"
+        status = Path(f"/proc/{pid}/status").read_text()
+        caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+        is_handled = {number: caught >> (number - 1) & 1 for number in SIGNALS}
+        if is_handled[signal.SIGTERM]:
+            return "runs"
+        return "Python starts" if is_handled[signal.SIGINT] else "imports"
+    return "ends"
+
+
+def fault(trial: Trial, process: Process, phase: str, folder: Path) -> str:
+    """Return what is wrong with the end of a process; "" if all is right."""
+    try:
+        code = process.wait(PATIENCE)
+    except subprocess.TimeoutExpired:
+        return f"hangs\n{stacks(process)}\n{process.text}"
+    right = {-trial.kind, -trial.kind % 256, 128 + trial.kind}
+    if trial.executable.codes:
+        is_certain = phase == "runs" and not trial.executable.is_command
+        right = {*trial.executable.codes, *(() if is_certain else right)}
+    if code not in right or BAD.search(process.text):
+        return f"exit code {code}, expected one of {sorted(right)}\n{process.text}"
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, 0)
+        return f"leaves a process\n{listed(process)}"
+    for path in folder.iterdir():
+        if path.name == "bag":
+            with BagReader(path) as bag:
+                bag[-1].grid_map()
+        elif path.suffix == ".npz":
+            load(path)
+        elif path.suffix != ".png" and not path.name.startswith("."):
+            return f"leaves {path.name}"
+    return ""
+
+
+def listed(process: Process) -> str:
+    """Return the processes of the group, as `ps` lists them."""
+    columns = "pid,ppid,pgid,stat,wchan:20,etime,args"
+    text = subprocess.run(["ps", "-eo", columns], capture_output=True, text=True).stdout
+    return "\n".join(line for line in text.splitlines() if f" {process.pid} " in f" {line} ")
+
+
+def stacks(process: Process) -> str:
+    """Return the stacks of all threads of a process that hangs."""
+    found = [listed(process)]
+    for pid in [line.split()[0] for line in found[0].splitlines()]:
+        command = ["gdb", "-p", pid, "-batch", "-ex", "thread apply all backtrace"]
+        found.append(subprocess.run(command, capture_output=True, text=True).stdout)
+        with suppress(ProcessLookupError):
+            os.kill(int(pid), signal.SIGABRT)  # faulthandler prints the stacks of Python
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(5)
+    return "\n".join(found)
+
+
+def noisy_map() -> GridMap:
+    """Return a map of 403 x 344 cells."""
+    grid_map = GridMap((40.3, 34.4), 0.1)
+    grid_map["elevation"] = np.random.default_rng(1).random(grid_map.size)
+    return grid_map
+
+
+def disturb() -> None:
+    """Publish maps at 30 Hz and set parameters of all nodes, until a signal."""
+    from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+    from rcl_interfaces.srv import SetParameters
+
+    from grid_map_msgs.msg import GridMap as GridMapMessage
+    from grid_map_ros_py import to_serialized_message
+    from grid_map_ros_py.nodes import map_qos
+
+    chance, grid_map, ended, clients = random.Random(1), noisy_map(), [], {}
+    on_end(lambda *_: ended.append(True))
+    with peer() as other:
+        publisher = other.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+        print("publishes", flush=True)
+        while not ended:
+            publisher.publish(to_serialized_message(grid_map))
+            pause = ParameterValue(
+                type=ParameterType.PARAMETER_BOOL, bool_value=chance.random() < 0.2
+            )
+            radius = ParameterValue(
+                type=ParameterType.PARAMETER_DOUBLE, double_value=chance.random()
+            )
+            values = {"use_sim_time": pause, "filters.filter5.params.radius": radius}
+            parameters = [Parameter(name=name, value=value) for name, value in values.items()]
+            for name in {*other.node.get_node_names()} - {"peer"}:
+                if name not in clients:
+                    service = f"/{name}/set_parameters"
+                    clients[name] = other.node.create_client(SetParameters, service)
+                if clients[name].service_is_ready():
+                    request = SetParameters.Request(parameters=parameters)
+                    clients[name].remove_pending_request(clients[name].call_async(request))
+            other.spin(1 / 30)
+
+
+@contextmanager
+def disturbed() -> Iterator[str]:
+    """Run `disturb` as a process; yield the folder of a map and a bag."""
+    with tempfile.TemporaryDirectory() as data:
+        save(noisy_map(), Path(data, "map.npz"), compress=True)
+        save_to_bag(noisy_map(), Path(data, "bag"), "/grid_map")
+        process = Process([sys.executable, __file__, "--disturb"])
+        try:
+            wait_until(lambda: process.lines, "the publisher of maps")
+            yield data
+            assert process.is_running, process.text
+        finally:
+            process.kill()
+
+
+def outcomes(wanted: Iterable[Trial], jobs: int) -> Iterator[tuple[Trial, str, str]]:
+    """Carry out trials, `jobs` at a time; yield each with its phase and its fault."""
+    with disturbed() as data, ThreadPoolExecutor(jobs) as pool:
+        yield from pool.map(lambda trial: (trial, *carry_out(trial, data)), wanted)
+
+
+def main() -> int:
+    """Carry out trials; return the exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--count", type=int, default=100, help="number of trials (%(default)s)")
+    parser.add_argument("--seed", type=int, default=time.time_ns() % 10**6)
+    parser.add_argument("--jobs", type=int, default=4, help="trials at a time (%(default)s)")
+    parser.add_argument("--only", type=int, nargs="+", help="numbers of trials")
+    parser.add_argument("--disturb", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.disturb:
+        disturb()
+        return 0
+    print(f"seed {options.seed}", flush=True)
+    wanted = itertools.islice(trials(options.seed), options.count)
+    wanted = [trial for trial in wanted if not options.only or trial.number in options.only]
+    counts: Counter[tuple[str, str]] = Counter()
+    failures = 0
+    for trial, phase, text in outcomes(wanted, options.jobs):
+        counts[trial.executable.name, phase or "ended before"] += 1
+        if text:
+            failures += 1
+            print(f"{trial}, {phase}: {text}", flush=True)
+    for (name, phase), count in sorted(counts.items()):
+        print(f"{name:32} {phase:16} {count:5}")
+    print(f"{sum(counts.values())} trials, {failures} failures")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

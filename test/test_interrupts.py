@@ -1,0 +1,14 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Signals end every executable; `interrupts.py --count 2000` tries more moments."""
+
+import itertools
+
+import interrupts
+
+
+def test_signals_end_every_executable_in_order():
+    one_round = itertools.islice(interrupts.trials(seed=1), len(interrupts.executables()))
+    outcomes = [*interrupts.outcomes(one_round, jobs=4)]
+    assert not [f"{trial}, {phase}: {fault}" for trial, phase, fault in outcomes if fault]
+    assert {"imports", "runs"} <= {phase for _, phase, _ in outcomes}
