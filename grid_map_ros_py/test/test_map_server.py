@@ -112,7 +112,7 @@ def test_paths_that_lead_outside_are_refused(directory: Path, path: str, use: An
     assert contents(secret) == before
 
 
-def test_bags_of_links_are_not_read_and_only_links_are_replaced(directory: Path) -> None:
+def test_bags_of_links_are_not_read_but_replaced(directory: Path) -> None:
     secret = directory.parent / "secret" / "bag"
     before = contents(secret)
     (directory / "bag").mkdir()
