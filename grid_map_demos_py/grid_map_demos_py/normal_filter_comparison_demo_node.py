@@ -13,13 +13,14 @@ prints a table of the angles on all shapes at the start.
 """
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from ament_index_python.packages import get_package_share_directory
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import max_of_finites, mean_of_finites, sum_of_finites
-from grid_map_core_py.plugins import check
 from grid_map_filters_py import FilterChain
 from grid_map_ros_py.nodes import read_parameter_tree
 
@@ -32,22 +33,6 @@ Surface = tuple[Numbers, Numbers, Numbers]
 
 ALGORITHMS = {"area": "directionalErrorArea", "raster": "directionalErrorRaster"}
 """Layer of errors by algorithm."""
-
-FILTERS = [
-    {
-        "name": f"surface_normals_{algorithm}",
-        "type": "gridMapFilters/NormalVectorsFilter",
-        "params": {
-            "input_layer": "elevation_filtered",
-            "output_layers_prefix": f"normal_{algorithm}_",
-            "algorithm": algorithm,
-            "radius": 0.05,
-            "normal_vector_positive_axis": "z",
-        },
-    }
-    for algorithm in ALGORITHMS
-]
-"""Default filter chain."""
 
 MOST_NOISE = 1e3
 
@@ -128,6 +113,12 @@ def add_errors(grid_map: GridMap) -> None:
         grid_map[layer] = 1.0 - cosines
 
 
+def default_chain() -> FilterChain:
+    """Return the filter chain with both algorithms."""
+    folder = Path(get_package_share_directory("grid_map_demos_py"), "config")
+    return FilterChain.from_yaml(folder / "normal_filter_comparison_demo.yaml")
+
+
 def table(chain: FilterChain, noise: float, outliers: float) -> Iterator[str]:
     """Yield the lines of a table of the angles to the true normals on every shape."""
     yield f"angle to the true normals, noise {noise:g} m, outliers {outliers:.1%}"
@@ -150,17 +141,15 @@ class NormalFilterComparisonDemoNode(Demo):
         super().__init__("normal_filter_comparison_demo")
         about = "shape of the surface: wave, plane, hill, cone"
         self._shape = self.read_choice("shape", SHAPES, "wave", about)
-        self._noise = self.read("noise_on_map", 0.015, "largest noise, up or down [m]")
-        expected = f"0 or a positive number, at most {MOST_NOISE:g}"
-        check(0.0 <= self._noise <= MOST_NOISE, "noise_on_map", expected, self._noise)
+        about = "largest noise, up or down [m]"
+        self._noise = self.read_number("noise_on_map", 0.015, 0.0, MOST_NOISE, about)
         about = "share of outliers (infinite heights), 0 to 1"
-        self._outliers = self.read("outliers_percentage", 0.0, about)
-        check(0.0 <= self._outliers <= 1.0, "outliers_percentage", "0.0 to 1.0", self._outliers)
+        self._outliers = self.read_number("outliers_percentage", 0.0, 0.0, 1.0, about)
         about = "name of the parameter with the chain"
         name = self.read("filter_chain_parameter_name", "filters", about)
         about = "filter chain; by default both algorithms"
         given = read_parameter_tree(self, name, description=about)
-        self._chain = FilterChain.from_config(given or FILTERS)
+        self._chain = FilterChain.from_config(given) if given else default_chain()
         self._random = np.random.default_rng()
         self._errors = dict.fromkeys(ALGORITHMS.values(), 0.0)
         print("\n".join(table(self._chain, self._noise, self._outliers)), flush=True)

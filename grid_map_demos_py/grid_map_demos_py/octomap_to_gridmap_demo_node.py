@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.nodes import map_qos
@@ -43,10 +43,7 @@ class OctomapToGridmapDemoNode(Demo):
         if not path.name:
             self._start_asking(service)
             return
-        try:
-            grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
-        except GridMapError as error:
-            raise ConfigError(f"octomap {error}") from error
+        grid_map = load_octomap(path, min_bound=self._low, max_bound=self._high)
         grid_map.timestamp = self.get_clock().now().nanoseconds
         self._publish(grid_map)
 

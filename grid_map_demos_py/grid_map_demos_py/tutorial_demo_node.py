@@ -86,13 +86,10 @@ class TutorialDemoNode(Demo):
 
     def __init__(self) -> None:
         super().__init__("grid_map_tutorial_demo")
-        self._noise = self.read("noise", 0.015, "largest noise, up or down [m]")
-        expected = f"0 or a positive number, at most {MOST_NOISE:g}"
-        check(0.0 <= self._noise <= MOST_NOISE, "noise", expected, self._noise)
+        about = "largest noise, up or down [m]"
+        self._noise = self.read_number("noise", 0.015, 0.0, MOST_NOISE, about)
         about = "number of outliers (infinite heights); about half miss the map"
-        self._outliers = self.read("outliers", 500, about)
-        expected = f"0 or more, at most {MOST_OUTLIERS}"
-        check(0 <= self._outliers <= MOST_OUTLIERS, "outliers", expected, self._outliers)
+        self._outliers = self.read_number("outliers", 500, 0, MOST_OUTLIERS, about)
         about = "radius of the disc for the weighted mean [m], at most 1.0"
         self._radius = self.read_positive("radius", 0.1, about)
         check(self._radius <= MOST_RADIUS, "radius", f"at most {MOST_RADIUS}", self._radius)

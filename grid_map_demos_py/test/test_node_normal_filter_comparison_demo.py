@@ -8,14 +8,13 @@ from demos import published
 
 from grid_map_core_py import GridMap
 from grid_map_demos_py.normal_filter_comparison_demo_node import (
-    FILTERS,
     SHAPES,
     add_errors,
+    default_chain,
     disturb,
     surface_map,
     table,
 )
-from grid_map_filters_py import FilterChain
 
 ERRORS = ("directionalErrorArea", "directionalErrorRaster")
 
@@ -82,7 +81,7 @@ def test_error_is_one_minus_the_absolute_cosine():
 
 def angles(noise: float) -> dict[tuple[str, ...], float]:
     """Return the mean angle [deg] by shape and algorithm, out of the table."""
-    title, _, *rows = table(FilterChain.from_config(FILTERS), noise, 0.0)
+    title, _, *rows = table(default_chain(), noise, 0.0)
     assert title == f"angle to the true normals, noise {noise:g} m, outliers 0.0%"
     return {tuple(row.split()[:2]): float(row.split()[2]) for row in rows}
 

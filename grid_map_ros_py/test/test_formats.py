@@ -180,7 +180,7 @@ def test_devices_are_not_read(name, tmp_path):
         (b"", "expected a .bt or .ot file"),
         (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\n", "expected a .bt or .ot file"),
         (b"# Octomap OcTree binary file\nid OcTree\ndata\n", "lacks 'id' or 'res'"),
-        (b"# Octomap OcTree binary file\nid OcTree\nres many\ndata\n", "lacks 'id' or 'res'"),
+        (b"# Octomap OcTree binary file\nid OcTree\nres many\ndata\n", "could not convert"),
         (b"# another file\nid OcTree\nres 0.1\ndata\n", "expected a .bt or .ot file"),
         (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\ndata\n\x01", "data"),
     ],

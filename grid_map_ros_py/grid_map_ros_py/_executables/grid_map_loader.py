@@ -4,14 +4,10 @@
 
 from rclpy.duration import Duration
 
-from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import load_from_bag, to_serialized_message
 from ..nodes import ConfiguredNode, map_qos, read_parameter
-
-LONGEST = 1e9
-"""Longest lifespan [s] that a parameter may ask for."""
 
 
 class GridMapLoaderNode(ConfiguredNode):
@@ -25,9 +21,7 @@ class GridMapLoaderNode(ConfiguredNode):
         bag_topic = self.read("bag_topic", "/grid_map", about)
         topic = self.read_topic("publish_topic", "/grid_map", "topic of the map")
         about = "time for which late subscribers get the map [s]; 0 means while the node runs"
-        duration = self.read("duration", 0.0, about)
-        # NaN is not between the bounds either.
-        check(0 <= duration <= LONGEST, "duration", f"0 to {LONGEST:g} s", duration)
+        duration = self.read_number("duration", 0.0, 0.0, 1e9, about)
         qos = map_qos()
         if duration:
             qos.lifespan = Duration(nanoseconds=round(duration * 1e9))

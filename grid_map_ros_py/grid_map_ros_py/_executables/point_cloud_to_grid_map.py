@@ -70,11 +70,11 @@ class PointCloudToGridMapNode(ConfiguredNode):
         self._mapper = self._read_mapper()
         self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
         about = "rate at which a changed map is published [Hz]; 0 means after every cloud"
-        self._publish_rate = self._read_not_negative("publish_rate", about)
+        self._publish_rate = self.read_number("publish_rate", 0.0, 0.0, 1e9, about)
         if self._publish_rate > 0:
             steady_timer(self, 1 / self._publish_rate, self._publish)
         about = "time between two lines of statistics in the log [s]; 0 means none"
-        if period := self._read_not_negative("statistics_period", about):
+        if period := self.read_number("statistics_period", 0.0, 0.0, 1e9, about):
             steady_timer(self, period, lambda: self.get_logger().info(str(self._mapper.statistics)))
         steady_timer(self, WAIT_PERIOD, self._work)
         about = (
@@ -164,11 +164,6 @@ class PointCloudToGridMapNode(ConfiguredNode):
             POSE_TYPES[self._source], topic, lambda message: self._on_pose(history, message), qos
         )
         return history
-
-    def _read_not_negative(self, name: str, description: str) -> float:
-        value = self.read(name, 0.0, description)
-        check(math.isfinite(value) and value >= 0, name, "a finite number, 0 or more", value)
-        return value
 
     def _read_numbers(self, name: str, default: list[float], description: str) -> list[float]:
         """Return a parameter: a list of finite numbers, as long as the default."""

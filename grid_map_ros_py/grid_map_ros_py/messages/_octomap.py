@@ -26,7 +26,6 @@ import numpy.typing as npt
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import as_array
 from grid_map_core_py.conversions import fitting_geometry, rasterize
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import storage_errors
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
@@ -152,27 +151,23 @@ def load_octomap(
         LayerNotFoundError: `layers` asks for another layer.
         GridMapError: the file cannot be read, is no octomap, or as in `from_octomap`.
     """
-    octomap = _read(Path(path), frame_id)
-    select_layers([height_layer], layers)
     bounds: dict[str, Any] = {"min_bound": min_bound, "max_bound": max_bound}
-    try:
+    with storage_errors(Path(path), "read"):
+        octomap = _read(Path(path), frame_id)
+        select_layers([height_layer], layers)
         return from_octomap(octomap, height_layer, resolution, **bounds)
-    except GridMapError as error:
-        raise GridMapError(f"{path}: {error}") from error
 
 
 def _read(path: Path, frame_id: str) -> Any:
     """Return a file as an object with the fields of `octomap_msgs/Octomap`."""
-    with storage_errors(path, "read"):
-        head, separator, tree = path.read_bytes().partition(b"\ndata\n")
+    head, separator, tree = path.read_bytes().partition(b"\ndata\n")
     kind, *lines = head.splitlines() or [b""]
     if not (separator and kind in (BINARY, FULL)):
-        raise GridMapError(f"{path}: cannot be read: expected a .bt or .ot file of OctoMap")
+        raise ValueError("expected a .bt or .ot file of OctoMap")
     entries = dict(line.partition(b" ")[::2] for line in lines if not line.startswith(b"#"))
-    try:
-        name, resolution = entries[b"id"].decode(), float(entries[b"res"])
-    except (KeyError, ValueError) as error:
-        raise GridMapError(f"{path}: cannot be read: its head lacks 'id' or 'res'") from error
+    if not {b"id", b"res"} <= entries.keys():
+        raise ValueError("its head lacks 'id' or 'res'")
+    name, resolution = entries[b"id"].decode(), float(entries[b"res"])
     header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id=frame_id)
     return SimpleNamespace(
         header=header, binary=kind == BINARY, id=name, resolution=resolution, data=tree

@@ -13,6 +13,7 @@ from ._parameters import read_parameter, read_positive, read_topic
 from ._spin import run
 
 T = TypeVar("T")
+N = TypeVar("N", int, float)
 
 
 class ConfiguredNode(Node):
@@ -29,6 +30,12 @@ class ConfiguredNode(Node):
     def read(self, name: str, default: T, description: str) -> T:
         """Return a parameter, which has the type of its default."""
         return read_parameter(self, name, type(default), default, description=description)
+
+    def read_number(self, name: str, default: N, low: float, high: float, description: str) -> N:
+        """Return a parameter that is a number from `low` to `high`."""
+        value = self.read(name, default, description)
+        check(low <= value <= high, name, f"a number from {low:g} to {high:g}", value)
+        return value
 
     def read_positive(self, name: str, default: float, description: str) -> float:
         """Return a parameter that is a positive number."""

@@ -4,7 +4,6 @@
 
 from rclpy.node import Node
 
-from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
@@ -44,8 +43,7 @@ class WebViewerNode(ConfiguredNode):
     def _serve_page(self) -> Page:
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
-        port = self.read("port", 8080, "port of the page; 0 for any free one")
-        check(0 <= port < 2**16, "port", "a number from 0 to 65535", port)
+        port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 for any free one")
         height_layer = self.read("height_layer", "elevation", "initial layer of the heights")
         about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
         color_layer = self.read("color_layer", "", about)
