@@ -614,7 +614,7 @@ def test_the_page_of_pictures_has_all_options_and_defaults():
         if parameter.kind is inspect.Parameter.KEYWORD_ONLY
     }
     assert documented == options.keys()
-    for name in ("color_mode", "color_map", "invert", "exaggeration", "max_cells"):
+    for name in ("color_mode", "color_map", "invert", "exaggeration", "max_drawn_cells"):
         assert ast.literal_eval(defaults[name]) == options[name]
 
 

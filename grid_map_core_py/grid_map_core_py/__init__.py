@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         GeometryError as GeometryError,
         GridMapError as GridMapError,
         LayerNotFoundError as LayerNotFoundError,
+        LimitError as LimitError,
         MissingPackageError as MissingPackageError,
         OutOfMapError as OutOfMapError,
     )
@@ -74,15 +75,15 @@ _OFFERED = {
     "arrays": "max_of_finites mean_of_finites min_of_finites number_of_finites sum_of_finites",
     "conversions": "change_resolution color_value_to_vector color_vector_to_value from_image "
     "from_mesh from_points to_image",
-    "errors": "ConfigError GeometryError GridMapError LayerNotFoundError MissingPackageError "
-    "OutOfMapError",
+    "errors": "ConfigError GeometryError GridMapError LayerNotFoundError LimitError "
+    "MissingPackageError OutOfMapError",
     "files": "load save",
     "map": "BufferRegion GridGeometry GridMap Interpolation SignedDistanceField",
     "regions": "Polygon cells_to_mask circle_cells ellipse_cells line_cells line_cells_between "
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
 }
 _ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
-_ROOMS = (*_OFFERED, "elevation", "plugins", "testing")
+_ROOMS = (*_OFFERED, "elevation", "limits", "plugins", "testing")
 """Rooms, which are imported when they are first used, so that programs such as `grid-map --help`
 need not wait for NumPy, SciPy and OpenCV."""
 

@@ -7,6 +7,7 @@ GridMapError
 ├── OutOfMapError (IndexError)
 ├── GeometryError (ValueError)
 ├── ConfigError (ValueError)
+├── LimitError (ValueError)
 └── MissingPackageError (ImportError)
 """
 
@@ -19,6 +20,7 @@ __all__ = [
     "GeometryError",
     "GridMapError",
     "LayerNotFoundError",
+    "LimitError",
     "MissingPackageError",
     "OutOfMapError",
     "cut",
@@ -62,6 +64,10 @@ class GeometryError(GridMapError, ValueError):
 
 class ConfigError(GridMapError, ValueError):
     """A parameter is unknown, missing, or has a wrong type or value."""
+
+
+class LimitError(GridMapError, ValueError):
+    """A message, a file or a request would cost more than `grid_map_core_py.limits` allow."""
 
 
 class MissingPackageError(GridMapError, ImportError):

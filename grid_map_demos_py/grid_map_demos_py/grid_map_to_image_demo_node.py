@@ -16,7 +16,7 @@ from rclpy.utilities import try_shutdown
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import COLOR_LAYER, Image, to_color_image, to_image
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import encode_image, storage_errors, write_image
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import MessageError, ReceivedMap
@@ -79,7 +79,7 @@ class GridMapToImageDemoNode(Demo):
             image = self._draw(received.decode([self._layer]), self._layer)
             with storage_errors(self._file, "written"):
                 write_image(self._file, image)
-        except MessageError:
+        except (LimitError, MessageError):
             raise
         except GridMapError as error:
             raise NodeFailedError(str(error)) from error

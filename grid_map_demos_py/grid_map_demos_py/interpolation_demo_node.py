@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import GridGeometry
 from grid_map_ros_py import to_serialized_message
 
@@ -32,8 +33,6 @@ LAYER = "demo"
 
 BORDER = 2
 """Width of the border that errors leave out, where methods lack neighbors [cells]."""
-
-MOST_CELLS = 4_000_000
 
 HILLS = [  # x, y, variance along x, variance along y, height
     (1.0, -1.0, 1.0, 0.3, -2.0),
@@ -150,11 +149,11 @@ class InterpolationDemoNode(Demo):
         geometry = GridGeometry(length, resolution)
         rows, columns = geometry.size
         few = 2 * BORDER + 1
-        if min(rows, columns) < few or rows * columns > MOST_CELLS:
+        if min(rows, columns) < few:
             raise ConfigError(
-                f"parameter {name!r}: expected at least {few} x {few} and at most {MOST_CELLS} "
-                f"cells, got {rows} x {columns}"
+                f"parameter {name!r}: expected at least {few} x {few} cells, got {rows} x {columns}"
             )
+        check_cells(f"parameter {name!r}", geometry.size)
         return geometry
 
     def _publish(self, topic: str, grid_map: GridMap) -> None:

@@ -13,9 +13,10 @@ import math
 from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
+from grid_map_ros_py.errors import DROPPED, reason
 from grid_map_ros_py.nodes import map_qos
 
 from .demo import Demo
@@ -87,8 +88,8 @@ class OctomapToGridmapDemoNode(Demo):
             self._publish(
                 from_octomap(octomap, "elevation", min_bound=self._low, max_bound=self._high)
             )
-        except GridMapError as error:
-            self.get_logger().warning(f"cannot use the octomap: {error}")
+        except DROPPED as error:
+            self.get_logger().warning(f"cannot use the octomap: {reason(error)}")
         else:
             self._octomap_publisher.publish(octomap)
 

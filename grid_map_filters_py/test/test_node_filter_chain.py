@@ -3,6 +3,7 @@
 """The node `filter_chain` as a process, over DDS."""
 
 import copy
+import sys
 import tracemalloc
 
 import numpy as np
@@ -25,7 +26,15 @@ from grid_map_ros_py import (
     to_serialized_message,
 )
 from grid_map_ros_py.nodes import map_qos
-from grid_map_ros_py.testing import Peer, peer, running_node, start_node, wait_until
+from grid_map_ros_py.testing import (
+    Peer,
+    Process,
+    peer,
+    running,
+    running_node,
+    start_node,
+    wait_until,
+)
 
 MODULE = "grid_map_filters_py._executables.filter_chain"
 FILTERS = {
@@ -469,3 +478,24 @@ def test_wrong_parameters_end_the_node_with_one_message(parameters, wrong, messa
     assert "[grid_map_filters]: " in node.text
     assert "Traceback" not in node.text
     assert len(node.text.strip().splitlines()) == 1, node.text
+
+
+@pytest.mark.parametrize(
+    ("limit", "reason"),
+    [
+        ({}, "info: expected at most 16000000 cells, got 30000 x 30000"),
+        ({"max_cells": 10**9}, "Unable to allocate 3.35 GiB"),
+    ],
+)
+def test_map_that_takes_too_much_memory_is_dropped(other_side, parameters, limit, reason):
+    params = {"red": 0.0, "green": 0.0, "blue": 1.0, "mask_layer": "", "output_layer": "color"}
+    fill = {"name": "fill", "type": "gridMapFilters/ColorFillFilter", "params": params}
+    options = parameters({"filter1": fill}, **limit)
+    script = 'ulimit -v 4000000 && exec "$0" -m "$@"'
+    with running(Process(["sh", "-c", script, sys.executable, MODULE, *options])) as node:
+        other_side.listen("/filtered_map", GridMapMessage)
+        other_side.publish("/grid_map", to_message(GridMap((3e4, 3e4), 1.0)))
+        other_side.wait_until(lambda: reason in node.text, "the map to be dropped")
+        other_side.publish("/grid_map", to_message(GridMap((3.0, 3.0), 1.0)))
+        assert from_message(other_side.expect("/filtered_map")).layers == ("color",)
+    assert "dropped a message of /grid_map" in node.text

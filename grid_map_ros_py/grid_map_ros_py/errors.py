@@ -12,7 +12,23 @@ GridMapError (grid_map_core_py)
 
 from grid_map_core_py.errors import GridMapError, MissingPackageError, short
 
-__all__ = ["BagError", "MessageError", "MissingPackageError", "NodeFailedError", "RequestError"]
+__all__ = [
+    "DROPPED",
+    "BagError",
+    "MessageError",
+    "MissingPackageError",
+    "NodeFailedError",
+    "RequestError",
+    "reason",
+]
+
+DROPPED = (GridMapError, MemoryError)
+"""Errors after which a node drops a message and goes on."""
+
+
+def reason(error: Exception) -> str:
+    """Return the text of an error; a MemoryError may have none."""
+    return str(error) or "out of memory"
 
 
 class MessageError(GridMapError, ValueError):

@@ -15,6 +15,7 @@ from std_msgs.msg import MultiArrayDimension
 from test_grid_map import sample_map
 from wire import set_field
 
+from grid_map_core_py.limits import changed_limits
 from grid_map_msgs.msg import GridMap as GridMapMessage, GridMapInfo
 from grid_map_ros_py import MessageError, from_message, from_serialized_message, to_message
 
@@ -125,7 +126,7 @@ def test_malformed_message_gets_one_error_that_names_the_field(
     changes: dict[str, Any], field: str, expected: str, found: str
 ) -> None:
     message = spoilt(changes)
-    with pytest.raises(MessageError) as error:
+    with changed_limits(max_cells=2**62), pytest.raises(MessageError) as error:
         from_message(message)
     text = str(error.value)
     path, _, rest = text.partition(": expected ")
@@ -134,7 +135,7 @@ def test_malformed_message_gets_one_error_that_names_the_field(
     assert rest.endswith(f", got {found}")
     assert error.value.__cause__ is None
     assert error.value.__context__ is None
-    with pytest.raises(MessageError) as error:
+    with changed_limits(max_cells=2**62), pytest.raises(MessageError) as error:
         from_serialized_message(serialize_message(message), unwrap=False)
     assert str(error.value) == text
 

@@ -119,7 +119,7 @@ def plot_3d(
     upper: float | None = None,
     invert: bool = False,
     exaggeration: float = 1.0,
-    max_cells: int = 20_000,
+    max_drawn_cells: int = 20_000,
     label: str = "",
     title: str = "",
     color_bar: bool = True,
@@ -133,7 +133,7 @@ def plot_3d(
         color_layer: layer that gives the colors; empty stands for the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
         exaggeration: factor on the drawn heights. The axis shows true heights.
-        max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
+        max_drawn_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
             Matplotlib draws the default number in about a second.
 
     Returns the axes, and raises the errors of `plot`.
@@ -143,7 +143,7 @@ def plot_3d(
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
     check(axes.name == "3d", "ax", "axes of the projection '3d'", axes.name)
-    surface = Surface(grid_map, height_layer, max_cells=max_cells)
+    surface = Surface(grid_map, height_layer, max_drawn_cells=max_drawn_cells)
     mesh = surface.mesh(coloring)
     x, y, z = (mesh.vertices + mesh.origin).T
     if len(mesh.faces):

@@ -5,10 +5,10 @@
 The corners of the triangles are cell centers. Four neighboring cells in a square are two triangles
 if all have a height, one triangle if three have one, and a hole otherwise.
 
-Maps with more than `max_cells` cells are thinned out: every n-th row and column stay, and the first
-and the last ones, so that the surface covers the map. The remaining cells keep their values; no
-means are taken. Rows and columns are chosen by their position in the map frame, so that the surface
-of a moving map does not flicker.
+Maps with more than `max_drawn_cells` cells are thinned out: every n-th row and column stay, and
+the first and the last ones, so that the surface covers the map. The remaining cells keep their
+values; no means are taken. Rows and columns are chosen by their position in the map frame, so that
+the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
@@ -26,14 +26,14 @@ from grid_map_core_py.plugins import check
 
 from .colors import Coloring, Colors
 
-__all__ = ["Mesh", "Surface", "check_max_cells"]
+__all__ = ["Mesh", "Surface", "check_max_drawn_cells"]
 
 
-def check_max_cells(max_cells: int) -> None:
-    """Raise `ConfigError` unless `max_cells` is 0 (no limit) or large enough to thin out maps."""
+def check_max_drawn_cells(max_drawn_cells: int) -> None:
+    """Raise `ConfigError` unless the limit is 0 (none) or large enough to thin out maps."""
     # The smallest limit is the first, one inner and the last row and column.
-    is_limit = max_cells == 0 or max_cells >= 9
-    check(is_limit, "max_cells", "0 (never thin out) or at least 9", max_cells)
+    is_limit = max_drawn_cells == 0 or max_drawn_cells >= 9
+    check(is_limit, "max_drawn_cells", "0 (never thin out) or at least 9", max_drawn_cells)
 
 
 @dataclass(frozen=True)
@@ -64,20 +64,20 @@ class Surface:
         grid_map: the map.
         height_layer: heights [m]; cells without a finite one are holes.
         flat: draw the surface at height zero, with the same holes.
-        max_cells: limit of the cells, at least 9; 0 for no limit.
+        max_drawn_cells: limit of the cells, at least 9; 0 for no limit.
 
     Raises:
         LayerNotFoundError: the map lacks the layer.
-        ConfigError: `max_cells` is negative or too small.
+        ConfigError: `max_drawn_cells` is negative or too small.
     """
 
     grid_map: GridMap
     height_layer: str
     flat: bool = False
-    max_cells: int = 0
+    max_drawn_cells: int = 0
 
     def __post_init__(self) -> None:
-        check_max_cells(self.max_cells)
+        check_max_drawn_cells(self.max_drawn_cells)
 
     def values(self, layer: str) -> Layer:
         """Return a layer (columns, rows) of the cells that are shown.
@@ -155,15 +155,15 @@ class Surface:
 
     @cached_property
     def _step(self) -> int:
-        rows, columns = self.grid_map.size
-        if self.max_cells == 0 or rows * columns <= self.max_cells:
+        (rows, columns), most = self.grid_map.size, self.max_drawn_cells
+        if most == 0 or rows * columns <= most:
             return 1
 
         def lines(cells: int, step: int) -> int:
             # Every n-th line stays, and up to two border lines.
             return min(cells, -(-cells // step) + 2)
 
-        return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= self.max_cells)
+        return next(n for n in count(2) if lines(rows, n) * lines(columns, n) <= most)
 
     @cached_property
     def _kept(self) -> list[npt.NDArray[np.int64]]:

@@ -164,7 +164,7 @@ def url_of(node: Process) -> str:
 
 @pytest.fixture(scope="module")
 def node() -> Iterator[Process]:
-    with running(start_viewer(port=0, color_layer="side", max_cells=MAX_CELLS)) as process:
+    with running(start_viewer(port=0, color_layer="side", max_drawn_cells=MAX_CELLS)) as process:
         yield process
 
 
@@ -477,7 +477,7 @@ def test_failing_node_ends_with_one_message():
         complaints = {
             f"port:={port}": f"the page cannot be served at 127.0.0.1:{port}: [Errno 98]",
             "port:=65536": "parameter 'port': expected a number from 0 to 65535",
-            "max_cells:=3": "parameter 'max_cells': expected 0 (never thin out) or at least 9",
+            "max_drawn_cells:=3": "parameter 'max_drawn_cells': expected 0 (never thin out) or",
             "color_map:=virdis": "did you mean viridis",
             "host:=192.0.2.1": "the page cannot be served at 192.0.2.1:8080: ",
             "update_rate:=0": "parameter 'update_rate': expected a positive",

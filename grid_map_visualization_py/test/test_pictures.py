@@ -179,7 +179,7 @@ def test_relief_wall_casts_its_shadow_away_from_the_sun():
         (plot, {"color_map": "virids"}, "'virids'; did you mean viridis"),
         (plot, {"color_mode": "rainbow"}, "'color_mode': expected one of .* got 'rainbow'"),
         (plot_3d, {"ax": flat_axes()}, "'ax': expected axes of the projection '3d'"),
-        (plot_3d, {"max_cells": 3}, "'max_cells': expected 0 .* at least 9, got 3"),
+        (plot_3d, {"max_drawn_cells": 3}, "'max_drawn_cells': expected 0 .* at least 9, got 3"),
         *(
             (draw, {"exaggeration": factor}, "'exaggeration': expected a positive number")
             for draw in (plot, plot_3d, plot_relief)

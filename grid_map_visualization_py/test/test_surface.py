@@ -184,13 +184,14 @@ def test_packed_colors_are_shown_unchanged_and_gray_where_missing():
 
 
 @pytest.mark.parametrize("size", [(40, 40), (100, 7), (1000, 1), (5, 3), (3, 3)])
-@pytest.mark.parametrize("max_cells", [9, 30, 400])
-def test_thinned_out_map_keeps_its_extent_and_its_values(size, max_cells):
+@pytest.mark.parametrize("max_drawn_cells", [9, 30, 400])
+def test_thinned_out_map_keeps_its_extent_and_its_values(size, max_drawn_cells):
     random = np.random.default_rng(3)
     grid_map = GridMap(size, 1.0, (0.3, 0.9), {"z": random.random(size)})
-    mesh = Surface(grid_map, "z", max_cells=max_cells).mesh(Coloring())
-    assert len(mesh.vertices) <= max_cells
-    assert len(mesh.vertices) >= (max_cells / 16 if np.prod(size) > max_cells else np.prod(size))
+    mesh = Surface(grid_map, "z", max_drawn_cells=max_drawn_cells).mesh(Coloring())
+    assert len(mesh.vertices) <= max_drawn_cells
+    cells = np.prod(size)
+    assert len(mesh.vertices) >= (max_drawn_cells / 16 if cells > max_drawn_cells else cells)
     positions = mesh.vertices[:, :2] + mesh.origin[:2]
     np.testing.assert_allclose(positions.max(axis=0), grid_map.geometry.corner - 0.5, atol=1e-4)
     np.testing.assert_allclose(np.ptp(positions, axis=0), np.array(size) - 1.0, atol=1e-4)
@@ -204,7 +205,7 @@ def test_thinned_out_map_that_moves_keeps_the_cells_inside():
 
     def shown() -> set[tuple[float, ...]]:
         """Return the positions of the kept cells, away from the borders."""
-        mesh = Surface(grid_map, "z", max_cells=200).mesh(GRAY)
+        mesh = Surface(grid_map, "z", max_drawn_cells=200).mesh(GRAY)
         positions = mesh.vertices[:, :2] + mesh.origin[:2]
         return {(x, y) for x, y in positions.tolist() if abs(x) < 16 and abs(y) < 11}
 

@@ -151,7 +151,7 @@ def test_error_names_missing_layer(hill):
 
 def test_scene_knows_the_cells_that_are_shown():
     grid_map = GridMap((4.0, 2.0), 0.1, layers={"elevation": 0.0})
-    scene = make_scene(grid_map, Settings(height_layer="elevation"), max_cells=300)
+    scene = make_scene(grid_map, Settings(height_layer="elevation"), max_drawn_cells=300)
     assert len(scene.mesh.vertices) == np.prod(scene.size) <= 300
     assert 0.15 < scene.spacing < 0.3
 

@@ -33,7 +33,7 @@ VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
         ("vectors", {**VECTORS, "scale": 2, "line_width": 1, "color": 255.0}, {}),
         ("map_region", {}, {"color": 16777215, "line_width": 0.003}),
         ("surface", {}, {"height_layer": "elevation", "color_mode": "intensity", "opacity": 1.0}),
-        ("surface", {"color_mode": "flat", "color": 255, "lower": -1, "max_cells": 9.0}, {}),
+        ("surface", {"color_mode": "flat", "color": 255, "lower": -1, "max_drawn_cells": 9.0}, {}),
         ("image", {"layer": "a"}, {"color_map": "viridis", "encoding": "rgb8"}),
         ("image", {"layer": "a", "lower": 1, "upper": 2, "invert": True}, {}),
         ("contours", {"layer": "a"}, {"interval": 0.1, "levels": ()}),
@@ -43,7 +43,7 @@ VECTORS = {"layer_prefix": "n_", "position_layer": "z"}
 def test_parameters_and_defaults_become_fields_of_their_type(type_name, params, defaults):
     made = create("name", {"type": type_name, "params": params})
     assert type(made) is VISUALIZATIONS[type_name]
-    kinds = {"data_min": float, "data_max": float, "color": int, "max_cells": int}
+    kinds = {"data_min": float, "data_max": float, "color": int, "max_drawn_cells": int}
     for name, value in (params | defaults).items():
         assert getattr(made, name) == value
         assert isinstance(getattr(made, name), kinds.get(name, object))
@@ -100,7 +100,7 @@ def test_wrong_entry_of_a_visualization_is_one_error(config, words):
         ("surface", {"color_map": "virids"}, "'color_map'; mean viridis"),
         ("surface", {"opacity": 1.5}, "'opacity'; 0 to 1; 1.5"),
         ("surface", {"color": -1}, "'color'; 16777215; -1"),
-        ("surface", {"max_cells": 8}, "'max_cells'; at least 9; 8"),
+        ("surface", {"max_drawn_cells": 8}, "'max_drawn_cells'; at least 9; 8"),
         ("surface", {"lower": 2, "upper": 1}, "'upper'; lower (2.0); 1.0"),
         ("image", {}, "missing; 'layer'"),
         ("image", {"layer": "a", "encoding": "mono8"}, "'encoding'; 'bgra8'"),

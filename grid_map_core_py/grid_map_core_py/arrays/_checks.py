@@ -196,12 +196,11 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
         LayerNotFoundError: a name is not available.
         GridMapError: `layers` is neither a name nor a sequence of names.
     """
-    known = tuple(available)
     if layers is None:
-        return known
-    names = as_names(layers)
+        return tuple(available)
+    names, known = as_names(layers), dict.fromkeys(available)
     for name in names:
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise LayerNotFoundError(name, known)
     return tuple(dict.fromkeys(names))
 

@@ -59,6 +59,13 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     )
     about = "read what is there of a damaged MCAP file, such as one that was cut off"
     group.add_argument("--recover", action="store_const", const=True, help=about)
+    group = parser.add_argument_group("limits of what a file may cost")
+    for limit, meaning in (
+        ("cells", "largest number of cells of a map"),
+        ("bytes", "largest size of all layers, or of unpacked data"),
+        ("ratio", "largest quotient of unpacked and packed bytes, beyond 100 MB"),
+    ):
+        group.add_argument(f"--max-{limit}", type=float, metavar="NUMBER", help=meaning)
 
 
 def add_layers(parser: argparse.ArgumentParser, text: str) -> None:

@@ -10,6 +10,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from dataclasses import fields
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -19,6 +20,7 @@ from typing import Any, NoReturn
 
 from .. import __version__
 from ..errors import GridMapError
+from ..limits import Limits, changed_limits
 from ._output import CommandError, UsageError, message, shown
 from ._signals import on_end
 
@@ -142,7 +144,9 @@ def _run(arguments: Sequence[str]) -> int:
         parser = options.parser
         if unknown:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-        code: int = options.run(options)
+        limits = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
+        with changed_limits(**{name: value for name, value in limits.items() if value is not None}):
+            code: int = options.run(options)
         return code
     except BrokenPipeError:
         raise

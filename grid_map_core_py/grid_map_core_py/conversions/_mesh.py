@@ -80,8 +80,8 @@ def from_mesh(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no face has a finite vertex, or the extent takes too many cells; and all that
-            `rasterize_triangles` raises.
+        GridMapError: no face has a finite vertex; and all that `rasterize_triangles` raises.
+        LimitError: the extent of the vertices takes too many cells.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))

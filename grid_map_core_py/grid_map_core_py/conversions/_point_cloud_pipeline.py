@@ -182,7 +182,8 @@ class PointCloudPipeline:
 
         Raises:
             GeometryError: the points have the wrong shape or are no numbers.
-            GridMapError: no point is finite, or the cloud takes too many cells.
+            GridMapError: no point is finite.
+            LimitError: the cloud takes too many cells.
         """
         cloud = self.prepared(points)
         if not len(cloud):

@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike
 from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, as_pair
 from ..arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
+from ..limits import check_cells
 from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
@@ -42,8 +43,6 @@ _RGB = np.uint32(0xFFFFFF)
 _NO_COLOR = np.float32(np.nan).view(np.uint32) & _RGB
 
 _CHUNK = 1 << 16  # number of points in a chunk, whose temporaries fit into the cache
-# Largest number of cells of a fitted map (256 MB per layer); a stray point would need more.
-_MOST_CELLS = 2**26
 
 
 def rasterize(
@@ -131,8 +130,8 @@ def from_points(
         timestamp: timestamp of the map [ns].
 
     Raises:
-        GridMapError: no point is left to take the extent from, or the extent takes too many cells;
-            and all that `rasterize` raises.
+        GridMapError: no point is left to take the extent from; and all that `rasterize` raises.
+        LimitError: the extent of the points takes too many cells.
     """
     cloud = as_points(points)
     center = None if position is None else as_pair(position, "position")
@@ -147,7 +146,10 @@ def from_points(
             reach = np.maximum(upper - center, center - lower)
             lower, upper = center - reach, center + reach
         align = center is None and not tight
-        geometry = fitting_geometry(lower, upper, resolution, hold_edges=True, align=align)
+        count = sum(map(len, filter(None, (layers, fields))))
+        geometry = fitting_geometry(
+            lower, upper, resolution, hold_edges=True, align=align, layers=count
+        )
     return rasterize(
         cloud,
         GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp),
@@ -194,7 +196,13 @@ def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32
 
 
 def fitting_geometry(
-    lower: Positions, upper: Positions, resolution: float, *, hold_edges: bool, align: bool = False
+    lower: Positions,
+    upper: Positions,
+    resolution: float,
+    *,
+    hold_edges: bool,
+    align: bool = False,
+    layers: int = 1,
 ) -> GridGeometry:
     """Return the smallest grid that covers a rectangle.
 
@@ -205,9 +213,10 @@ def fitting_geometry(
             rectangle of whole cells takes one row and one column more.
         align: True to put the borders at multiples of the resolution, False to center the grid on
             the middle of the rectangle.
+        layers: number of layers that will be made.
 
     Raises:
-        GridMapError: the grid would have more than 2**26 cells.
+        LimitError: the grid or the layers would be too large.
         GeometryError: the resolution is not positive and finite.
     """
     resolution = as_finite(resolution, "resolution", "a positive number", above=0.0)
@@ -222,11 +231,8 @@ def fitting_geometry(
         else:
             size = np.floor(cells + tolerance) + 1 if hold_edges else np.ceil(cells - tolerance)
         size = np.maximum(size, 1)
-        if not size.prod() <= _MOST_CELLS:
-            raise GridMapError(
-                f"an extent from {tuple(lower.tolist())} to {tuple(upper.tolist())} m takes too "
-                f"many cells of {resolution} m; give length and position of the map"
-            )
+        ends = " to ".join("({:g}, {:g})".format(*end) for end in (lower, upper))
+        check_cells(f"extent from {ends} m in cells of {resolution:g} m", size.tolist(), layers)
     if not align:
         return GridGeometry(size * resolution, resolution, lower + 0.5 * (upper - lower))
     geometry = GridGeometry(size * resolution, resolution, (first + 0.5 * size) * resolution)

@@ -27,6 +27,12 @@ Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 
 _MESHES = (".ply", ".obj", ".stl")
 
+_PCD_HEAD = 10
+"""Most lines of the head of a PCD file, without comments."""
+
+_LARGEST_RATIO = 100
+"""LZF packs at most 88 bytes into one."""
+
 
 def load_points(path: str | PathLike[str]) -> tuple[npt.NDArray[Any], Fields]:
     """Read a point cloud, or the vertices of a mesh, from a PCD, PLY, OBJ or STL file.
@@ -190,6 +196,7 @@ def _read_pcd(file: Path) -> Fields:
     """Return the fields of a PCD file by their names."""
     pypcd4 = package_for(file, "PCD", "pypcd4")
     with storage_errors(file, "read"):
+        _check_claims(file, pypcd4)
         cloud = pypcd4.PointCloud.from_path(file)
         # For a file with a single point the reader returns a 1-D array.
         rows = np.atleast_1d(cloud.pc_data)
@@ -197,6 +204,21 @@ def _read_pcd(file: Path) -> Fields:
             raise ValueError(f"expected {cloud.points} points, got {len(rows)}")
     # PCL names all padding "_"; the reader replaces it by unique names with this prefix.
     return {name: rows[name] for name in rows.dtype.names or () if not name.startswith("#$%&~~")}
+
+
+def _check_claims(file: Path, pypcd4: Any) -> None:
+    """Refuse a PCD file that claims more bytes than it can hold; the reader would take them."""
+    lines: list[str] = []
+    with file.open("rb") as stream:
+        for line in stream:
+            if (text := line.decode().strip()) and not text.startswith("#"):
+                lines.append(text)
+            if lines and (lines[-1].startswith("DATA") or len(lines) == _PCD_HEAD):
+                break
+    head = pypcd4.MetaData.parse_header(lines)
+    point = sum(size * count for size, count in zip(head.size, head.count, strict=True))
+    if max(head.points, 1) * point > _LARGEST_RATIO * file.stat().st_size:
+        raise ValueError(f"claims {head.points} points of {point} bytes, more than it has")
 
 
 def _read_mesh(file: Path) -> list[Any]:

@@ -7,9 +7,10 @@ of the map. The position comes from the raster, so a raster that was cropped els
 """
 
 import json
+import math
 import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -174,9 +175,11 @@ def _opened(path: str | PathLike[str], *, virtual: bool) -> Iterator[tuple[Any, 
         geometry = _geometry(raster, path)
         empty = GridMap.from_geometry(geometry, frame_id=frame_id, timestamp=timestamp)
         names = _names(raster.descriptions)
-        basic = [name for name in tags.get("basic_layers", ()) if name in names]
-        read = partial(_read_band, raster, names)
-        yield raster, StoredMap(empty, names, basic, read)
+        bands = {name: band for band, name in enumerate(names, 1)}
+        basic = [name for name in tags.get("basic_layers", ()) if name in bands]
+        read = partial(_read_band, raster, bands)
+        packed = math.inf if virtual else Path(path).stat().st_size
+        yield raster, StoredMap(empty, names, basic, read, Path(path), packed)
 
 
 def _warn_of_unit(raster: Any, path: str | PathLike[str]) -> None:
@@ -220,16 +223,17 @@ def _names(descriptions: Iterable[str | None]) -> list[str]:
     """Return a unique name for each band."""
     given = [*descriptions]
     other = ["elevation"] if len(given) == 1 else [f"band_{n}" for n in range(1, len(given) + 1)]
-    names: list[str] = []
+    names: dict[str, None] = {}
     for name, replacement in zip(given, other, strict=True):
-        names.append(name if name and name not in names else replacement)
-    if len({*names}) != len(names):
-        raise GridMapError(f"two bands have one name: {', '.join(names)}")
-    return names
+        chosen = name if name and name not in names else replacement
+        if chosen in names:
+            raise GridMapError(f"two bands have one name: {chosen}")
+        names[chosen] = None
+    return [*names]
 
 
-def _read_band(raster: Any, names: list[str], name: str) -> npt.NDArray[np.float32]:
-    band = names.index(name) + 1
+def _read_band(raster: Any, bands: Mapping[str, int], name: str) -> npt.NDArray[np.float32]:
+    band = bands[name]
     if "complex" in raster.dtypes[band - 1]:
         raise ValueError(f"expected real numbers, got {raster.dtypes[band - 1]} in band {band}")
     values = raster.read(band, masked=True)

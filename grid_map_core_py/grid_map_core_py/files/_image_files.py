@@ -13,6 +13,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 
@@ -23,6 +24,7 @@ import numpy.typing as npt
 from ..arrays._checks import select_layers
 from ..conversions._image_arrays import Image, from_image, to_image
 from ..errors import GridMapError, LayerNotFoundError
+from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ._atomic import new_file
 from ._shared import storage_errors
@@ -33,10 +35,23 @@ HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 _TYPES = {8: np.uint8, 16: np.uint16, 32: np.float32}
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
-_MAGIC = re.compile(_PNG_MAGIC + rb"|II[*+]\0|MM\0[*+]|BM|P[1-6]\s|\xff\xd8\xff")
-"""Beginnings of PNG, TIFF, BMP, PNM and JPEG files; OpenCV may hand other files to GDAL."""
-_PGM_HEAD = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(\d+)\s")
-"""Kind, width, height and the value of white; comments may stand between."""
+_PNM_HEAD = re.compile(rb"P[1-6]\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)\s")
+"""Width and height; comments may stand between."""
+_PGM_WHITE = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*(\d+)\s")
+"""Value of white."""
+_OLD_BMP = 12
+"""Bytes of the oldest head, which has sides of 16 bits."""
+_TIFF_HEADS = {
+    b"II*\0": ("<", 4, "H", "I"),
+    b"MM\0*": (">", 4, "H", "I"),
+    b"II+\0": ("<", 8, "Q", "Q"),
+    b"MM\0+": (">", 8, "Q", "Q"),
+}
+"""Byte order, place and size of the first directory's offset, types of a count and of an offset."""
+_TIFF_KINDS = {3: "H", 4: "I", 16: "Q"}
+"""Types of sides by their numbers."""
+_JPEG_MAGIC = b"\xff\xd8\xff"
+_JPEG_FRAMES = {*range(0xFFC0, 0xFFD0)} - {0xFFC4, 0xFFC8, 0xFFCC}
 
 
 def load_height_image(
@@ -183,24 +198,30 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
 
     Args:
         file: the image.
-        size: rows and columns that a PNG image must have; it is refused before memory is taken.
+        size: rows and columns that a PNG image must have.
 
     Returns:
         (rows, cols) gray, (rows, cols, 3) BGR or (rows, cols, 4) BGRA; uint8, uint16 or floats.
 
     Raises:
         OSError, ValueError: the file cannot be read, is damaged, or of another size.
+        LimitError: the image has too many pixels.
     """
     data = file.read_bytes()
-    if data.startswith(_PNG_MAGIC):
-        _check_png(data, size)
-    elif size is not None:
+    is_png = data.startswith(_PNG_MAGIC)
+    if size is not None and not is_png:
         raise ValueError("no PNG image")
-    known = _MAGIC.match(data)
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if known else None
+    claimed = _claimed_size(data)
+    if size not in (None, claimed):
+        expected, found = (f"{columns} x {rows}" for rows, columns in (size, claimed))
+        raise ValueError(f"expected {expected} pixels, got {found}")
+    check_cells(f"{file}: image", claimed)
+    if is_png:
+        _check_png(data)
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise ValueError("no image, or a damaged one")
-    head = _PGM_HEAD.match(data)
+    head = _PGM_WHITE.match(data)
     if head:
         # OpenCV returns the values unscaled, whatever maximum value the file declares.
         white, largest = int(head[1]), 255 if pixels.dtype == np.uint8 else 65535
@@ -209,8 +230,52 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
     return pixels
 
 
-def _check_png(data: bytes, size: tuple[int, int] | None) -> None:
-    """Refuse a PNG image that is cut off, damaged or of another size."""
+def _claimed_size(data: bytes) -> tuple[int, int]:
+    """Return rows and columns from the head of an image; OpenCV would allocate them at once."""
+    with suppress(struct.error):
+        if data.startswith(_PNG_MAGIC):
+            columns, rows = struct.unpack_from(">II", data, 16)
+            return rows, columns
+        if data.startswith(b"BM"):
+            (length,) = struct.unpack_from("<I", data, 14)
+            columns, rows = struct.unpack_from("<HH" if length == _OLD_BMP else "<ii", data, 18)
+            return abs(rows), columns
+        if head := _PNM_HEAD.match(data):
+            return int(head[2]), int(head[1])
+        if data[:4] in _TIFF_HEADS:
+            return _tiff_size(data)
+        if data.startswith(_JPEG_MAGIC):
+            return _jpeg_size(data)
+    raise ValueError("no image, or a damaged one")
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int]:
+    """Return rows and columns from the frame of a JPEG image."""
+    start = 2
+    while True:
+        marker, length, rows, columns = struct.unpack_from(">HHxHH", data, start)
+        if marker in _JPEG_FRAMES:
+            return rows, columns
+        start += 2 + length
+
+
+def _tiff_size(data: bytes) -> tuple[int, int]:
+    """Return rows and columns from the first directory of a TIFF or BigTIFF image."""
+    order, place, count_type, offset_type = _TIFF_HEADS[data[:4]]
+    (start,) = struct.unpack_from(order + offset_type, data, place)
+    (count,) = struct.unpack_from(order + count_type, data, start)
+    start += struct.calcsize(count_type)
+    size = {256: 0, 257: 0}
+    for entry in range(start, start + (4 + 2 * place) * count, 4 + 2 * place):
+        tag, kind = struct.unpack_from(order + "HH", data, entry)
+        if tag in size and kind in _TIFF_KINDS:
+            (number,) = struct.unpack_from(order + _TIFF_KINDS[kind], data, entry + 4 + place)
+            size[tag] = max(size[tag], number)
+    return size[257], size[256]
+
+
+def _check_png(data: bytes) -> None:
+    """Refuse a PNG image that is cut off or damaged."""
     kinds, start = [], len(_PNG_MAGIC)
     while start < len(data):
         length, kind = struct.unpack_from(">I4s", data, start)
@@ -218,11 +283,6 @@ def _check_png(data: bytes, size: tuple[int, int] | None) -> None:
         (checksum,) = struct.unpack_from(">I", data, start + 8 + length)
         if zlib.crc32(content, zlib.crc32(kind)) != checksum:
             raise ValueError("a damaged PNG image: a checksum is wrong")
-        if kind == b"IHDR" and size is not None:
-            width, height = struct.unpack(">II", content[:8])
-            if (height, width) != size:
-                rows, columns = size
-                raise ValueError(f"expected {columns} x {rows} pixels, got {width} x {height}")
         kinds.append(kind)
         start += 12 + length
     if kinds[:1] != [b"IHDR"] or kinds[-1] != b"IEND" or kinds.count(b"IHDR") != 1:

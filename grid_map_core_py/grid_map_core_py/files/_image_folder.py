@@ -161,7 +161,8 @@ def _opened(path: str | PathLike[str]) -> StoredMap:
                     raise ValueError(f"mode: expected 'values' or 'color', got {short(mode)}")
             return grid_map[name]
 
-        return StoredMap(empty, [*entries], found["basic_layers"], read)
+        packed = sum(image.stat().st_size for image in {*images.values()} if image.is_file())
+        return StoredMap(empty, [*entries], found["basic_layers"], read, file, packed)
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:

@@ -108,7 +108,8 @@ def describe_npz(path: str | PathLike[str]) -> dict[str, Any]:
 def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
     file = Path(path)
     with storage_errors(file, "read"), zipfile.ZipFile(file) as archive:
-        _check_sizes(archive, file.stat().st_size)
+        packed = file.stat().st_size
+        _check_sizes(archive, packed)
         found = _read_metadata(archive)
         rows, columns = found["size"]
         geometry = GridGeometry.from_size((rows, columns), found["resolution"], found["position"])
@@ -123,7 +124,7 @@ def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
         empty = GridMap.from_geometry(
             geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
-        yield StoredMap(empty, found["layers"], found["basic_layers"], read)
+        yield StoredMap(empty, found["layers"], found["basic_layers"], read, file, packed)
 
 
 def _check_name(name: str) -> None:

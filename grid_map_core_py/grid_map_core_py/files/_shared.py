@@ -13,7 +13,8 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ..arrays._checks import is_name, select_layers
-from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, short
+from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError, short
+from ..limits import check_bytes, check_cells
 from ..map._grid_map import GridMap
 
 _KNOWN = frozenset(
@@ -44,7 +45,7 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         if doing == "read" and file.exists() and not (file.is_file() or file.is_dir()):
             raise OSError("a device or a pipe")
         yield
-    except (LayerNotFoundError, MissingPackageError):
+    except (LayerNotFoundError, LimitError, MissingPackageError):
         raise
     except OSError as error:
         raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
@@ -88,15 +89,22 @@ class StoredMap:
     basic_layers: Sequence[str]
     read: Callable[[str], ArrayLike]
     """Returns a layer in map order."""
+    file: Path
+    packed: float
+    """Bytes in the file, or in all files that hold layers; infinite if unknown."""
 
     def __post_init__(self) -> None:
         for name in self.layers:
             if not is_name(name):
                 raise ValueError(f"expected the name of a layer, got {short(name)}")
+        if len({*self.layers}) != len(self.layers):
+            raise ValueError("a layer is named twice")
 
     def load(self, layers: Iterable[str] | None) -> GridMap:
         """Return the map with the named layers; None means all."""
-        wanted = select_layers(self.layers, layers)
+        wanted, size = select_layers(self.layers, layers), self.empty.size
+        check_cells(f"{self.file}: map", size, len(wanted))
+        check_bytes(f"{self.file}: layers", size[0] * size[1] * 4 * len(wanted), self.packed)
         grid_map = self.empty.with_layers({name: self.read(name) for name in wanted})
         grid_map.basic_layers = [name for name in self.basic_layers if name in grid_map]
         return grid_map

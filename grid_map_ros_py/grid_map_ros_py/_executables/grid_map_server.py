@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
@@ -26,7 +26,7 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
 from .._mapping.map_server import part, place_to_read, place_to_write
 from ..bags._bag import STORAGES
-from ..errors import RequestError
+from ..errors import DROPPED, RequestError, reason
 from ..messages._grid_map import to_info
 from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, map_qos
 
@@ -76,8 +76,8 @@ class GridMapServerNode(ConfiguredNode):
         def respond(request: Any, response: Any) -> Any:
             try:
                 action(request, response)
-            except GridMapError as error:
-                self._log.error(f"{name}: {error}")
+            except DROPPED as error:
+                self._log.error(f"{name}: {reason(error)}")
             return response
 
         self.create_service(kind, f"~/{name}", respond)

@@ -5,10 +5,10 @@
 import math
 from typing import Any
 
-from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
+from ..errors import DROPPED, reason
 from ..messages._packages import messages_of
 from ..nodes import (
     ConfiguredNode,
@@ -78,8 +78,8 @@ class OctomapToGridMapNode(ConfiguredNode):
         try:
             with health_of(self).counted():
                 self._publish(answer.result().map)
-        except GridMapError as error:
-            self._log.error(f"cannot use the octomap: {error}")
+        except DROPPED as error:
+            self._log.error(f"cannot use the octomap: {reason(error)}")
 
     def _publish(self, octomap: Any) -> None:
         grid_map = from_octomap(

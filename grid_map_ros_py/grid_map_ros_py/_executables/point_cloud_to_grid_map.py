@@ -14,12 +14,14 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridGeometry
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import to_serialized_message
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
+from ..errors import DROPPED, reason
 from ..nodes import (
     ConfiguredNode,
     LogThrottle,
@@ -122,6 +124,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         about = "maximum number of clouds that wait for the node or for a pose"
         queue_size = self.read("queue_size", 10, about)
         geometry = GridGeometry(np.array(length), resolution, np.array(position))
+        check_cells("length", geometry.size)
         rolling_map = RollingMap(
             geometry,
             map_frame,
@@ -201,9 +204,13 @@ class PointCloudToGridMapNode(ConfiguredNode):
             self._publish()
 
     def _publish(self) -> None:
-        if self._has_news:
+        if not self._has_news:
+            return
+        try:
             self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
-            self._has_news = False
+        except DROPPED as error:
+            self._log.error(f"dropped a map: {reason(error)}")
+        self._has_news = False
 
 
 if __name__ == "__main__":

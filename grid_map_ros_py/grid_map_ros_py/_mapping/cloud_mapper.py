@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.elevation import RollingMap
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 
+from ..errors import DROPPED, reason
 from ..messages._cdr import view
 from ..messages._packages import messages_of
 from ..messages._point_cloud import read_columns
@@ -103,8 +103,8 @@ class CloudMapper:
                 message = view(message, messages_of("sensor_msgs").PointCloud2)
             stamp = from_stamp(message.header.stamp)
             points, columns = read_columns(message, self.fields)
-        except GridMapError as error:
-            self._drop(str(error))
+        except DROPPED as error:
+            self._drop(reason(error))
             return False
         if len(self._waiting) == self.queue_size:
             self._waiting.popleft()
@@ -136,8 +136,8 @@ class CloudMapper:
                 return False
             else:
                 self._drop(f"it waited {self.timeout} s for {self.poses.waits_for}")
-        except GridMapError as error:
-            self._drop(str(error))
+        except DROPPED as error:
+            self._drop(reason(error))
         return True
 
     def _fuse(self, cloud: Cloud, placement: Placement) -> None:

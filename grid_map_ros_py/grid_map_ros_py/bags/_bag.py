@@ -22,8 +22,9 @@ from types import TracebackType
 from typing import NamedTuple, Self, TypeAlias
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import short
+from grid_map_core_py.errors import LimitError, short
 from grid_map_core_py.files import has_descriptor, new_folder
+from grid_map_core_py.limits import check_bytes, most_bytes
 
 from ..errors import BagError, MessageError
 from ..messages._grid_map import from_serialized_message, to_serialized_message
@@ -374,12 +375,15 @@ class BagRecord(NamedTuple):
 
         Raises:
             BagError: the message is damaged.
+            LimitError: the map has too many cells.
             LayerNotFoundError: the map lacks a layer.
         """
         try:
             return from_serialized_message(self.data, layers, unwrap=unwrap)
         except MessageError as error:
             raise BagError(self.place, str(error)) from error
+        except LimitError as error:
+            raise LimitError(f"{self.place}: {error}") from error
 
 
 class BagFiles:
@@ -460,10 +464,9 @@ class BagFiles:
             data = self._storage(file).read(entry)
             if data.startswith(_ZSTD_MAGIC):
                 # rosbag2 has compressed the message by itself.
-                data = bag_mcap.unpack("zstd", memoryview(data), bag_mcap.LARGEST_CHUNK, path)
-                if len(data) > bag_mcap.LARGEST_CHUNK:
-                    most = bag_mcap.LARGEST_CHUNK
-                    raise BagError(path, f"a message of more than {most} bytes, unpacked")
+                packed, most = len(data), int(most_bytes(len(data)))
+                data = bag_mcap.unpack("zstd", memoryview(data), most, path)
+                check_bytes(f"{path}: a message", len(data), packed)
         return data
 
     def _storage(self, file: int) -> _Storage:

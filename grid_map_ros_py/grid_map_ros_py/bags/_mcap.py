@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError
 from ._storage import CutOffError, Entry, Topic, dump
@@ -24,9 +25,6 @@ from ._storage import CutOffError, Entry, Topic, dump
 MAGIC = b"\x89MCAP0\r\n"
 
 COMPRESSIONS = ("none", "lz4", "zstd")
-
-LARGEST_CHUNK = 2**31
-"""Bytes of a chunk, unpacked; no message that ROS can send is larger."""
 
 _CUT_OFF = (
     "is cut off: the recording was interrupted or the copy is not complete; recover=True, or "
@@ -273,8 +271,6 @@ class McapFile:
     def _unpack(self, body: memoryview) -> "_Source":
         """Return the records in a chunk, without a copy where they are not compressed."""
         size, checksum, length = _CHUNK_HEAD.unpack_from(body)
-        if size > LARGEST_CHUNK:
-            raise BagError(self._path, f"a chunk claims to hold {size} bytes, which is absurd")
         begin = _CHUNK_HEAD.size + length
         compression = bytes(body[_CHUNK_HEAD.size : begin]).decode()
         if compression not in ("", "lz4", "zstd"):
@@ -282,6 +278,7 @@ class McapFile:
         (packed_size,) = _SIZE.unpack_from(body, begin)
         data = body[begin + _SIZE.size :][:packed_size]
         if compression:
+            check_bytes(f"{self._path}: a chunk", size, len(data))
             data = memoryview(unpack(compression, data, size, self._path, recover=self._recover))
         if len(data) != size and not (self._recover and len(data) < size):
             raise BagError(self._path, f"a chunk of {size} bytes holds {len(data)}")

@@ -31,6 +31,13 @@ CREATE INDEX timestamp_idx ON messages (timestamp ASC);
 """Tables as rosbag2 of ROS 2 Jazzy makes them."""
 
 
+_COLUMNS = {
+    *(f"topics.{name}" for name in ("id", "name", "type", "serialization_format")),
+    *(f"messages.{name}" for name in ("id", "topic_id", "timestamp", "data")),
+}
+"""Columns that are read."""
+
+
 class SqliteWriter:
     """Writes serialized messages to a new database.
 
@@ -101,13 +108,18 @@ class SqliteFile:
             mode += "&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
         try:
-            # Damaged or malicious files may hold views of these names, which may never end.
-            query = "SELECT name FROM sqlite_master WHERE type = 'table'"
-            if not {("topics",), ("messages",)} <= {*self._database.execute(query)}:
+            # Malicious files may hold views, virtual tables and generated columns of these names,
+            # which cost any time and memory. The pragma does not list generated columns.
+            query = """
+                SELECT tables.name || '.' || columns.name
+                FROM sqlite_master AS tables, pragma_table_info(tables.name) AS columns
+                WHERE tables.type = 'table' AND tables.rootpage > 0
+            """
+            columns = {name for (name,) in self._database.execute(query)}
+            if not columns >= _COLUMNS:
                 raise BagError(path, "a database, but not of a bag: no tables of messages")
             # The oldest bags have no quality of service.
-            columns = {*self._database.execute("SELECT name FROM pragma_table_info('topics')")}
-            qos = "offered_qos_profiles" if ("offered_qos_profiles",) in columns else "''"
+            qos = "offered_qos_profiles" if "topics.offered_qos_profiles" in columns else "''"
             query = f"SELECT name, type, serialization_format, {qos} FROM topics"
             rows = self._database.execute(query)
             self.topics = {str(name): Topic(*map(str, kind)) for name, *kind in rows}

@@ -4,6 +4,8 @@
 
 import math
 import sys
+from collections import Counter
+from collections.abc import Iterable
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GeometryError, GridGeometry
+from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name
 
 from ..errors import MessageError
@@ -20,9 +23,6 @@ if TYPE_CHECKING:
 
 ROTATION_TOLERANCE = 1e-6
 """Largest x, y or z of a quaternion, relative to w, that counts as no rotation."""
-
-MOST_CELLS = 2**25
-"""Maximum number of cells of a map whose extent a message claims without a value for every cell."""
 
 
 def check_fields(message: object, kind: str, *paths: str) -> None:
@@ -42,6 +42,12 @@ def check_fields(message: object, kind: str, *paths: str) -> None:
     frame_id = getattr(getattr(message, "header", None), "frame_id", "")
     if frame_id != "" and not is_name(frame_id):
         raise MessageError("header.frame_id", "a text without control characters", frame_id)
+
+
+def check_unique(field: str, names: Iterable[str]) -> None:
+    """Raise if a name comes twice."""
+    if repeated := sorted(name for name, times in Counter(names).items() if times > 1):
+        raise MessageError(field, "every name once", repeated)
 
 
 def check_positive(field: str, value: float) -> float:
@@ -112,15 +118,8 @@ def check_grid(field: str, info: Any, cells: tuple[str, str], values: int) -> Gr
     if values != math.prod(size):
         expected = f"{math.prod(size)} values ({size[0]} x {size[1]} cells)"
         raise MessageError("data", expected, values)
+    check_cells(field, geometry.size)
     return geometry
-
-
-def check_cells(field: str, size: npt.ArrayLike) -> None:
-    """Raise if rows and columns (2,) are more than `MOST_CELLS`."""
-    with np.errstate(over="ignore"):
-        cells = float(np.prod(np.asarray(size, np.float64)))
-    if not cells <= MOST_CELLS:
-        raise MessageError(field, f"an extent of at most {MOST_CELLS} cells", f"{cells:.3g} cells")
 
 
 def as_float32(field: str, value: float) -> float:

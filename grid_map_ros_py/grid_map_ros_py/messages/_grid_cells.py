@@ -14,7 +14,7 @@ from grid_map_core_py.conversions import fitting_geometry
 
 from ..errors import MessageError
 from ._cdr import serialize
-from ._checks import as_float32, as_written, check_cells, check_fields, check_finite, check_positive
+from ._checks import as_float32, as_written, check_fields, check_finite, check_positive
 from ._packages import messages_of
 from ._time import from_stamp, to_header
 
@@ -69,7 +69,8 @@ def from_grid_cells(
 
     Raises:
         MessageError: width or height of the cells differs from the resolution or is not positive, a
-            cell is not finite, or the extent has no cells or too many.
+            cell is not finite, or there are none.
+        LimitError: the extent of the cells is too large.
         GridMapError: the layer has no name.
     """
     check_fields(message, "nav_msgs/GridCells", "cell_width", "cells")
@@ -83,8 +84,6 @@ def from_grid_cells(
         raise MessageError("cells", "a cell, or a geometry for the map", [])
     else:
         lower, upper = centers.min(axis=0) - 0.5 * side, centers.max(axis=0) + 0.5 * side
-        with np.errstate(over="ignore"):
-            check_cells("cells", (upper - lower) / side)
         geometry = fitting_geometry(lower, upper, side, hold_edges=False)
     (rows, cols), inside = geometry.cells_at(centers)
     values = np.full(geometry.size, np.nan, np.float32, order="F")

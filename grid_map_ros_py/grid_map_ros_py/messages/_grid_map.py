@@ -15,11 +15,18 @@ import numpy as np
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import is_name, select_layers, unwrapped
 
 from ..errors import MessageError
 from ._cdr import Buffer, Deferred, serialize, view
-from ._checks import check_fields, check_position, check_positive, check_unrotated
+from ._checks import (
+    check_fields,
+    check_position,
+    check_positive,
+    check_unique,
+    check_unrotated,
+)
 from ._definition import GRID_MAP
 from ._multi_array import from_multi_array, to_layout, to_multi_array
 from ._packages import messages_of
@@ -122,7 +129,7 @@ def _described(
         header=SimpleNamespace(stamp=stamp, frame_id=grid_map.frame_id),
         info=_info(grid_map.geometry),
         layers=list(names),
-        basic_layers=[name for name in grid_map.basic_layers if name in names],
+        basic_layers=[*filter({*names}.__contains__, grid_map.basic_layers)],
         data=[grid_map[name] for name in names],
         outer_start_index=start[0],
         inner_start_index=start[1],
@@ -189,6 +196,7 @@ def from_message(
     Raises:
         MessageError: a field of the message contradicts another or is invalid; the error names
             the field, the expected and the actual value.
+        LimitError: the message claims too many cells.
         LayerNotFoundError: `layers` names one that the message lacks.
     """
     check_fields(message, "grid_map_msgs/GridMap", "info", "basic_layers")
@@ -196,7 +204,7 @@ def from_message(
     views = _layer_views(message, geometry.size)
     start = _start_index(message, geometry.size)
     for index, name in enumerate(message.basic_layers):
-        if name not in message.layers:
+        if name not in views:
             raise MessageError(f"basic_layers[{index}]", f"one of {list(message.layers)}", name)
     names = select_layers(views, layers)
     grid_map = GridMap.from_geometry(
@@ -206,7 +214,7 @@ def from_message(
         grid_map.start_index, start = start, (0, 0)
     grid_map = grid_map.with_layers({name: _layer(views[name], start, copy=copy) for name in names})
     if copy_basic_layers:
-        grid_map.basic_layers = [name for name in message.basic_layers if name in names]
+        grid_map.basic_layers = [name for name in message.basic_layers if name in grid_map]
     return grid_map
 
 
@@ -303,6 +311,7 @@ def from_info(info: "GridMapInfo") -> GridGeometry:
     Raises:
         MessageError: a number is not finite or not positive, a side has no cells, or the grid is
             rotated.
+        LimitError: the grid has too many cells.
     """
     resolution = check_positive("info.resolution", info.resolution)
     for name in ("length_x", "length_y"):
@@ -313,22 +322,23 @@ def from_info(info: "GridMapInfo") -> GridGeometry:
             raise MessageError(f"info.{name}", expected, length)
     position = check_position("info.pose.position", info.pose.position)
     check_unrotated("info.pose.orientation", info.pose.orientation)
-    return GridGeometry(np.array([info.length_x, info.length_y]), resolution, np.array(position))
+    sides = np.array([info.length_x, info.length_y])
+    geometry = GridGeometry(sides, resolution, np.array(position))
+    check_cells("info", geometry.size)
+    return geometry
 
 
 def _layer_views(message: "GridMapMessage", size: Size) -> Mapping[str, Layer]:
     """Return the layers in the message's memory, after checking their names, sizes and data."""
     names = list(message.layers)
+    if len(message.data) != len(names):
+        expected = f"{len(names)} arrays, one for each of layers {names}"
+        raise MessageError("data", expected, len(message.data))
     for index, name in enumerate(names):
         if not is_name(name):
             expected = "a name without control characters"
             raise MessageError(f"layers[{index}]", expected, name)
-    repeated = sorted({name for name in names if names.count(name) > 1})
-    if repeated:
-        raise MessageError("layers", "every name once", repeated)
-    if len(message.data) != len(names):
-        expected = f"{len(names)} arrays, one for each of layers {names}"
-        raise MessageError("data", expected, len(message.data))
+    check_unique("layers", names)
     return {
         name: from_multi_array(values, size, f"layer {name!r}, data[{index}]")
         for index, (name, values) in enumerate(zip(names, message.data, strict=True))

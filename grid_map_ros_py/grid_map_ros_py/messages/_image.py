@@ -20,6 +20,7 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap, conversions as pixels
 from grid_map_core_py.arrays import Size
 from grid_map_core_py.conversions import COLOR_LAYER, Order
+from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
 from ._checks import check_fields
@@ -224,6 +225,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     Raises:
         MessageError: the encoding is unknown, height, width, step and the number of bytes do not
             fit each other, or the image has another size.
+        LimitError: the image has too many pixels.
     """
     check_fields(message, "sensor_msgs/Image", "encoding", "step")
     kind = _encoding_of(message.encoding)
@@ -241,6 +243,7 @@ def to_pixels(message: "Image", size: Size | None = None) -> tuple[npt.NDArray[A
     if size not in (None, (message.height, message.width)):
         expected = f"{size}, as many as the map has rows and columns"
         raise MessageError("height, width", expected, (message.height, message.width))
+    check_cells("image", (message.height, message.width))
     image: npt.NDArray[Any] = np.ndarray(
         (message.height, message.width, kind.channels),
         kind.dtype.newbyteorder(">" if message.is_bigendian else "<"),

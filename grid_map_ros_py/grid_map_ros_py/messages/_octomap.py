@@ -27,11 +27,12 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import as_array
 from grid_map_core_py.conversions import fitting_geometry, rasterize
 from grid_map_core_py.files import storage_errors
+from grid_map_core_py.limits import check_cells
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
 from ..errors import MessageError
-from ._checks import check_cells, check_fields
+from ._checks import check_fields
 from ._octree import (
     NODE_TYPES,
     VOXELS,
@@ -84,19 +85,19 @@ def from_octomap(
 
     Raises:
         MessageError: the message or the tree in it contradicts itself, there is no voxel within the
-            bounds, the tree has no leaf to take the extent from, or the extent takes too many
-            cells.
+            bounds, or the tree has no leaf to take the extent from.
+        LimitError: the extent takes too many cells.
         GeometryError: the resolution is invalid.
         GridMapError: the layer has no name.
     """
     leaves = _leaves(message)
     timestamp = from_stamp(message.header.stamp)
     first, last = _box(leaves, message.resolution, min_bound, max_bound)
-    check_cells("extent", (last - first + 1)[:2])
+    rows, columns = (last - first + 1)[:2].tolist()
+    check_cells("extent", (rows, columns))
     highest = highest_voxels(leaves, first, last)
     heights = _meters(highest.astype(np.float32), message.resolution)
     heights[highest < 0] = np.nan
-    rows, columns = heights.shape
     middle = _meters(0.5 * (first + last)[:2], message.resolution)
     # The first cell of a map is at the largest x and y.
     grid_map = GridMap.from_geometry(

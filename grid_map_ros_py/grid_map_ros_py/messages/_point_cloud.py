@@ -7,7 +7,6 @@ with gaps; rows may be padded, too. Only big-endian clouds are refused.
 """
 
 import array
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -22,7 +21,7 @@ from grid_map_core_py.map import select_layers
 from grid_map_core_py.plugins import check, mismatch
 
 from ..errors import MessageError
-from ._checks import check_fields
+from ._checks import check_fields, check_unique
 from ._multi_array import set_array
 from ._packages import messages_of
 from ._time import from_stamp, to_header
@@ -313,9 +312,7 @@ def check_layout(message: "PointCloud2") -> None:
     width, height, step = message.width, message.height, message.point_step
     for index, field in enumerate(message.fields):
         _check_field(f"fields[{index}]", field, step)
-    names = Counter(field.name for field in message.fields)
-    if repeated := [name for name, times in names.items() if times > 1]:
-        raise MessageError("fields", "every name once", repeated)
+    check_unique("fields", (field.name for field in message.fields))
     if message.row_step < width * step:
         expected = f"at least {width * step} ({width} points of {step} bytes)"
         raise MessageError("row_step", expected, message.row_step)

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ._health import Health as Health, health_of as health_of
     from ._parameters import (
         check_topic as check_topic,
+        read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
         read_positive as read_positive,
@@ -56,7 +57,8 @@ if TYPE_CHECKING:
 _OFFERED = {
     "_configured": "ConfiguredNode",
     "_health": "Health health_of",
-    "_parameters": "check_topic read_parameter read_parameter_tree read_positive read_topic",
+    "_parameters": "check_topic read_limits read_parameter read_parameter_tree read_positive "
+    "read_topic",
     "_profile": "use_profile",
     "_spin": "run steady_timer",
     "_tf_poses": "TfPoses has_tf",

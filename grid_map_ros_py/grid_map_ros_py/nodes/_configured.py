@@ -3,13 +3,13 @@
 """Base class of nodes that are executables."""
 
 from collections.abc import Collection
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rclpy.node import Node
 
 from grid_map_core_py.plugins import check
 
-from ._parameters import read_parameter, read_positive, read_topic
+from ._parameters import read_limits, read_parameter, read_positive, read_topic
 from ._spin import run
 
 T = TypeVar("T")
@@ -17,10 +17,14 @@ N = TypeVar("N", int, float)
 
 
 class ConfiguredNode(Node):
-    """A node that reads its parameters in `__init__`.
+    """A node that reads its parameters in `__init__`, and has the parameter `max_cells`.
 
     An entry point of the package names its method `main`.
     """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        super().__init__(name, **options)
+        read_limits(self)
 
     @classmethod
     def main(cls) -> int:

@@ -15,6 +15,7 @@ from rclpy.node import Node
 
 from grid_map_core_py.errors import cut
 
+from ..errors import reason
 from ._throttle import flush_logs
 
 TOPIC = "/diagnostics"
@@ -57,7 +58,7 @@ class Health:
         try:
             yield
         except Exception as error:
-            self.drop(str(error))
+            self.drop(reason(error))
             raise
         self.use()
 
@@ -71,10 +72,10 @@ class Health:
         self.used += count
         self._last_was_dropped = False
 
-    def drop(self, reason: str) -> None:
+    def drop(self, why: str) -> None:
         """Count an input that cannot be used."""
         self.dropped += 1
-        self._last_was_dropped, self.last_error = True, reason
+        self._last_was_dropped, self.last_error = True, why
 
     def offer(self, node: Node) -> None:
         """Make the publisher of the reports."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_origin
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from grid_map_core_py.limits import Limits, set_limits
 from grid_map_core_py.plugins import cast, check, describe as describe_type, mismatch, nested
 
 if TYPE_CHECKING:
@@ -62,6 +63,19 @@ def read_positive(node: "Node", name: str, default: float, *, description: str =
     low, high = EXTREMES
     check(low <= value <= high, name, f"a positive number from {low:g} to {high:g}", value)
     return value
+
+
+def read_limits(node: "Node") -> None:
+    """Set the largest number of cells of a map (`grid_map_core_py.limits`) from `max_cells`.
+
+    The limit holds for the process, so that the node calls this before it makes or receives a map.
+
+    Raises:
+        ConfigError: the parameter is less than 1, or no integer.
+    """
+    about = "largest number of cells of a map that is received, read from a file or made"
+    default = int(Limits.max_cells)
+    set_limits(max_cells=read_parameter(node, "max_cells", int, default, description=about))
 
 
 def read_parameter_tree(

@@ -11,10 +11,9 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
-from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ..errors import NodeFailedError
+from ..errors import DROPPED, NodeFailedError, reason
 from ..messages._grid_map import ReceivedMap
 from ._health import health_of
 from ._throttle import LogThrottle
@@ -56,8 +55,8 @@ class LatchedSubscription:
     connect to volatile publishers. The subscription is transient local first, and becomes volatile
     when it meets a volatile publisher.
 
-    The first lost message is logged. If the callback raises a `GridMapError`, the message is
-    dropped and the error is logged; a `NodeFailedError` ends the node.
+    The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
+    the message is dropped and the error is logged; a `NodeFailedError` ends the node.
 
     Args:
         node: the node that subscribes.
@@ -115,8 +114,8 @@ class LatchedSubscription:
                 self._callback(message)
         except NodeFailedError:
             raise
-        except GridMapError as error:
-            self._log.error(f"dropped a message of {self.topic_name}: {error}")
+        except DROPPED as error:
+            self._log.error(f"dropped a message of {self.topic_name}: {reason(error)}")
 
     def _on_incompatible(self, event: Any) -> None:
         kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor

@@ -26,7 +26,7 @@ ENDINGS = (".jpg", ".pdf", ".png", ".svg")
 _STYLES_OF = {
     "shade_by": (("flat",), "without --3d and --relief"),
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
-    "max_cells": (("surface",), "with --3d"),
+    "max_drawn_cells": (("surface",), "with --3d"),
 }
 """Options that not all styles have."""
 
@@ -52,7 +52,7 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     add_flag("--relief", const="relief", help=text)
     text = "not flat: layer that gives the colors (the heights)"
     completed(add_layer("--color-layer", help=text), complete_layers)
-    add("--max-cells", type=int, help="3-D: thin out larger maps; 0 for never")
+    add("--max-drawn-cells", type=int, help="3-D: thin out larger maps; 0 for never")
     text = "flat: heights that the light falls on (no light)"
     completed(add_layer("--shade-by", help=text), complete_layers)
     add("--exaggeration", type=float, help="factor that scales the heights (1)")
@@ -117,7 +117,7 @@ def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> Non
 
     layer = options.layer or usual_layer(grid_map)
     names = (
-        *("style", "color_layer", "max_cells", "shade_by", "exaggeration", "dpi"),
+        *("style", "color_layer", "max_drawn_cells", "shade_by", "exaggeration", "dpi"),
         *("color_mode", "color_map", "lower", "upper", "invert", "label", "title"),
     )
     given = {name: value for name, value in vars(options).items() if value is not None}

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     completed(add("--color-layer", default="", help=text), complete_layers)
     text = "color map of Matplotlib (%(default)s)"
     completed(add("--color-map", default="viridis", help=text), complete_color_maps)
-    add("--max-cells", type=int, default=150_000, help="thin out larger maps; 0 for never")
+    add("--max-drawn-cells", type=int, default=150_000, help="thin out larger maps; 0 for never")
     page = parser.add_argument_group("page")
     text = "address to serve at (%(default)s: this machine only)"
     page.add_argument("--host", default="127.0.0.1", help=text)
@@ -44,11 +44,11 @@ def run(options: argparse.Namespace) -> int:
 
     from .._viewer.page import Page
     from .._viewer.viewer import Viewer
-    from ..surface import check_max_cells
+    from ..surface import check_max_drawn_cells
 
     if not 0 <= options.port < 2**16:
         raise UsageError(f"--port: expected a number from 0 to 65535, got {options.port}")
-    check_max_cells(options.max_cells)
+    check_max_drawn_cells(options.max_drawn_cells)
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
     grid_map = read_map(options)
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     if page.is_public:
         message(f"warning: anyone who can reach {page.url} sees the map")
     try:
-        viewer = Viewer(page, options.max_cells)
+        viewer = Viewer(page, options.max_drawn_cells)
         # The viewer expects messages, as received from topics.
         viewer.receive(ReceivedMap(to_serialized_message(grid_map)))
         print(page.url, flush=True)

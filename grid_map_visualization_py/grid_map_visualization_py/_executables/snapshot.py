@@ -15,11 +15,10 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from grid_map_core_py.commands import UsageError
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
-from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import MapSubscription, check_topic, run
+from grid_map_ros_py.errors import DROPPED, NodeFailedError, reason
+from grid_map_ros_py.nodes import MapSubscription, check_topic, read_limits, run
 
 from .._commands.plot import add_style, check_style, draw
 
@@ -33,6 +32,7 @@ class SnapshotNode(Node):
 
     def __init__(self, options: argparse.Namespace) -> None:
         super().__init__("grid_map_snapshot")
+        read_limits(self)
         self._options = options
         topic = check_topic(self, "--topic", options.topic)
         self._topic = self.resolve_topic_name(topic)
@@ -47,8 +47,8 @@ class SnapshotNode(Node):
             return
         try:
             draw(received.decode(), self._options, self._options.out)
-        except GridMapError as error:
-            raise NodeFailedError(f"{self._topic}: {error}") from error
+        except DROPPED as error:
+            raise NodeFailedError(f"{self._topic}: {reason(error)}") from error
         print(self._options.out, flush=True)
         self.context.try_shutdown()
 

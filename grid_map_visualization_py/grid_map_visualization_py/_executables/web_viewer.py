@@ -16,7 +16,7 @@ from grid_map_ros_py.nodes import (
 from .._viewer.page import Page
 from .._viewer.viewer import Viewer
 from ..colors import DEFAULT_COLOR_MAP
-from ..surface import check_max_cells
+from ..surface import check_max_drawn_cells
 
 
 class WebViewerNode(ConfiguredNode):
@@ -26,12 +26,12 @@ class WebViewerNode(ConfiguredNode):
         super().__init__("web_viewer")
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
-        max_cells = self.read("max_cells", 150_000, about)
-        check_max_cells(max_cells)
+        max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
+        check_max_drawn_cells(max_drawn_cells)
         about = "largest rate at which the page is updated [Hz]"
         period = 1 / self.read_positive("update_rate", 20.0, about)
         self._page = self._serve_page()
-        self._viewer = Viewer(self._page, max_cells)
+        self._viewer = Viewer(self._page, max_drawn_cells)
         self._log = LogThrottle(self.get_logger())
         self._has_map = False
         self._maps = MapSubscription(self, topic, self._receive)

@@ -112,19 +112,19 @@ class Scene:
     view: View
 
 
-def make_scene(grid_map: GridMap, settings: Settings, max_cells: int = 0) -> Scene:
+def make_scene(grid_map: GridMap, settings: Settings, max_drawn_cells: int = 0) -> Scene:
     """Return the scene of a map.
 
     Args:
         grid_map: the map.
         settings: layers and style.
-        max_cells: limit of the cells, as for `Surface`.
+        max_drawn_cells: limit of the cells, as for `Surface`.
 
     Raises:
         LayerNotFoundError: the map lacks a layer of the settings.
     """
     coloring = settings.coloring
-    surface = Surface(grid_map, settings.height_layer, settings.flat, max_cells)
+    surface = Surface(grid_map, settings.height_layer, settings.flat, max_drawn_cells)
     mesh = surface.mesh(coloring)
     columns, rows = surface.valid.shape
     spacing = grid_map.resolution * math.sqrt(math.prod(grid_map.size) / (rows * columns))

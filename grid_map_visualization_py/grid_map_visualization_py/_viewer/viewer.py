@@ -32,12 +32,12 @@ class Viewer:
 
     Args:
         page: the page.
-        max_cells: limit of the cells, as for `Surface`.
+        max_drawn_cells: limit of the cells, as for `Surface`.
     """
 
-    def __init__(self, page: Page, max_cells: int) -> None:
+    def __init__(self, page: Page, max_drawn_cells: int) -> None:
         self._page = page
-        self._max_cells = max_cells
+        self._max_drawn_cells = max_drawn_cells
         self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
@@ -89,7 +89,7 @@ class Viewer:
         if settings == before and not is_new:
             return
         grid_map = received.decode(settings.layers if self._selected is None else None)
-        scene = make_scene(grid_map, settings, self._max_cells)
+        scene = make_scene(grid_map, settings, self._max_drawn_cells)
         self._page.load(scene, settings, replaces=not is_new)
         self._drawn, self._problem = (received, grid_map, scene), ""
         if self._selected is not None:

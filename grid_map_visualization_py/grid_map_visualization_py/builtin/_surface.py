@@ -32,7 +32,7 @@ class SurfaceVisualization:
         invert: swap the ends of the color map.
         color: 0xRRGGBB.
         opacity: from 0 (invisible) to 1 (opaque).
-        max_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
+        max_drawn_cells: limit of the cells, to which larger maps are thinned out; 0 for no limit.
 
     Raises:
         ConfigError: the color map is unknown, or a number is out of range.
@@ -51,17 +51,17 @@ class SurfaceVisualization:
     invert: bool = False
     color: int = 0xC0C0C0
     opacity: float = 1.0
-    max_cells: int = 0
+    max_drawn_cells: int = 0
 
     def __post_init__(self) -> None:
         check_color(self.color)
         check(0 <= self.opacity <= 1, "opacity", "0 to 1", self.opacity)
-        surface.check_max_cells(self.max_cells)
+        surface.check_max_drawn_cells(self.max_drawn_cells)
         self._coloring()
 
     def __call__(self, grid_map: GridMap) -> bytes:
         """Return the marker, serialized."""
-        cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_cells)
+        cells = surface.Surface(grid_map, self.height_layer, self.flat, self.max_drawn_cells)
         rgb = cells.colors(self._coloring())
         rgba = np.full((len(rgb), 4), self.opacity, np.float32)
         np.divide(rgb, np.float32(255), out=rgba[:, :3])

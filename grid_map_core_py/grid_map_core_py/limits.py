@@ -1,0 +1,137 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Limits of what a message, a file or a request may cost, checked before memory is allocated.
+
+A few bytes can claim a map of any size. `GridMap(...)` and other calls that name the size in Python
+have no limit.
+
+    from grid_map_core_py.limits import changed_limits, set_limits
+
+    set_limits(max_cells=100_000_000)  # from now on
+    with changed_limits(max_bytes=1e10):  # here only
+        grid_map = load("site.npz")
+
+Limits hold for the whole process, all threads included.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from .errors import LimitError
+from .plugins import check
+
+__all__ = [
+    "Limits",
+    "changed_limits",
+    "check_bytes",
+    "check_cells",
+    "current_limits",
+    "most_bytes",
+    "set_limits",
+]
+
+FREE_BYTES = 100_000_000
+"""Unpacked bytes for which `max_ratio` does not count: maps of one value pack extremely well."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits; each is a number of at least 1.
+
+    Attributes:
+        max_cells: largest number of cells (rows times columns) of a map.
+        max_bytes: largest size of all layers of a map, or of unpacked data.
+        max_ratio: largest quotient of unpacked and packed bytes, where the unpacked ones are more
+            than 100 MB.
+
+    Raises:
+        ConfigError: a limit is no finite number of at least 1.
+    """
+
+    max_cells: float = 16_000_000
+    max_bytes: float = 4_000_000_000
+    max_ratio: float = 1100  # Deflate packs at most 1032 bytes into one.
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            is_limit = isinstance(value, int | float) and 1 <= value < math.inf
+            check(is_limit, name, "a finite number of at least 1", value)
+
+
+_current = Limits()
+
+
+def current_limits() -> Limits:
+    """Return the limits that hold now."""
+    return _current
+
+
+def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
+    """Set limits and return those that held before.
+
+    Args:
+        limits: the new ones; None takes the current ones.
+        changes: `max_cells`, `max_bytes` or `max_ratio`, in place of those.
+
+    Raises:
+        ConfigError: a limit is no number of at least 1.
+    """
+    global _current
+    before = _current
+    _current = replace(limits or before, **changes)
+    return before
+
+
+@contextmanager
+def changed_limits(**changes: float) -> Iterator[None]:
+    """Change limits within a `with` block; arguments and errors: see `set_limits`."""
+    before = set_limits(**changes)
+    try:
+        yield
+    finally:
+        set_limits(before)
+
+
+def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
+    """Raise `LimitError` if a map would have too many cells, or its layers too many bytes.
+
+    Args:
+        name: name of what claims the size, for the message.
+        size: rows and columns; they may be infinite.
+        layers: number of layers that will be made; 0 if each one takes bytes of the input.
+    """
+    cells = size[0] * size[1]
+    if not cells <= _current.max_cells:
+        rows, columns = (f"{count:.15g}" for count in size)
+        _refuse("max_cells", name, "cells", f"{rows} x {columns}")
+    if cells * layers * 4 > _current.max_bytes:
+        _refuse("max_bytes", name, "bytes", f"{layers} layers of {cells * 4:.15g} bytes")
+
+
+def most_bytes(packed: float) -> float:
+    """Return the limit of the size of data that is unpacked from `packed` bytes."""
+    return min(_current.max_bytes, max(FREE_BYTES, _current.max_ratio * packed))
+
+
+def check_bytes(name: str, unpacked: int, packed: float) -> None:
+    """Raise `LimitError` if packed data claims to unpack to too many bytes.
+
+    Args:
+        name: name of the data, for the message.
+        unpacked, packed: numbers of bytes.
+    """
+    if unpacked > most_bytes(packed):
+        limit = "max_bytes" if unpacked > _current.max_bytes else "max_ratio"
+        found = f"{unpacked}" if limit == "max_bytes" else f"{unpacked} unpacked from {packed}"
+        _refuse(limit, name, "bytes" if limit == "max_bytes" else "bytes from one byte", found)
+
+
+def _refuse(limit: str, name: str, unit: str, found: str) -> None:
+    node = "the parameter max_cells of a node, " if limit == "max_cells" else ""
+    raise LimitError(
+        f"{name}: expected at most {getattr(_current, limit):.15g} {unit}, got {found}. "
+        f"To raise the limit: {node}--{limit.replace('_', '-')} of grid-map, "
+        f"set_limits({limit}=...) in Python"
+    )

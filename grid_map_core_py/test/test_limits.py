@@ -1,0 +1,222 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Small inputs that claim much are refused before they take memory; limits can be raised."""
+
+import struct
+import time
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from grid_map_core_py import (
+    ConfigError,
+    GridMap,
+    GridMapError,
+    LimitError,
+    from_mesh,
+    from_points,
+    load,
+)
+from grid_map_core_py.files import load_height_image, load_points, save_images, save_npz
+from grid_map_core_py.limits import Limits, changed_limits, current_limits, set_limits
+from grid_map_core_py.map import select_layers
+
+Bomb = Callable[[Path], Any]
+CORNERS = [(0.0, 0.0, 0.0), (8000.0, 8000.0, 1.0)]
+"""Points 11 km apart."""
+
+
+def chunk(kind: bytes, content: bytes) -> bytes:
+    checksum = zlib.crc32(kind + content)
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", checksum)
+
+
+def png(path: Path, side: int = 30_000) -> Path:
+    """Write a black image of a few kilobytes, whose pixels take `side` * `side` bytes."""
+    head = struct.pack(">IIBBBBB", side, side, 8, 0, 0, 0, 0)
+    packer = zlib.compressobj(9)
+    data = b"".join(packer.compress(bytes(side + 1)) for _ in range(side)) + packer.flush()
+    parts = chunk(b"IHDR", head), chunk(b"IDAT", data), chunk(b"IEND", b"")
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(parts))
+    return path
+
+
+def tiff(path: Path, order: str, *, big: bool) -> Path:
+    """Write the head of an image of 30,000 x 30,000 pixels, in one of the four forms of TIFF."""
+    mark = {"<": b"II", ">": b"MM"}[order]
+    form = (43, 8, 0, 16, 2) if big else (42, 8, 2)
+    head = mark + struct.pack(order + ("HHHQQ" if big else "HIH"), *form)
+    entry = "HHQI4x" if big else "HHII"
+    sides = [struct.pack(order + entry, tag, 4, 1, 30_000) for tag in (256, 257)]
+    path.write_bytes(head + b"".join(sides) + bytes(8))
+    return path
+
+
+def image(path: Path, data: bytes) -> Path:
+    path.write_bytes(data)
+    return path
+
+
+def nav2(folder: Path) -> Path:
+    document = {"image": "map.png", "resolution": 0.1, "origin": [0.0, 0.0, 0.0]}
+    document |= {"occupied_thresh": 0.65, "free_thresh": 0.2}
+    (folder / "nav2.yaml").write_text(yaml.safe_dump(document))
+    png(folder / "map.png")
+    return folder / "nav2.yaml"
+
+
+def folder_of_images(folder: Path) -> Path:
+    path = save_images(GridMap((1, 1), 0.5, layers={"a": 1.0}), folder / "images")
+    path.write_text(path.read_text().replace("- 2\n", "- 30000\n"))
+    return path
+
+
+def npz_without_layers(folder: Path) -> Path:
+    """Write the metadata of a map of 30,000 x 30,000 cells."""
+    save_npz(GridMap((1, 1), 0.5), folder / "small.npz")
+    with zipfile.ZipFile(folder / "small.npz") as archive:
+        data = archive.read("metadata.npy")
+    text = '"size": [2, 2]'.encode("utf-32-le"), '"size": [30000, 30000]'.encode("utf-32-le")
+    longer = (len(text[1]) - len(text[0])) // 4
+    length = len(data[128:]) // 4
+    data = data.replace(*text).replace(b"<U%d" % length, b"<U%d" % (length + longer))
+    with zipfile.ZipFile(folder / "large.npz", "w") as archive:
+        archive.writestr("metadata.npy", data)
+    return folder / "large.npz"
+
+
+def sparse_geotiff(folder: Path, **shape: int) -> Path:
+    rasterio = pytest.importorskip("rasterio")
+
+    profile = {"driver": "GTiff", "dtype": "float32", "tiled": True, "SPARSE_OK": True}
+    profile |= {"width": 30_000, "height": 30_000, "count": 1, **shape}
+    transform = rasterio.transform.from_origin(0, 0, 1, 1)
+    with rasterio.open(folder / "sparse.tif", "w", transform=transform, **profile):
+        pass
+    return folder / "sparse.tif"
+
+
+CELLS = "expected at most 16000000 cells, got "
+SQUARE = CELLS + "30000 x 30000"
+
+BOMBS: dict[str, tuple[Bomb, str]] = {
+    "points": (lambda _: from_points(CORNERS, 0.1), CELLS + "80001 x 80001"),
+    "many fields": (
+        lambda _: from_points(CORNERS, 4.0, fields={f"f{n}": [0, 0] for n in range(500)}),
+        "expected at most 4000000000 bytes, got 501 layers of 16016004 bytes",
+    ),
+    "mesh": (lambda _: from_mesh([*CORNERS, (0, 1, 0)], [[0, 1, 2]], 0.1), CELLS),
+    "PNG": (lambda folder: load(png(folder / "a.png"), resolution=1.0), SQUARE),
+    "TIFF": (lambda folder: load(tiff(folder / "a.tif", "<", big=False), resolution=1.0), SQUARE),
+    "TIFF >": (lambda folder: load(tiff(folder / "a.tif", ">", big=False), resolution=1.0), SQUARE),
+    "BigTIFF": (lambda folder: load(tiff(folder / "a.tif", ">", big=True), resolution=1.0), SQUARE),
+    "BMP": (
+        lambda folder: load(
+            image(folder / "a.bmp", b"BM" + struct.pack("<12xIii", 40, 30_000, -30_000)),
+            resolution=1.0,
+        ),
+        SQUARE,
+    ),
+    "old BMP": (
+        lambda folder: load(
+            image(folder / "a.bmp", b"BM" + struct.pack("<12xIHH", 12, 30_000, 30_000)),
+            resolution=1.0,
+        ),
+        SQUARE,
+    ),
+    "PGM": (
+        lambda folder: load(
+            image(folder / "a.pgm", b"P5\n# comment\n30000 30000\n255\n"), resolution=1.0
+        ),
+        SQUARE,
+    ),
+    "map_server": (lambda folder: load(nav2(folder)), SQUARE),
+    "images": (lambda folder: load(folder_of_images(folder)), SQUARE),
+    "npz": (lambda folder: load(npz_without_layers(folder)), SQUARE),
+    "GeoTIFF": (lambda folder: load(sparse_geotiff(folder)), SQUARE),
+    "bands of a GeoTIFF": (
+        lambda folder: load(sparse_geotiff(folder, width=4000, height=4000, count=9)),
+        "expected at most 1100 bytes from one byte, got 576000000 unpacked from",
+    ),
+}
+
+
+NEEDS = [pytest.mark.needs("rasterio")]
+
+
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=NEEDS * ("GeoTIFF" in kind)) for kind in BOMBS]
+)
+def test_small_input_cannot_claim_much(kind, tmp_path):
+    read, text = BOMBS[kind]
+    tracemalloc.start()
+    try:
+        with pytest.raises(LimitError, match=text):
+            read(tmp_path)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("ending", ["png", "tif", "bmp", "pgm", "ppm", "pbm", "jpg"])
+def test_size_is_read_from_the_head_of_images(ending, tmp_path):
+    path = tmp_path / f"a.{ending}"
+    cv2.imwrite(str(path), np.zeros((20, 30, 3 if ending == "ppm" else 1), np.uint8))
+    with changed_limits(max_cells=600):
+        assert load_height_image(path, resolution=1.0).size == (30, 20)
+    with changed_limits(max_cells=599), pytest.raises(LimitError, match="got 20 x 30"):
+        load_height_image(path, resolution=1.0)
+
+
+@pytest.mark.needs("pypcd4")
+@pytest.mark.parametrize("claim", ["COUNT 1 1 1000000000", "POINTS 1000000000"])
+@pytest.mark.parametrize("form", ["ascii", "binary", "binary_compressed"])
+def test_pcd_claiming_gigabytes_is_refused(claim, form, tmp_path):
+    lines = ["FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", "WIDTH 1", "HEIGHT 1"]
+    lines = [*lines, "POINTS 1"]
+    name = claim.partition(" ")[0]
+    lines = [claim if line.startswith(name) else line for line in lines]
+    path = tmp_path / "a.pcd"
+    path.write_text("\n".join([*lines, f"DATA {form}", "1 2 3", ""]))
+    with pytest.raises(GridMapError, match="more than it has"):
+        load_points(path)
+
+
+def test_maps_made_in_python_have_no_limit():
+    grid_map = GridMap((5000, 5000), 1.0)
+    with changed_limits(max_cells=1):
+        assert from_points(CORNERS, 1000.0, length=(9000, 9000)).size == (9, 9)
+        grid_map.extend_to_include(GridMap((1, 1), 1.0, position=(2500, 0)))
+    assert grid_map.size == (5001, 5000)
+
+
+def test_limits_are_raised_for_a_block_or_for_good():
+    with changed_limits(max_cells=80001**2, max_bytes=1e9):
+        with pytest.raises(LimitError, match="expected at most 1000000000 bytes"):
+            from_points(CORNERS, 0.1)
+        assert set_limits(max_ratio=3) == Limits(80001**2, 1e9)
+        assert current_limits() == Limits(80001**2, 1e9, 3)
+    assert current_limits() == Limits()
+
+
+@pytest.mark.parametrize("value", [0, -1, np.nan, np.inf, "many", None])
+def test_invalid_limit_is_refused(value):
+    with pytest.raises(ConfigError, match="'max_cells': expected a finite number of at least 1"):
+        set_limits(max_cells=value)
+    assert current_limits() == Limits()
+
+
+def test_time_to_check_names_is_linear():
+    names = [f"layer {number}" for number in range(200_000)]
+    begin = time.perf_counter()
+    assert select_layers(names, names[::-1]) == tuple(names[::-1])
+    # Comparing each name with each other one takes minutes.
+    assert time.perf_counter() - begin < 10
