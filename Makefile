@@ -51,8 +51,8 @@ explore:  ## Try the property tests with new random examples (`make test` repeat
 	        --hypothesis-profile=explore --timeout=600) || exit 1; \
 	done
 
-fuzz: build  ## Feed damaged messages and files to the readers for a minute (FOR=... [s] for longer)
-	@$(ENTER) python3 grid_map_ros_py/test/fuzz.py --seconds $(or $(FOR),60)
+fuzz: build  ## Feed damaged messages, files and texts to all readers for a minute (FOR=... [s], or INPUTS=... of them)
+	@$(ENTER) python3 test/fuzz.py $(if $(INPUTS),--inputs $(INPUTS),--seconds $(or $(FOR),60))
 
 check: setup  ## Check style, types, imports and licence headers
 	@$(ENTER) ruff check --output-format=concise . && ruff format --check . && \

@@ -9,7 +9,7 @@ import pytest
 
 from grid_map_core_py import GridMapError, color_value_to_vector
 from grid_map_core_py.conversions import from_mesh
-from grid_map_core_py.files import load_mesh, load_points
+from grid_map_core_py.files import load_cloud, load_mesh, load_points
 
 # Optional under ROS, because rosdep has no key for them; `make test` installs both.
 pytestmark = pytest.mark.needs("pypcd4", "trimesh")
@@ -272,6 +272,7 @@ DAMAGED = {
     "ascii.stl": b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nver",
     "binary.stl": STL[:-7],
     "garbage.stl": bytes(range(256)) * 3,
+    "flat.obj": b"v 0 0\nv 1 0\nv 1 1\nf 1 2 3\n",
 }
 
 
@@ -291,6 +292,12 @@ def test_faces_that_name_no_vertex_are_refused(write):
     path = write("m.ply", ply_header("ascii", 1), PLY_VERTICES, "3 0 1 9\n")
     with pytest.raises(GridMapError, match=r"m\.ply: cannot be read"):
         load_mesh(path)
+
+
+def test_mesh_too_large_for_a_map_is_named(write):
+    path = write("far.obj", "v 0 0 0\nv 1e9 0 0\nv 0 1e9 0\nf 1 2 3\n")
+    with pytest.raises(GridMapError, match=r"far\.obj: .* cells"):
+        load_cloud(path, resolution=0.1)
 
 
 def test_points_without_faces_are_no_mesh(write):

@@ -316,8 +316,8 @@ def test_missing_and_invalid_parameters_are_named(tmp_path):
     before = png.read_bytes()
     for path, options, message in (
         (png, {}, "resolution: expected the side of a pixel .* 8 x 6 pixels"),
-        (png, {"resolution": -1.0}, "resolution"),
-        (png, {"resolution": 1.0, "lower": np.nan}, "lower"),
+        (png, {"resolution": -1.0}, "a.png: resolution"),
+        (png, {"resolution": 1.0, "lower": np.nan}, "a.png: lower"),
         (tif, {"resolution": 1.0, "upper": 7.0}, "an image of floats holds the heights"),
         (tmp_path / "none.png", {}, "none.png: cannot be read: No such file"),
     ):

@@ -20,7 +20,7 @@ from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError
 from ..map._grid_map import GridMap
-from ._shared import package_for, storage_errors
+from ._shared import naming, package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """(N,) values of the points by the name of the field."""
@@ -141,24 +141,26 @@ def load_cloud(
     wanted = select_layers(
         [height_layer, *(name for name in fields if name != height_layer)], layers
     )
-    if mesh is not None:
-        if (reduction, min_height, max_height, tight) != ("max", -np.inf, np.inf, False):
-            raise GridMapError(
-                f"{path}: is a mesh; reduction, min_height, max_height and tight are for points, "
-                "and kind 'points' takes the vertices of a mesh"
-            )
-        grid_map = from_mesh(*mesh, resolution, height_layer, frame_id=frame_id)
-    else:
-        grid_map = from_points(
-            points,
-            resolution,
-            {height_layer: reduction},
-            fields={name: fields[name] for name in wanted if name != height_layer},
-            min_height=min_height,
-            max_height=max_height,
-            tight=tight,
-            frame_id=frame_id,
+    is_default = (reduction, min_height, max_height, tight) == ("max", -np.inf, np.inf, False)
+    if mesh is not None and not is_default:
+        raise GridMapError(
+            f"{path}: is a mesh; reduction, min_height, max_height and tight are for points, "
+            "and kind 'points' takes the vertices of a mesh"
         )
+    with naming(path):
+        if mesh is not None:
+            grid_map = from_mesh(*mesh, resolution, height_layer, frame_id=frame_id)
+        else:
+            grid_map = from_points(
+                points,
+                resolution,
+                {height_layer: reduction},
+                fields={name: fields[name] for name in wanted if name != height_layer},
+                min_height=min_height,
+                max_height=max_height,
+                tight=tight,
+                frame_id=frame_id,
+            )
     return grid_map.without_layers([name for name in grid_map if name not in wanted])
 
 
@@ -254,16 +256,19 @@ def _ply_elements(geometry: Any) -> Mapping[str, Any]:
 
 
 def _check_complete(geometry: Any) -> None:
-    """Refuse a PLY text that ends early and faces without their vertices, which trimesh accepts."""
+    """Refuse what trimesh accepts: PLY text that ends early, faces without vertices, no x, y, z."""
+    vertices = np.asarray(geometry.vertices)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ValueError(f"expected x, y, z of every vertex, got an array {vertices.shape}")
     for name, element in _ply_elements(geometry).items():
         data = element.get("data", ())
         columns = list(data.values()) if isinstance(data, dict) else [data]
         found = min(map(len, columns), default=0)
         if found != element["length"]:
             raise ValueError(f"expected {element['length']} of {name}, got {found}")
-    faces, vertices = np.asarray(getattr(geometry, "faces", ())), len(geometry.vertices)
-    if faces.size and not 0 <= faces.min() <= faces.max() < vertices:
-        raise ValueError(f"{vertices} vertices, but faces name {faces.min()} to {faces.max()}")
+    faces = np.asarray(getattr(geometry, "faces", ()))
+    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise ValueError(f"{len(vertices)} vertices, but faces name {faces.min()} to {faces.max()}")
 
 
 def _vertices(geometries: list[Any]) -> npt.NDArray[np.float64]:

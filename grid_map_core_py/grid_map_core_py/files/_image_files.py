@@ -27,7 +27,7 @@ from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ._atomic import new_file
-from ._shared import storage_errors
+from ._shared import naming, storage_errors
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """Endings of height maps that are written."""
@@ -99,12 +99,13 @@ def load_height_image(
             f"{path}: lower and upper: expected none, got {lower} and {upper}; "
             "an image of floats holds the heights themselves"
         )
-    grid_map = from_image(
-        from_north_up(pixels),
-        *(height_layer, resolution, lower, upper),
-        position=position,
-        frame_id=frame_id,
-    )
+    with naming(path):
+        grid_map = from_image(
+            from_north_up(pixels),
+            *(height_layer, resolution, lower, upper),
+            position=position,
+            frame_id=frame_id,
+        )
     select_layers(grid_map, layers)  # raises if it asks for another one
     return grid_map
 

@@ -56,6 +56,16 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         raise GridMapError(f"{file}: cannot be {doing}: {first_line}") from error
 
 
+@contextmanager
+def naming(path: str | PathLike[str]) -> Iterator[None]:
+    """Let errors about the content of a file begin with its name."""
+    try:
+        yield
+    except GridMapError as error:
+        error.args = (f"{path}: {error}",)
+        raise
+
+
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
     """Return the package for a kind of file; the error says how to install it."""
     try:

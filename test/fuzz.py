@@ -2,24 +2,39 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Fuzzing of all readers: damaged input must raise `GridMapError` quickly, in little memory.
 
-`python3 fuzz.py --seconds 60` goes through all targets with a new seed; the tests do so for a few
-seconds with a fixed one. A failure is printed with the seed that repeats it.
+    python3 test/fuzz.py --seconds 60
+    python3 test/fuzz.py --inputs 1000000
+    python3 test/fuzz.py --seed 17 --repeat npz 4711
+
+The first two go through all targets with a new seed. A child process reads, so that a crash is a
+finding, too, and does not end the run. Every finding names the command that repeats it.
 """
 
 import argparse
 import array
 import copy
+import ctypes
 import dataclasses
-import itertools
+import faulthandler
+import logging
+import multiprocessing
+import os
 import random
+import re
+import resource
 import sys
+import tempfile
 import time
 import tracemalloc
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
-import fuzz_files
+os.environ["OPENCV_LOG_LEVEL"] = "SILENT"
+# Bags and messages for tests.
+sys.path.append(str(Path(__file__).parents[1] / "grid_map_ros_py" / "test"))
+
 import nav2_stand_in
 import numpy as np
 import octomap_stand_in
@@ -51,22 +66,38 @@ from grid_map_ros_py import (
 from grid_map_ros_py._mapping.poses import PoseHistory
 from grid_map_ros_py.messages import serialize, view
 
-LONGEST = 10.0
-"""Seconds that a reader may take, on a busy machine."""
+LONGEST = 2.0
+"""CPU time that a reader may take [s]."""
+
+PATIENCE = 60.0
+"""Time after which a reader hangs [s], on a busy machine; its process ends with a traceback."""
 
 MOST_MEMORY = 32e6
-"""Bytes that a reader may allocate, besides a few times the map that it returns."""
+"""Bytes that Python may allocate, besides a few times the map that a reader returns."""
+
+MOST_RESIDENT = 500e6
+"""Bytes by which the process may grow."""
+
+HEAP = 2**32
+"""Bytes of memory of the process, so that a reader that takes more fails alone."""
 
 FLOATS = [0.0, -0.0, -1.0, 1e-320, 1e-30, 0.1, 3.0, 1e9, 1e300, np.inf, -np.inf, np.nan]
 TEXTS = ["", "x", "y", "elevation", "rgb", "mono16", "32FC1", "OcTree", "row_index", "é" * 40]
+WORDS = (
+    b"0 -1 1e300 nan .inf 2024-13-45 null true [] {a: b} &a *a <<: ' # / .. ( : 99999999".split()
+)
+"""Words that mean something in YAML, expressions and command lines."""
 
 
 class Target(NamedTuple):
     """A reader with intact input."""
 
     name: str
-    seeds: tuple[Any, ...]
+    seeds: Sequence[Any]
     read: Callable[[Any], Any]
+
+
+MakeTargets = Callable[[Path], list[Target]]
 
 
 def world() -> GridMap:
@@ -124,8 +155,11 @@ def _read_costmap(message: Any) -> Any:
     return from_costmap(message, "cost"), from_costmap(nav2_stand_in.PyCostmap2D(message), "cost")
 
 
-def targets() -> list[Target]:
-    """Return all readers of messages and files."""
+def targets(folder: Path) -> list[Target]:
+    """Return all readers of messages, files and texts; `folder` is for files."""
+    # Needs optional packages.
+    import fuzz_files
+
     grid_map = world()
     images = [to_image(grid_map, "elevation", code) for code in ("mono16", "rgba8", "64FC1")]
     occupancies = to_occupancy_grid(grid_map, "elevation", 0.0, 1.0)
@@ -149,13 +183,16 @@ def targets() -> list[Target]:
         result.append(Target(kind.__name__, seeds, read))
         from_bytes = lambda data, kind=kind, read=read: read(view(data, kind))  # noqa: E731
         result.append(Target(f"{kind.__name__} in CDR", tuple(map(serialize, seeds)), from_bytes))
-    return [
-        *result,
+    result += [
         Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message),
         Target("Costmap", (_costmap(),), _read_costmap),
         Target("Octomap", _octrees(), lambda tree: (octomap_to_points(tree), from_octomap(tree))),
-        *(Target(*files) for files in fuzz_files.targets()),
+        *(Target(*files) for files in fuzz_files.targets(folder)),
     ]
+    for target in result:
+        # Let it import what it needs, which is slow.
+        target.read(target.seeds[0])
+    return result
 
 
 # --- damage ---------------------------------------------------------------------------------------
@@ -173,22 +210,27 @@ def damaged(value: Any, generator: random.Random) -> Any:
 
 
 def _damaged_bytes(data: bytes, generator: random.Random) -> bytes:
-    place = generator.randrange(len(data) + 1)
+    place, other = (generator.randrange(len(data) + 1) for _ in range(2))
     size = generator.choice([1, 2, 4, 4, 8, 64])
     rest = data[place + size :]
-    match generator.randrange(6):
+    match 5 if data.isascii() and generator.random() < 0.5 else generator.randrange(7):
         case 0:
             return data[:place]
         case 1:
             return data[:place] + rest
         case 2:
-            return data[: place + size] + data[place:]
+            piece = data[other : other + size]
+            return data[:place] + piece * generator.choice([1, 1, 5, 500]) + data[place:]
         case 3:
             return data[:place] + generator.choice([b"\0", b"\xff", b"\x7f"]) * size + rest
         case 4:
             place -= place % 4
             number = generator.choice([0, 1, 3, 2**31 - 1, 2**32 - 1, generator.getrandbits(16)])
             return data[:place] + number.to_bytes(4, "little") + data[place + 4 :]
+        case 5 if words := list(re.finditer(rb"[\w.+-]+", data)):
+            word, model = generator.choices(words, k=2)
+            new = generator.choice([model[0], *WORDS])
+            return data[: word.start()] + new + data[word.end() :]
         case _:
             return data[:place] + generator.randbytes(size) + rest
 
@@ -265,44 +307,57 @@ def _another(value: Any, kind: str, generator: random.Random) -> Any:
 # --- the loop -------------------------------------------------------------------------------------
 
 
-def fuzz(target: Target, seconds: float, seed: int) -> dict[str, int]:
-    """Read damaged input for some time; return how often it was refused and how often read.
+class Progress(ctypes.Structure):
+    """Position and figures of a run, in memory that it shares with its child processes."""
+
+    _fields_ = (
+        ("target", ctypes.c_long),
+        ("name", ctypes.c_char * 40),
+        ("number", ctypes.c_long),
+        ("read", ctypes.c_long),
+        ("inputs", ctypes.c_long),
+        ("findings", ctypes.c_long),
+        ("seconds", ctypes.c_double),
+        ("slowest", ctypes.c_double),
+        ("peak", ctypes.c_double),
+    )
+
+
+def attempt(target: Target, seed: int, number: int) -> tuple[bool, float, float]:
+    """Read one damaged input.
+
+    Returns:
+        Whether it was read rather than refused, the CPU time [s], and the peak of memory [bytes].
 
     Raises:
-        AssertionError: the reader did something else; it says how to repeat that.
+        AssertionError: the reader did something else, or needed too much.
     """
-    counts = {"refused": 0, "read": 0}
-    end = time.monotonic() + seconds
-    for number in itertools.count():
-        if time.monotonic() >= end:
-            break
-        generator = random.Random(f"{seed} {target.name} {number}")
-        value = damaged(generator.choice(target.seeds), generator)
-        try:
-            counts[_outcome(target, value)] += 1
-        except Exception as error:
-            repeat = f"fuzz(target {target.name!r}, seed {seed}), number {number}"
-            raise AssertionError(f"{repeat}: {type(error).__name__}: {error}") from error
-    return counts
-
-
-def _outcome(target: Target, value: Any) -> str:
+    generator = random.Random(f"{seed} {target.name} {number}")
+    value = damaged(generator.choice(target.seeds), generator)
+    resident = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     tracemalloc.start()
-    begin = time.monotonic()
+    begin = time.process_time()
+    faulthandler.dump_traceback_later(PATIENCE, exit=True)
+    result, is_read = None, True
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             result = target.read(value)
     except GridMapError:
-        outcome, size = "refused", 0
-    else:
-        outcome, size = "read", _size(result)
+        is_read = False
+    except Exception as error:
+        raise AssertionError(f"{type(error).__name__}: {error}") from error
     finally:
+        faulthandler.cancel_dump_traceback_later()
+        duration = time.process_time() - begin
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
-    assert time.monotonic() - begin < LONGEST, "too slow"
-    assert peak < MOST_MEMORY + 6 * size, f"{peak} bytes for a result of {size}"
-    return outcome
+    assert duration < LONGEST, f"{duration:.1f} s"
+    assert peak < MOST_MEMORY + 6 * _size(result), f"{peak} bytes for a result of {_size(result)}"
+    # Libraries in C have their own memory.
+    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - resident)
+    assert grown < MOST_RESIDENT, f"{grown} bytes resident"
+    return is_read, duration, max(peak, grown)
 
 
 def _size(result: Any) -> int:
@@ -314,18 +369,99 @@ def _size(result: Any) -> int:
     return getattr(result, "nbytes", 0)
 
 
+def fuzz(make_targets: MakeTargets, seed: int, *, seconds: float, inputs: float) -> tuple[int, int]:
+    """Read damaged input of all targets, print their figures, and go on after a crash.
+
+    Args:
+        make_targets: function of a module, which returns the targets; it gets a folder for files.
+        seed: seed of the damage.
+        seconds: time for all targets together.
+        inputs: number of inputs of all targets together.
+
+    Returns:
+        The numbers of inputs and of findings.
+    """
+    spawning = multiprocessing.get_context("spawn")
+    progress = spawning.Value(Progress, lock=False)
+    while True:
+        progress.name = b""
+        with tempfile.TemporaryDirectory() as folder:
+            given = make_targets, Path(folder), progress, seed, seconds, inputs
+            child = spawning.Process(target=_work, args=given)
+            child.start()
+            child.join()
+        if child.exitcode == 0:
+            return progress.inputs, progress.findings
+        assert progress.name, "no target can be made"
+        _find(progress, seed, f"the process ended with code {child.exitcode}")
+
+
+def _work(
+    make_targets: MakeTargets,
+    folder: Path,
+    progress: Any,
+    seed: int,
+    seconds: float,
+    inputs: float,
+) -> None:
+    faulthandler.enable()
+    logging.disable()
+    resource.setrlimit(resource.RLIMIT_DATA, (HEAP, HEAP))
+    # Readers use temporary files, too.
+    tempfile.tempdir = str(folder)
+    chosen = make_targets(folder)
+    while progress.target < len(chosen):
+        target = chosen[progress.target]
+        progress.name = target.name.encode()
+        while progress.number * len(chosen) < inputs and progress.seconds * len(chosen) < seconds:
+            begin = time.monotonic()
+            try:
+                is_read, duration, peak = attempt(target, seed, progress.number)
+            except AssertionError as error:
+                _find(progress, seed, str(error))
+            else:
+                progress.read += is_read
+                progress.slowest = max(progress.slowest, duration)
+                progress.peak = max(progress.peak, peak)
+                progress.number += 1
+                progress.inputs += 1
+            progress.seconds += time.monotonic() - begin
+        print(
+            f"{target.name:26} {progress.number:8} inputs {progress.read:8} read"
+            f" {progress.slowest:7.3f} s {1e-6 * progress.peak:5.0f} MB",
+            flush=True,
+        )
+        progress.target += 1
+        progress.number = progress.read = 0
+        progress.seconds = progress.slowest = progress.peak = 0.0
+
+
+def _find(progress: Any, seed: int, what: str) -> None:
+    """Print a finding, and go on with the next input."""
+    name = progress.name.decode()
+    print(f"finding: --seed {seed} --repeat {name!r} {progress.number}: {what[:500]}", flush=True)
+    progress.number += 1
+    progress.inputs += 1
+    progress.findings += 1
+
+
 def main() -> int:
-    """Fuzz all targets and print the results."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0, help="for all targets together")
+    """Fuzz all targets and print the results; return 1 if there are findings."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=np.inf, help="for all targets together")
+    parser.add_argument("--inputs", type=int, default=np.inf, help="for all targets together")
     parser.add_argument("--seed", type=int, default=random.randrange(2**32))
+    parser.add_argument("--repeat", nargs=2, metavar=("TARGET", "NUMBER"), help="read one input")
     options = parser.parse_args()
-    print(f"seed {options.seed}")
-    chosen = targets()
-    for target in chosen:
-        counts = fuzz(target, options.seconds / len(chosen), options.seed)
-        print(f"{target.name:24} {counts['refused']:8} refused {counts['read']:8} read", flush=True)
-    return 0
+    if options.repeat:
+        name, number = options.repeat
+        with tempfile.TemporaryDirectory() as folder:
+            target = next(one for one in targets(Path(folder)) if one.name == name)
+            print(attempt(target, options.seed, int(number)))
+        return 0
+    inputs, findings = fuzz(targets, options.seed, seconds=options.seconds, inputs=options.inputs)
+    print(f"{inputs} inputs with seed {options.seed}, {findings} findings")
+    return findings > 0
 
 
 if __name__ == "__main__":

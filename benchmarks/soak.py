@@ -1,0 +1,567 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Run all nodes at 30 Hz, disturb them, and check that they neither grow, nor leak, nor miscount.
+
+    python3 benchmarks/soak.py --seconds 600
+
+The nodes get maps of 403 x 344 cells, and clouds and octomaps of that size. One message in 50
+contradicts itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
+services are called, subscribers and browsers stop reading. A table appears every minute:
+
+- Hz: maps out per second.
+- sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
+  be larger than `in`, as a new map replaces one that a busy node has not taken.
+- MB, now: resident memory, as median of the minute after the second, and of the last one.
+- files, now: smallest number of file descriptors in these minutes.
+
+The exit code is 1 if memory grows by more than 1 %, if files or shared memory are left behind, if
+`in` is not the sum of `out` and `dropped`, if `out` is not what the publisher of the node has
+counted, if more is dropped than contradicts itself, or if a node or a request fails. There is no
+octomap_to_grid_map without octomap_msgs, and no web_viewer without viser. Start it where the
+workspace is set up (`. tools/env.sh`).
+"""
+
+import argparse
+import array
+import json
+import os
+import re
+import signal
+import statistics
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from itertools import count, cycle
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker
+
+from grid_map_core_py import GridMap
+from grid_map_demos_py.terrain import load_terrain
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.srv import GetGridMap, ProcessFile
+from grid_map_ros_py import save_to_bag, to_message, to_point_cloud
+from grid_map_ros_py.messages import serialize
+from grid_map_ros_py.nodes import map_qos, run
+from grid_map_ros_py.testing import Peer, Process, peer, wait_until
+
+RATE = 30.0
+CELLS = 403, 344
+RESOLUTION = 0.03
+BAD_EVERY = 50
+
+MAPS, CLOUDS, OCTOMAPS = "/soak/maps", "/soak/clouds", "/soak/octomaps"
+VIEWED = {
+    "/region": Marker,
+    **{f"/soak/{name}": GridMapMessage for name in ("filtered", "loaded", "mapped", "served")},
+}
+"""Topics to which a viewer subscribes that stops reading from time to time."""
+
+OCTOMAP_MSGS, VISER = (find_spec(name) is not None for name in ("octomap_msgs", "viser"))
+
+
+# --- sources --------------------------------------------------------------------------------------
+
+
+def terrain() -> GridMap:
+    path = Path(get_package_share_directory("grid_map_demos_py"), "data/jacksboro_fault_dem.npz")
+    grid_map = load_terrain(path, RESOLUTION, frame_id="map")
+    assert grid_map.size == CELLS
+    return grid_map
+
+
+def octree() -> bytes:
+    """Return a binary octree: a floor of `CELLS` voxels, in cubes of up to 16 voxels."""
+
+    def write(low: Sequence[int], side: int) -> bytes:
+        word, below, side = 0, b"", side // 2
+        for child in range(8):
+            x, y, z = corner = [low[axis] + side * (child >> axis & 1) for axis in range(3)]
+            if z != 0 and not z < 0 < z + side:
+                continue
+            if side <= 16 and 0 <= x <= CELLS[0] - side and 0 <= y <= CELLS[1] - side:
+                word |= 2 << 2 * child
+            elif -side < x < CELLS[0] and -side < y < CELLS[1]:
+                word |= 3 << 2 * child
+                below += write(corner, side)
+        return struct.pack("<H", word) + below
+
+    return write([-(2**15)] * 3, 2**16)
+
+
+def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
+    """Yield topics, their types, an intact message and one that contradicts itself."""
+    grid_map = terrain()
+    message = to_message(grid_map)
+    intact = serialize(message)
+    message.layers.append("missing")
+    yield MAPS, GridMapMessage, intact, serialize(message)
+    cloud = to_point_cloud(grid_map, "elevation")
+    intact = serialize(cloud)
+    cloud.width += 1
+    yield CLOUDS, PointCloud2, intact, serialize(cloud)
+    if OCTOMAP_MSGS:
+        from octomap_msgs.msg import Octomap
+
+        octomap = Octomap(binary=True, id="OcTree", resolution=RESOLUTION)
+        octomap.data = array.array("b", octree())
+        intact = serialize(octomap)
+        octomap.data = octomap.data[:-2]
+        yield OCTOMAPS, Octomap, intact, serialize(octomap)
+
+
+class Source(Node):
+    """Publishes messages whose stamps are their numbers; prints how many, first and last."""
+
+    def __init__(self) -> None:
+        super().__init__("soak_source")
+        self._sent: dict[str, int] = {}
+        for topic, kind, intact, bad in messages():
+            publisher = self.create_publisher(kind, topic, map_qos())
+            self.create_timer(1 / RATE, self._publishing(publisher, bytearray(intact), bad))
+        print("{}")
+
+    def destroy_node(self) -> None:
+        print(json.dumps(self._sent))
+        Node.destroy_node(self)
+
+    def _publishing(self, publisher: Any, intact: bytearray, bad: bytes) -> Callable[[], None]:
+        numbers = count(1)
+
+        def publish() -> None:
+            number = next(numbers)
+            # The stamp follows the 4 bytes of the encapsulation.
+            struct.pack_into("<i", intact, 4, number)
+            publisher.publish(bytes(intact) if number % BAD_EVERY else bad)
+            self._sent[publisher.topic_name] = number
+
+        return publish
+
+
+class Viewer(Node):
+    def __init__(self) -> None:
+        super().__init__("soak_viewer")
+        for topic, kind in VIEWED.items():
+            self.create_subscription(kind, topic, lambda _: None, map_qos(), raw=True)
+
+
+# --- nodes under test -----------------------------------------------------------------------------
+
+
+@dataclass
+class Subject:
+    """A node under test.
+
+    Attributes:
+        module: module of its executable.
+        parameters: its parameters.
+        source: topic of the messages that it takes; empty if it takes none.
+        output: topic of its maps, and their type; empty if it publishes none.
+        process: its process.
+        counts: numbers of maps in, out and dropped, by its diagnostics.
+        published: number of messages on `output`, by its publisher.
+        samples: times [s], resident memory [MB] and numbers of files.
+    """
+
+    module: str
+    parameters: dict[str, Any]
+    source: str = ""
+    output: str = ""
+    kind: type = GridMapMessage
+    process: Any = None
+    counts: tuple[int, ...] = (0, 0, 0)
+    published: int = 0
+    samples: list[tuple[float, float, int]] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return self.module.rpartition(".")[2]
+
+    def start(self, folder: Path) -> None:
+        path = folder / f"{self.name}.yaml"
+        parameters = {"use_sim_time": True, **self.parameters}
+        path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+        node = ["--ros-args", "--params-file", str(path), "-r", f"__node:={self.name}"]
+        self.process = Process([sys.executable, "-m", self.module, *node])
+
+    def sample(self, time: float) -> None:
+        folder = Path("/proc", str(self.process.pid))
+        with suppress(OSError):  # The process has ended.
+            pages = int((folder / "statm").read_text().split()[1])
+            files = len(list((folder / "fd").iterdir()))
+            self.samples.append((time, pages * os.sysconf("SC_PAGESIZE") / 2**20, files))
+
+    def within(self, begin: float, end: float) -> tuple[float, int]:
+        """Return the median of the memory [MB] and the smallest number of files in a period."""
+        chosen = [sample for sample in self.samples if begin <= sample[0] <= end]
+        _, memory, files = zip(*(chosen or self.samples), strict=True)
+        return statistics.median(memory), min(files)
+
+
+def subjects(folder: Path) -> list[Subject]:
+    ros, viewing = "grid_map_ros_py._executables", "grid_map_visualization_py._executables"
+    step = {"layer": "elevation", "lower_threshold": 0.5, "set_to": 0.5}
+    chain = {"filter1": {"name": "raise", "type": "gridMapFilters/ThresholdFilter", "params": step}}
+    outputs = {
+        "grid_map_visualizations": ["grid", "region"],
+        "grid": {
+            "type": "occupancy_grid",
+            "params": {"layer": "elevation", "data_min": 0.0, "data_max": 1.0},
+        },
+        "region": {"type": "map_region"},
+    }
+    fixed = {
+        "pose_source": "none",
+        "map_frame": "map",
+        "robot_centric": False,
+        "length": [RESOLUTION * cells for cells in CELLS],
+        "resolution": RESOLUTION,
+    }
+    bag = str(folder / "loaded")
+    save_to_bag(terrain(), bag, "/grid_map")
+    rows: list[tuple[str, dict[str, Any], str, str]] = [
+        (
+            "grid_map_filters_py._executables.filter_chain",
+            {"input_topic": MAPS, "output_topic": "/soak/filtered", "filters": chain},
+            MAPS,
+            "/soak/filtered",
+        ),
+        (
+            f"{ros}.grid_map_server",
+            {"input_topic": MAPS, "output_topic": "/soak/served", "directory": str(folder)},
+            MAPS,
+            "/soak/served",
+        ),
+        (
+            f"{ros}.point_cloud_to_grid_map",
+            {"input_topic": CLOUDS, "output_topic": "/soak/mapped", **fixed},
+            CLOUDS,
+            "/soak/mapped",
+        ),
+        (f"{ros}.grid_map_loader", {"file_path": bag, "publish_topic": "/soak/loaded"}, "", ""),
+        (
+            f"{ros}.grid_map_saver",
+            {"grid_map_topic": MAPS, "file_path": str(folder / "saved"), "continuous": True},
+            MAPS,
+            "",
+        ),
+        (
+            "grid_map_demos_py.terrain_publisher_node",
+            {"topic": "/soak/terrain", "publish_rate": RATE},
+            "",
+            "/soak/terrain",
+        ),
+    ]
+    if OCTOMAP_MSGS:
+        topics = {"octomap_topic": OCTOMAPS, "grid_map_topic": "/soak/octomap"}
+        rows.append((f"{ros}.octomap_to_grid_map", topics, OCTOMAPS, "/soak/octomap"))
+    if VISER:
+        coarse = {"grid_map_topic": MAPS, "port": 0, "max_cells": 20_000, "update_rate": 5.0}
+        rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
+    visualization = f"{viewing}.grid_map_visualization"
+    return [
+        *(Subject(*row) for row in rows),
+        Subject(visualization, {"grid_map_topic": MAPS, **outputs}, MAPS, "/grid", OccupancyGrid),
+    ]
+
+
+def shared_memory(process: int | str) -> set[tuple[str, int]]:
+    """Return the files of Fast DDS, and their inodes, that a process has in shared memory."""
+    folder, found = Path("/proc", str(process)), set()
+    with suppress(OSError):  # The process has ended.
+        found |= set(re.findall(r"/dev/shm/fastrtps_\S+", (folder / "maps").read_text()))
+        found |= {os.readlink(link) for link in (folder / "fd").iterdir()}  # noqa: PTH115
+    return inodes(name for name in found if name.startswith("/dev/shm/fastrtps_"))
+
+
+def inodes(names: Iterable[str]) -> set[tuple[str, int]]:
+    """Return the names of files that exist, with their inodes."""
+    found = set()
+    for name in names:
+        with suppress(OSError):
+            found.add((name, Path(name).stat().st_ino))
+    return found
+
+
+# --- the run --------------------------------------------------------------------------------------
+
+
+class Soak:
+    """Runs the nodes, feeds and disturbs them, and takes their figures.
+
+    Args:
+        observer: subscribes to the outputs, and calls services.
+        folder: folder of bags and parameters.
+        seconds: duration.
+
+    Attributes:
+        problems: figures that were missed.
+        shared: files in shared memory that the processes have used, and their inodes.
+    """
+
+    def __init__(self, observer: Peer, folder: Path, seconds: float) -> None:
+        self.problems: list[str] = []
+        self.shared: set[tuple[str, int]] = set()
+        self._observer, self._folder, self._seconds = observer, folder, seconds
+        self._subjects = subjects(folder)
+        self._sources: list[Process] = []
+        self._sent: dict[str, int] = {}
+        self._bad: dict[str, int] = {}
+        self._answers: dict[str, list[Any]] = {}
+        self._browsed = 0
+        self._is_over = threading.Event()
+        self._begin = time.monotonic()
+
+    @property
+    def _elapsed(self) -> float:
+        return time.monotonic() - self._begin
+
+    def run(self, growth: float) -> None:
+        """Run all; resident memory may grow by a factor of 1 + `growth`."""
+        with ExitStack() as stack:
+            for subject in self._subjects:
+                subject.start(self._folder)
+                stack.callback(subject.process.kill)
+                self._count(subject)
+            node = self._observer.node
+            node.create_subscription(DiagnosticArray, "/diagnostics", self._note_counts, 100)
+            self._viewer = Process([sys.executable, __file__, "view"])
+            stack.callback(self._viewer.kill)
+            stack.callback(lambda: [source.kill() for source in self._sources])
+            self._restart_source()
+            self._observer.wait_until(self._has_begun, "all nodes")
+            self._begin = time.monotonic()
+            timers = self._disturb()
+            self._observer.spin(self._seconds)
+            for timer in timers:
+                timer.cancel()
+            self._is_over.set()
+            self._end_sources()
+            with suppress(AssertionError):
+                self._observer.wait_until(lambda: not any(self._miscounts()), "the last counts")
+            print(self.table(), flush=True)
+            self.problems += [*self._miscounts(), *self._leaks(growth)]
+            self._end_nodes()
+
+    def _has_begun(self) -> bool:
+        outputs = (subject.published for subject in self._subjects if subject.output)
+        return all(outputs)
+
+    def _count(self, subject: Subject) -> None:
+        def note(_: bytes, info: dict[str, int]) -> None:
+            subject.published = info["publication_sequence_number"]
+
+        if subject.output:
+            node = self._observer.node
+            node.create_subscription(subject.kind, subject.output, note, map_qos(), raw=True)
+
+    def _note_counts(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            # Such as "maps in", or "clouds in".
+            values = {pair.key.partition(" ")[2]: pair.value for pair in status.values}
+            for subject in self._subjects:
+                if subject.name == status.name.partition(":")[0]:
+                    subject.counts = tuple(int(values[key]) for key in ("in", "out", "dropped"))
+
+    # --- disturbances -----------------------------------------------------------------------------
+
+    def _disturb(self) -> list[Timer]:
+        """Start the disturbances, the samples and the tables."""
+        every = self._observer.node.create_timer
+        clock = self._observer.node.create_publisher(Clock, "/clock", 1)
+        requests = [request for subject in self._subjects for request in self._requests(subject)]
+        stalls = cycle([signal.SIGSTOP, signal.SIGCONT])
+
+        def tick() -> None:
+            now, message = self._elapsed, Clock()
+            # Every ten seconds the clock jumps by an hour, forward or backward.
+            message.clock.sec = 10_000 + int(now) + 3600 * (int(now / 10) % 2)
+            message.clock.nanosec = int(1e9 * (now % 1))
+            clock.publish(message)
+
+        for subject in self._subjects:
+            if subject.name == "web_viewer":
+                threading.Thread(target=self._browse, args=[subject.process], daemon=True).start()
+        return [
+            every(0.1, tick),
+            every(1.0, self._sample),
+            every(2.0, lambda: [request() for request in requests]),
+            every(5.0, lambda: self._viewer.send_signal(next(stalls))),
+            every(min(30.0, self._seconds / 3), self._restart_source),
+            every(60.0, lambda: print(self.table(), flush=True)),
+        ]
+
+    def _restart_source(self) -> None:
+        """End the source and start another one, unless it has not begun yet."""
+        if all(source.lines for source in self._sources):
+            for source in self._sources[-1:]:
+                source.send_signal(signal.SIGINT)
+            self._sources.append(Process([sys.executable, __file__, "publish"]))
+
+    def _requests(self, subject: Subject) -> Iterator[Callable[[], None]]:
+        """Yield functions that call services of a node."""
+        settings: dict[str, list[Any]] = {"use_sim_time": [True, False]}
+        if subject.name == "filter_chain":
+            # The node refuses the text.
+            settings["filters.filter1.params.lower_threshold"] = [0.4, "high", 0.6]
+        for name, values in settings.items():
+            parameters = (Parameter(name, value=value).to_parameter_msg() for value in values)
+            changes = [SetParameters.Request(parameters=[parameter]) for parameter in parameters]
+            yield self._calling(SetParameters, f"/{subject.name}/set_parameters", changes)
+        if subject.name == "grid_map_server":
+            yield self._calling(GetGridMap, f"/{subject.name}/get_grid_map", [GetGridMap.Request()])
+            request = ProcessFile.Request(file_path="requested")
+            yield self._calling(ProcessFile, f"/{subject.name}/save_map", [request])
+
+    def _calling(self, kind: type, name: str, requests: list[Any]) -> Callable[[], None]:
+        """Return a function that calls a service, if it has answered before."""
+        client, turns = self._observer.node.create_client(kind, name), cycle(requests)
+        answers: list[Any] = []
+        self._answers[name] = answers
+
+        def call() -> None:
+            if client.service_is_ready() and (not answers or answers[-1].done()):
+                answers[:] = [client.call_async(next(turns))]
+
+        return call
+
+    def _browse(self, viewer: Process) -> None:
+        """Connect to the page, read for some seconds, stop reading for as long, and begin again."""
+        import viser
+        from msgspec import msgpack
+        from websockets.sync.client import connect
+
+        camera: dict[str, Any] = {"type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0)}
+        camera |= dict.fromkeys(("position", "look_at", "up_direction"), (1.0, 2.0, 3.0))
+        camera |= {"fov": 1.0, "near": 0.1, "far": 9.0, "image_height": 400, "image_width": 400}
+        protocol: Any = f"viser-v{viser.__version__}"
+        wait_until(lambda: "http://" in viewer.text, "the page")
+        address = re.findall(r"http://(\S+)", viewer.text)[0]
+        while not self._is_over.is_set():
+            with connect(f"ws://{address}", subprotocols=[protocol], max_size=None) as socket:
+                socket.send(msgpack.encode(camera))
+                end = time.monotonic() + 5
+                while time.monotonic() < end and not self._is_over.is_set():
+                    with suppress(TimeoutError):
+                        self._browsed += len(socket.recv(0.1))
+                self._is_over.wait(5)
+
+    # --- figures ----------------------------------------------------------------------------------
+
+    def _sample(self) -> None:
+        processes = [subject.process for subject in self._subjects]
+        for subject in self._subjects:
+            subject.sample(self._elapsed)
+        for process in (*processes, *self._sources, self._viewer):
+            self.shared |= shared_memory(process.pid)
+        self.shared |= shared_memory("self")
+
+    def _end_sources(self) -> None:
+        """End sources and viewer, and add up what they have sent."""
+        self._viewer.send_signal(signal.SIGCONT)
+        wait_until(lambda: self._sources[-1].lines, "the last source")
+        for process in (self._sources[-1], self._viewer):
+            process.send_signal(signal.SIGINT)
+        for process in (*self._sources, self._viewer):
+            if process.wait() != 0:
+                self.problems.append(f"a source or viewer failed: {process.text}")
+        for source in self._sources:
+            for topic, sent in json.loads(source.lines[-1]).items():
+                self._sent[topic] = self._sent.get(topic, 0) + sent
+                self._bad[topic] = self._bad.get(topic, 0) + sent // BAD_EVERY
+
+    def _end_nodes(self) -> None:
+        for subject in self._subjects:
+            if subject.process.is_running:
+                subject.process.send_signal(signal.SIGINT)
+        for subject in self._subjects:
+            code, text = subject.process.wait(), subject.process.text
+            if code != 0 or "Traceback" in text:
+                self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
+
+    def _miscounts(self) -> Iterator[str]:
+        for name, answers in self._answers.items():
+            if not answers or not answers[-1].done():
+                yield f"{name} does not answer"
+        for subject in self._subjects:
+            name, (taken, out, dropped) = subject.name, subject.counts
+            sent, bad = (figures.get(subject.source, 0) for figures in (self._sent, self._bad))
+            if subject.source and not sent >= taken == out + dropped > 0:
+                yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
+            if subject.source and not bad - (sent - taken) <= dropped <= bad:
+                yield f"{name}: {dropped} dropped, but {bad} contradicted themselves"
+            if subject.source and subject.output and out != subject.published:
+                yield f"{name}: {out} out, but its publisher counted {subject.published}"
+        if VISER and not self._browsed:
+            yield "web_viewer: a browser has got nothing"
+
+    def _leaks(self, growth: float) -> Iterator[str]:
+        for subject in self._subjects:
+            (before, files), (after, more_files) = self._ends(subject)
+            if after > before * (1 + growth):
+                yield f"{subject.name}: from {before:.1f} to {after:.1f} MB"
+            if more_files > files:
+                yield f"{subject.name}: from {files} to {more_files} files"
+
+    def _ends(self, subject: Subject) -> list[tuple[float, int]]:
+        """Return memory [MB] and files of a node after it has settled, and now."""
+        settled = min(120.0, self._seconds / 5)
+        window = min(60.0, (self._seconds - settled) / 2)
+        now = min(self._elapsed, self._seconds)
+        return [subject.within(settled, settled + window), subject.within(now - window, now)]
+
+    def table(self) -> str:
+        """Return the figures so far; the sources say at the end how much they have sent."""
+        heading = "node                       Hz   sent     in    out dropped    MB   now files now"
+        lines = [f"\nafter {self._elapsed:.0f} s", heading]
+        for subject in self._subjects:
+            taken, out, dropped = subject.counts
+            rate = (subject.published or out) / min(self._elapsed, self._seconds)
+            sent = self._sent.get(subject.source, "")
+            (before, files), (after, more_files) = self._ends(subject)
+            lines.append(
+                f"{subject.name:23} {rate:5.1f} {sent:6} {taken:6} {out:6} {dropped:7}"
+                f" {before:5.0f} {after:5.1f} {files:5} {more_files:3}"
+            )
+        return "\n".join(lines)
+
+
+def main() -> int:
+    if sys.argv[1:2] == ["publish"]:
+        return run(Source, [])
+    if sys.argv[1:2] == ["view"]:
+        return run(Viewer, [])
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
+    text = "largest growth of resident memory [%%] (%(default)s)"
+    parser.add_argument("--growth", type=float, default=1.0, help=text)
+    options = parser.parse_args()
+    with TemporaryDirectory() as folder, peer() as observer:
+        soak = Soak(observer, Path(folder), options.seconds)
+        soak.run(options.growth / 100)
+    used = (shared_memory(path.name) for path in Path("/proc").glob("[0-9]*"))
+    left = (soak.shared & inodes(name for name, _ in soak.shared)) - set().union(*used)
+    problems = [*soak.problems, *(f"left behind: {name}" for name, _ in sorted(left))]
+    print("\n".join(f"missed: {problem}" for problem in problems) or "all figures are met")
+    return bool(problems)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
