@@ -32,7 +32,7 @@ import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -282,22 +282,16 @@ def subjects(folder: Path) -> list[Subject]:
     ]
 
 
-def shared_memory(process: int | str) -> set[tuple[str, int]]:
-    """Return the files of Fast DDS, and their inodes, that a process has in shared memory."""
-    folder, found = Path("/proc", str(process)), set()
+def segments(process: int | str) -> set[Path]:
+    """Return the segments of shared memory that a process uses.
+
+    The small files of ports, which all processes share, are left out: Fast DDS uses them again, and
+    leaves some of them behind when several processes end at once, those of plain rclpy, too.
+    """
+    maps = ""
     with suppress(OSError):  # The process has ended.
-        found |= set(re.findall(r"/dev/shm/fastrtps_\S+", (folder / "maps").read_text()))
-        found |= {os.readlink(link) for link in (folder / "fd").iterdir()}  # noqa: PTH115
-    return inodes(name for name in found if name.startswith("/dev/shm/fastrtps_"))
-
-
-def inodes(names: Iterable[str]) -> set[tuple[str, int]]:
-    """Return the names of files that exist, with their inodes."""
-    found = set()
-    for name in names:
-        with suppress(OSError):
-            found.add((name, Path(name).stat().st_ino))
-    return found
+        maps = Path("/proc", str(process), "maps").read_text()
+    return set(map(Path, re.findall(r"/dev/shm/fastrtps_[0-9a-f]{16}\b", maps)))
 
 
 # --- the run --------------------------------------------------------------------------------------
@@ -313,12 +307,12 @@ class Soak:
 
     Attributes:
         problems: figures that were missed.
-        shared: files in shared memory that the processes have used, and their inodes.
+        segments: segments of shared memory that the processes have used.
     """
 
     def __init__(self, observer: Peer, folder: Path, seconds: float) -> None:
         self.problems: list[str] = []
-        self.shared: set[tuple[str, int]] = set()
+        self.segments: set[Path] = set()
         self._observer, self._folder, self._seconds = observer, folder, seconds
         self._subjects = subjects(folder)
         self._sources: list[Process] = []
@@ -334,7 +328,7 @@ class Soak:
         return time.monotonic() - self._begin
 
     def run(self, growth: float) -> None:
-        """Run all; resident memory may grow by a factor of 1 + `growth`."""
+        """Run all; memory and files may grow by a factor of 1 + `growth`."""
         with ExitStack() as stack:
             for subject in self._subjects:
                 subject.start(self._folder)
@@ -470,8 +464,8 @@ class Soak:
         for subject in self._subjects:
             subject.sample(self._elapsed)
         for process in (*processes, *self._sources, self._viewer):
-            self.shared |= shared_memory(process.pid)
-        self.shared |= shared_memory("self")
+            self.segments |= segments(process.pid)
+        self.segments |= segments("self")
 
     def _end_sources(self) -> None:
         """End sources and viewer, and add up what they have sent."""
@@ -505,10 +499,12 @@ class Soak:
             sent, bad = (figures.get(subject.source, 0) for figures in (self._sent, self._bad))
             if subject.source and not sent >= taken == out + dropped > 0:
                 yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
-            if subject.source and not bad - (sent - taken) <= dropped <= bad:
-                yield f"{name}: {dropped} dropped, but {bad} contradicted themselves"
             if subject.source and subject.output and out != subject.published:
                 yield f"{name}: {out} out, but its publisher counted {subject.published}"
+            # The viewer finds a contradiction only when it shows the map.
+            fewest = bad - (sent - taken) if subject.output else 0
+            if not fewest <= dropped <= bad:
+                yield f"{name}: {dropped} dropped, but {bad} contradicted themselves"
         if VISER and not self._browsed:
             yield "web_viewer: a browser has got nothing"
 
@@ -517,7 +513,7 @@ class Soak:
             (before, files), (after, more_files) = self._ends(subject)
             if after > before * (1 + growth):
                 yield f"{subject.name}: from {before:.1f} to {after:.1f} MB"
-            if more_files > files:
+            if more_files > files * (1 + growth):
                 yield f"{subject.name}: from {files} to {more_files} files"
 
     def _ends(self, subject: Subject) -> list[tuple[float, int]]:
@@ -550,15 +546,14 @@ def main() -> int:
         return run(Viewer, [])
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
-    text = "largest growth of resident memory [%%] (%(default)s)"
+    text = "largest growth of resident memory, and of the number of files [%%] (%(default)s)"
     parser.add_argument("--growth", type=float, default=1.0, help=text)
     options = parser.parse_args()
     with TemporaryDirectory() as folder, peer() as observer:
         soak = Soak(observer, Path(folder), options.seconds)
         soak.run(options.growth / 100)
-    used = (shared_memory(path.name) for path in Path("/proc").glob("[0-9]*"))
-    left = (soak.shared & inodes(name for name, _ in soak.shared)) - set().union(*used)
-    problems = [*soak.problems, *(f"left behind: {name}" for name, _ in sorted(left))]
+    left = sorted(map(str, filter(Path.exists, soak.segments)))
+    problems = [*soak.problems, *(f"left behind: {name}" for name in left)]
     print("\n".join(f"missed: {problem}" for problem in problems) or "all figures are met")
     return bool(problems)
 

@@ -25,8 +25,8 @@ def targets(tmp_path_factory) -> list[fuzz.Target]:
 
 def test_damaged_input_is_read_or_raises_grid_map_error(targets):
     for target in targets:
-        outcomes = [fuzz.attempt(target, 1, number)[0] for number in range(40)]
-        assert outcomes.count(False) > 5, target.name
+        outcomes = [fuzz.attempt(target, 1, number)[0] for number in range(30)]
+        assert outcomes.count(False) > 3, target.name
         assert any(outcomes) or target.name in CHECKED, target.name
 
 
