@@ -5,7 +5,8 @@
 import subprocess
 import sys
 from pathlib import Path
-from urllib.request import urlopen
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import cv2
 import numpy as np
@@ -110,8 +111,14 @@ def test_error_without_matplotlib_says_how_to_install_it(command):
 def test_the_page_is_served_until_an_interrupt():
     pytest.importorskip("viser")
     words = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
+    words += ["--allowed-hosts", "viewer.robot", "--allowed-hosts", "other.robot"]
     with running(Process(words)) as process:
         wait_until(lambda: process.lines, "the address")
         with urlopen(process.lines[0].strip()) as answer:
             assert answer.status == 200
             assert b"<html" in answer.read()
+        for host in "viewer.robot", "other.robot":
+            with urlopen(Request(process.lines[0].strip(), headers={"Host": host})) as answer:
+                assert answer.status == 200
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(Request(process.lines[0].strip(), headers={"Host": "evil.example"}))

@@ -35,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     page.add_argument("--host", default="127.0.0.1", help=text)
     text = "port of the page (%(default)s); 0 selects a free port"
     page.add_argument("--port", type=int, default=8080, help=text)
+    text = "name of this machine in browsers, besides its usual ones; may be repeated"
+    page.add_argument("--allowed-hosts", metavar="NAME", action="append", default=[], help=text)
     page.add_argument("--open", action="store_true", help="also open a browser")
 
 
@@ -55,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     layers = options.layer or usual_layer(grid_map), options.color_layer
     for name in filter(None, layers):
         grid_map[name]  # raises if the layer does not exist
-    page = Page(options.host, options.port, *layers, options.color_map)
+    page = Page(options.host, options.port, *layers, options.color_map, options.allowed_hosts)
     if page.is_public:
         message(f"warning: anyone who can reach {page.url} sees the map")
     try:

@@ -344,7 +344,7 @@ def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
     this machine (DNS rebinding) is refused. The origin must be the page itself.
     """
     host = headers.get("Host", "").lower()
-    # Programs other than browsers send no origin.
+    # Programs other than browsers send no origin; those on this machine could read the topic, too.
     origin = headers.get("Origin", f"http://{host}")
     try:
         name = urlsplit(f"//{host}").hostname or ""
