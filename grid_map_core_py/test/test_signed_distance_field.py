@@ -372,10 +372,10 @@ def test_levels_are_one_resolution_apart_and_cover_the_heights(low, high, levels
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ((1.0, 0.0), "min_height, max_height: expected two finite"),
-        ((np.nan, 1.0), "min_height, max_height: expected two finite"),
-        ((0.0, np.inf), "min_height, max_height: expected two finite"),
-        ((-np.inf, 0.0), "min_height, max_height: expected two finite"),
+        ((1.0, 0.0), "max_height: expected a finite number >= 1, got 0.0"),
+        ((np.nan, 1.0), "min_height: expected a finite number, got nan"),
+        ((0.0, np.inf), "max_height: expected a finite number >= 0, got inf"),
+        ((-np.inf, 0.0), "min_height: expected a finite number, got -inf"),
         ((0.0, "high"), "max_height: expected a number"),
         ((-1e9, 1e9), r"a field of at most 2\*\*31 nodes, got 4 x 3 x "),
         ((-1.7e308, 1.7e308), r"a field of at most 2\*\*31 nodes, got 4 x 3 x "),

@@ -195,9 +195,9 @@ def test_rounded_and_integer_transforms_are_taken():
 
 BAD_TRANSFORMS = {
     "three by four": (np.eye(4)[:3], r"expected \(4, 4\) finite numbers"),
-    "text": ("identity", r"expected \(4, 4\) finite numbers, got 'identity'"),
-    "ragged": ([[1, 0], [0]], r"expected \(4, 4\) finite numbers"),
-    "complex": (np.eye(4) * (1 + 0j), r"expected \(4, 4\) finite numbers"),
+    "text": ("identity", "transform: expected numbers, got 'identity'"),
+    "ragged": ([[1, 0], [0]], "transform: expected numbers"),
+    "complex": (np.eye(4) * (1 + 0j), "transform: expected numbers"),
     "NaN": (np.full((4, 4), np.nan), r"expected \(4, 4\) finite numbers"),
     "transposed": (rigid(translation=(1, 2, 3)).T, r"\(0, 0, 0, 1\) as the last row"),
     "scaled": (np.diag([2.0, 2.0, 2.0, 1.0]), "scales, shears or mirrors"),

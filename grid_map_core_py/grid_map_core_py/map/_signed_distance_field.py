@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Positions, as_array, as_number
+from ..arrays._checks import Layer, Positions, as_array, as_finite, as_number
 from ..arrays._pieces import CHUNK, slices
 from ..errors import GeometryError, GridMapError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
@@ -303,13 +303,8 @@ def _heights(grid_map: GridMap, layer: str, unknown: str | None) -> Layer:
 
 def _levels(geometry: GridGeometry, min_height: float, max_height: float) -> Positions:
     """Return the z of the levels (levels,)."""
-    lowest = as_number(min_height, "min_height")
-    highest = as_number(max_height, "max_height")
-    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest):
-        raise GeometryError(
-            "min_height, max_height: expected two finite numbers, the second one not smaller, "
-            f"got {short(min_height)}, {short(max_height)}"
-        )
+    lowest = as_finite(min_height, "min_height")
+    highest = as_finite(max_height, "max_height", least=lowest)
     steps = (highest - lowest - BORDER_TOLERANCE) / geometry.resolution
     rows, columns = geometry.size
     if not rows * columns * (steps + 1) <= _MOST_NODES:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Positions, as_finite
+from ..arrays._checks import Positions, as_array, as_finite
 from ..arrays._pieces import slices
 from ..errors import GeometryError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
@@ -55,11 +55,7 @@ def transformed_map(
 
 def _as_rigid(transform: ArrayLike) -> Positions:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
-    try:
-        # dtype=object prevents silent conversions, for example of complex numbers.
-        matrix = np.asarray(transform, dtype=object).astype(np.float64)
-    except (TypeError, ValueError):
-        matrix = np.empty(0)
+    matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
         raise GeometryError(f"transform: expected (4, 4) finite numbers, got {short(transform)}")
     if not np.allclose(matrix[3], (0, 0, 0, 1), rtol=0, atol=1e-9):

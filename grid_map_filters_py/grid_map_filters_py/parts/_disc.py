@@ -125,22 +125,17 @@ class Tile:
 
     def cut(self, layer: Layer, dtype: npt.DTypeLike) -> Flat:
         """Return the flat values of a layer; NaN outside of the map."""
-        around = [
-            slice(cells.start - reach, cells.stop + reach)
-            for cells, reach in zip((self.rows, self.columns), self.disc.reach, strict=True)
-        ]
-        on_map = [
-            slice(max(cells.start, 0), min(cells.stop, length))
-            for cells, length in zip(around, layer.shape, strict=True)
-        ]
-        rows, columns = (
-            slice(there.start - cells.start, there.stop - cells.start)
-            for there, cells in zip(on_map, around, strict=True)
-        )
+        on_map, on_tile = [], []
+        for cells, reach, length in zip(
+            (self.rows, self.columns), self.disc.reach, layer.shape, strict=True
+        ):
+            first, last = max(cells.start - reach, 0), min(cells.stop + reach, length)
+            on_map.append(slice(first, last))
+            on_tile.append(slice(first - cells.start + reach, last - cells.start + reach))
         (row_reach, column_reach), (_, stride) = self.disc.reach, self.strides
         flat = np.full(self.count + 2 * (column_reach * stride + row_reach), np.nan, dtype)
         lines = flat[: flat.size // stride * stride].reshape(-1, stride)
-        lines[columns, rows] = layer[on_map[0], on_map[1]].T
+        lines.T[tuple(on_tile)] = layer[tuple(on_map)]
         return flat
 
     def neighbors(self, values: Flat, rows: int = 0, columns: int = 0) -> Flat:
