@@ -9,8 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import GridGeometry, GridMap
 from .arrays._checks import Layer
@@ -22,7 +21,7 @@ __all__ = ["RollingMap"]
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
 
-_Columns = Mapping[str, npt.NDArray[Any]]
+_Columns = Mapping[str, NDArray[Any]]
 _Layers = dict[str, Layer]
 
 
@@ -169,7 +168,7 @@ def _mean(old: _Layers, new: _Layers, max_count: float) -> _Layers:
     return fused
 
 
-def _flat(layer: Layer) -> npt.NDArray[np.float32]:
+def _flat(layer: Layer) -> NDArray[np.float32]:
     """Return the cells of a layer in one row: a view."""
     return layer.reshape(-1, order="F")
 

@@ -11,21 +11,20 @@ from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, short
 
-Layer: TypeAlias = npt.NDArray[np.float32]
+Layer: TypeAlias = NDArray[np.float32]
 """(rows, cols) float32, Fortran order; row along -x, column along -y; NaN means no data."""
 
-Mask: TypeAlias = npt.NDArray[np.bool_]
+Mask: TypeAlias = NDArray[np.bool_]
 """Booleans, one per cell or per point."""
 
-Positions: TypeAlias = npt.NDArray[np.float64]
+Positions: TypeAlias = NDArray[np.float64]
 """(2,) or (N, 2) float64: x, y in meters, map frame."""
 
-Integers: TypeAlias = npt.NDArray[np.int64]
+Integers: TypeAlias = NDArray[np.int64]
 """(N,) int64, such as the rows or the columns of cells."""
 
 Cells: TypeAlias = tuple[Integers, Integers]
@@ -87,7 +86,7 @@ def as_finite(
     return number
 
 
-def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
+def as_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return `values` as an array of real numbers of any type; masked values become NaN."""
     if type(values) is np.ndarray and values.dtype.kind in "biuf":
         return values
@@ -103,7 +102,7 @@ def as_numbers(values: ArrayLike, name: str) -> npt.NDArray[Any]:
     return numbers
 
 
-def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> npt.NDArray[Any]:
+def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[Any]:
     """Return `values` as an array of this type."""
     if type(values) is np.ndarray and values.dtype == dtype:
         return values

@@ -17,8 +17,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ._checks import as_numbers
 from ._pieces import slices
@@ -54,12 +53,12 @@ def max_of_finites(values: ArrayLike) -> float:
     return _extreme(np.fmax, values)
 
 
-def _pieces(values: ArrayLike) -> Iterator[npt.NDArray[Any]]:
+def _pieces(values: ArrayLike) -> Iterator[NDArray[Any]]:
     flat = as_numbers(values, "values").ravel("K")
     return (flat[piece] for piece in slices(flat.size, _PIECE))
 
 
-def _sum(values: npt.NDArray[Any]) -> float:
+def _sum(values: NDArray[Any]) -> float:
     if values.dtype == np.float32:
         # Twice as fast as picking the finite values, but wrong for infinities.
         with np.errstate(invalid="ignore"):

@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Layer, as_number, as_numbers, as_pair, as_size
 from ..arrays._pieces import elementwise
@@ -23,7 +22,7 @@ from ..errors import GeometryError, short
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 
-Costs: TypeAlias = npt.NDArray[np.uint8]
+Costs: TypeAlias = NDArray[np.uint8]
 """(...) uint8 costs from 0 to 254, and 255 for unknown."""
 
 FREE = 0
@@ -86,7 +85,7 @@ class CostTable:
         """Return the values (...) float32 of costs (...) in [0, 255]."""
         return elementwise(self._values.take, np.float32, _as_costs(costs))
 
-    def _costs(self, values: npt.NDArray[Any]) -> Costs:
+    def _costs(self, values: NDArray[Any]) -> Costs:
         values = values.astype(np.float32)
         value_per_cost = np.float32((self.inscribed - self.free) / INSCRIBED)
         steps = (values - np.float32(self.free)) / value_per_cost
@@ -146,7 +145,7 @@ class CostRange:
     def _extent(self) -> np.float32:
         return np.float32(self.data_max) - np.float32(self.data_min)
 
-    def _costs(self, values: npt.NDArray[Any]) -> Costs:
+    def _costs(self, values: NDArray[Any]) -> Costs:
         share = values.astype(np.float32)
         share -= np.float32(self.data_min)
         share /= self._extent
@@ -230,7 +229,7 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
     ).with_layers({layer: values})
 
 
-def _as_costs(costs: ArrayLike) -> npt.NDArray[Any]:
+def _as_costs(costs: ArrayLike) -> NDArray[Any]:
     array = as_numbers(costs, "costs")
     if array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() > UNKNOWN)):
         raise GeometryError(f"costs: expected integers from 0 to {UNKNOWN}, got {short(costs)}")

@@ -26,8 +26,7 @@ from typing import Any, Literal, TypeAlias
 
 import cv2
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..arrays._checks import Layer, Size, as_finite, as_number
 from ..arrays._pieces import piece_of, slices
@@ -39,7 +38,7 @@ from ..map._grid_map import GridMap
 from ..map._resampling import Axis, resample
 from ._packed_colors import color_channels_to_value, color_value_to_bytes
 
-Image: TypeAlias = npt.NDArray[Any]
+Image: TypeAlias = NDArray[Any]
 """(rows, cols) or (rows, cols, channels) uint8, uint16, float32 or float64; 1, 3 or 4 channels."""
 
 Order: TypeAlias = Literal["bgr", "rgb"]
@@ -63,7 +62,7 @@ _TIE = 1e-9  # tolerance [cells] for rounding a number of cells that is nearly a
 def to_image(
     grid_map: GridMap,
     layer: str,
-    dtype: npt.DTypeLike = np.uint8,
+    dtype: DTypeLike = np.uint8,
     channels: int = 1,
     lower: float | None = None,
     upper: float | None = None,
@@ -96,7 +95,7 @@ def to_image(
 def to_color_image(
     grid_map: GridMap,
     layer: str,
-    dtype: npt.DTypeLike = np.uint8,
+    dtype: DTypeLike = np.uint8,
     channels: int = 3,
     *,
     order: Order = "bgr",
@@ -121,7 +120,7 @@ def to_color_image(
     _check(channels in (3, 4), "channels", "3 or 4", channels)
     _check_order(order)
 
-    def colors(values: Layer) -> list[npt.NDArray[Any]]:
+    def colors(values: Layer) -> list[NDArray[Any]]:
         missing, painted = np.isnan(values), []
         for color in color_value_to_bytes(values):
             channel = color.astype(pixel)
@@ -141,7 +140,7 @@ def _paint(
     layer: str,
     pixel: np.dtype[Any],
     channels: int,
-    paint: Callable[[Layer], Sequence[npt.NDArray[Any]]],
+    paint: Callable[[Layer], Sequence[NDArray[Any]]],
 ) -> Image:
     """Return an image of a layer; `paint` turns blocks of values into the color channels."""
     rows, columns = grid_map.size
@@ -402,7 +401,7 @@ def _as_image(image: ArrayLike, size: Size | None = None) -> Image:
     return pixels.reshape(shape)
 
 
-def _pixel_type(dtype: npt.DTypeLike, name: str) -> np.dtype[Any]:
+def _pixel_type(dtype: DTypeLike, name: str) -> np.dtype[Any]:
     try:
         pixel = np.dtype(dtype).newbyteorder("=")
     except TypeError:

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Integers, Positions, Size
 from ..arrays._pieces import expanded, slices
@@ -96,7 +95,7 @@ def from_mesh(
     return rasterize_triangles(corners, triangles, grid_map, layer)
 
 
-def as_triangles(faces: ArrayLike, vertices: int) -> npt.NDArray[Any]:
+def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
     """Return faces as (F, 3) integers, polygons cut into fans from their first vertex.
 
     Args:

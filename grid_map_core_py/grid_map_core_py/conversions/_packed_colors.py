@@ -7,14 +7,13 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import as_numbers
 from ..arrays._pieces import elementwise
 from ..errors import GeometryError
 
-Bytes: TypeAlias = npt.NDArray[np.uint8]
+Bytes: TypeAlias = NDArray[np.uint8]
 
 NO_COLOR = np.float32(np.nan).view(np.uint32)
 """Bits of a cell without a color."""
@@ -22,7 +21,7 @@ NO_COLOR = np.float32(np.nan).view(np.uint32)
 _RED, _GREEN = np.uint32(16), np.uint32(8)
 
 
-def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
+def color_vector_to_value(rgb: ArrayLike) -> NDArray[np.float32]:
     """Pack colors into layer values.
 
     Args:
@@ -42,8 +41,8 @@ def color_vector_to_value(rgb: ArrayLike) -> npt.NDArray[np.float32]:
 
 
 def color_channels_to_value(
-    red: npt.NDArray[Any], green: npt.NDArray[Any], blue: npt.NDArray[Any]
-) -> npt.NDArray[np.float32]:
+    red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]
+) -> NDArray[np.float32]:
     """Pack colors, given as three arrays, into layer values.
 
     Args:
@@ -55,7 +54,7 @@ def color_channels_to_value(
     """
     with np.errstate(invalid="ignore"):
         bits = elementwise(_pack, np.uint32, red, green, blue)
-    values: npt.NDArray[np.float32] = bits.view(np.float32)
+    values: NDArray[np.float32] = bits.view(np.float32)
     return values
 
 
@@ -77,7 +76,7 @@ def split_channels(bits: Any) -> tuple[Any, Any, Any]:
     return bits >> _RED, bits >> _GREEN, bits
 
 
-def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
+def color_value_to_vector(value: ArrayLike) -> NDArray[np.float32]:
     """Unpack layer values into colors.
 
     Args:
@@ -96,7 +95,7 @@ def color_value_to_vector(value: ArrayLike) -> npt.NDArray[np.float32]:
     return rgb
 
 
-def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
+def color_value_to_bytes(value: NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
     """Unpack layer values, as in `color_value_to_vector`, into red, green, blue in [0, 255].
 
     Returns:
@@ -110,16 +109,16 @@ def color_value_to_bytes(value: npt.NDArray[Any]) -> tuple[Bytes, Bytes, Bytes]:
     return red, green, blue
 
 
-def _pack(*channels: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+def _pack(*channels: NDArray[Any]) -> NDArray[np.uint32]:
     """Return the bits of colors, which are floats in [0, 1] or integers in [0, 255]."""
-    bits: npt.NDArray[np.uint32] = join_channels(*map(_byte, channels))
+    bits: NDArray[np.uint32] = join_channels(*map(_byte, channels))
     for channel in channels:
         if channel.dtype.kind == "f":
             bits[np.isnan(channel)] = NO_COLOR
     return bits
 
 
-def _byte(channel: npt.NDArray[Any]) -> npt.NDArray[np.uint32]:
+def _byte(channel: NDArray[Any]) -> NDArray[np.uint32]:
     """Return a channel in [0, 255], its fractions cut off."""
     if channel.dtype != np.uint8:
         # Not every integer type holds 255.

@@ -21,8 +21,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, as_pair
 from ..arrays._pieces import slices
@@ -161,7 +160,7 @@ def from_points(
     )
 
 
-def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
+def as_points(points: ArrayLike, name: str = "points") -> NDArray[Any]:
     """Return `points` as a float32 or float64 array (N, 3) or wider; no copy if they are one.
 
     Masked values become NaN.
@@ -175,7 +174,7 @@ def as_points(points: ArrayLike, name: str = "points") -> npt.NDArray[Any]:
     return values
 
 
-def as_colors(values: ArrayLike, name: str = "colors") -> npt.NDArray[np.float32]:
+def as_colors(values: ArrayLike, name: str = "colors") -> NDArray[np.float32]:
     """Return packed colors without alpha.
 
     Args:
@@ -244,7 +243,7 @@ def fitting_geometry(
 
 
 def _chunks(
-    points: npt.NDArray[Any], min_height: float, max_height: float
+    points: NDArray[Any], min_height: float, max_height: float
 ) -> Iterator[tuple[slice, Mask]]:
     """Yield slices of points, and which of them have a finite height within the limits."""
     lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
@@ -261,7 +260,7 @@ def _chunks(
 
 
 def _extent(
-    points: npt.NDArray[Any], min_height: float, max_height: float
+    points: NDArray[Any], min_height: float, max_height: float
 ) -> tuple[Positions, Positions]:
     """Return the smallest and largest x, y (2,) of the points that count."""
     lower, upper = np.full(2, np.inf), np.full(2, -np.inf)
@@ -278,11 +277,11 @@ def _extent(
 
 
 def _sources(
-    cloud: npt.NDArray[Any],
+    cloud: NDArray[Any],
     layers: Mapping[str, str],
     fields: Mapping[str, ArrayLike],
     field_reductions: Mapping[str, str],
-) -> dict[str, tuple[npt.NDArray[Any], MakeReducer]]:
+) -> dict[str, tuple[NDArray[Any], MakeReducer]]:
     """Return the values (N,) and the kind of reducer of each layer by its name."""
     given = {"layers": layers, "fields": fields, "field_reductions": field_reductions}
     for name, mapping in given.items():
@@ -315,7 +314,7 @@ def _chosen(kinds: Mapping[str, MakeReducer], layer: str, reduction: str) -> Mak
     return kinds[reduction]
 
 
-def _as_floats(values: ArrayLike, name: str) -> npt.NDArray[Any]:
+def _as_floats(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return numbers as an array: float32 stays float32, all others become float64."""
     numbers = as_numbers(values, name)
     return numbers if numbers.dtype == np.float32 else numbers.astype(np.float64, copy=False)

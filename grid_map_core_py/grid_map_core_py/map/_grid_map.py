@@ -10,8 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import (
     Cells,
@@ -439,7 +438,7 @@ class GridMap(MutableMapping[str, Layer]):
         layer: str,
         positions: ArrayLike,
         interpolation: Interpolation | str = Interpolation.NEAREST,
-    ) -> float | npt.NDArray[np.float64]:
+    ) -> float | NDArray[np.float64]:
         """Return the values of a layer at positions.
 
         If a method needs a cell that is not finite, the next simpler method is used for that

@@ -15,8 +15,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
 from ..arrays._pieces import CHUNK, slices
@@ -26,7 +25,7 @@ from ._geometry import GridGeometry
 if TYPE_CHECKING:
     from ._grid_map import GridMap
 
-Places: TypeAlias = npt.NDArray[np.intp]
+Places: TypeAlias = NDArray[np.intp]
 
 _PADDING = 2  # number of cells beyond the border that an axis repeats
 
@@ -109,13 +108,13 @@ class _Surface:
                 )
         return xy
 
-    def values(self, xy: Positions, method: Interpolation) -> npt.NDArray[np.floating[Any]]:
+    def values(self, xy: Positions, method: Interpolation) -> NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
         if method is Interpolation.NEAREST:
             rows, columns = self._cells(xy).astype(np.intp)
             places = self._places[0][_PADDING:].take(rows, mode="clip")
             places += self._places[1][_PADDING:].take(columns, mode="clip")
-            nearest: npt.NDArray[np.float32] = self._data.take(places, mode="clip")
+            nearest: NDArray[np.float32] = self._data.take(places, mode="clip")
             return nearest
         values = self._weighted_sums(xy, method)
         missing = np.flatnonzero(~np.isfinite(values))

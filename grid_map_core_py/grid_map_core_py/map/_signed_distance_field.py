@@ -9,8 +9,7 @@ from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Layer, Positions, as_array, as_finite, as_number
 from ..arrays._pieces import CHUNK, slices
@@ -18,7 +17,7 @@ from ..errors import GeometryError, GridMapError, short
 from ._geometry import BORDER_TOLERANCE, GridGeometry
 from ._grid_map import GridMap
 
-Nodes: TypeAlias = npt.NDArray[np.float32]
+Nodes: TypeAlias = NDArray[np.float32]
 """(rows, cols, levels) float32, or a part of it: one number per node of a field."""
 
 _Coordinates: TypeAlias = list[Positions]  # three (N,): coordinates of N points along each axis
@@ -195,7 +194,7 @@ class SignedDistanceField:
         values += self._base
         return (float(values[0]), gradients[0]) if given.ndim == 1 else (values, gradients)
 
-    def to_points(self, lower: float = -np.inf, upper: float = np.inf) -> npt.NDArray[np.float32]:
+    def to_points(self, lower: float = -np.inf, upper: float = np.inf) -> NDArray[np.float32]:
         """Return the nodes whose distance is between two limits.
 
         Args:
@@ -250,7 +249,7 @@ class SignedDistanceField:
             cells.append(cell)
         return places, cells
 
-    def _index(self, cells: _Coordinates) -> npt.NDArray[np.intp]:
+    def _index(self, cells: _Coordinates) -> NDArray[np.intp]:
         """Return the memory indices of cells; float64 holds them exactly."""
         first, second, third = self._strides
         index = cells[0] * first

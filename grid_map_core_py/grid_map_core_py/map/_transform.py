@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Positions, as_array, as_finite
 from ..arrays._pieces import slices
@@ -25,7 +24,7 @@ ROTATION_TOLERANCE = 1e-3
 
 _BLOCK = 1 << 14  # number of cells transformed at a time, whose points fit into the cache
 
-_Indices: TypeAlias = npt.NDArray[np.intp]
+_Indices: TypeAlias = NDArray[np.intp]
 
 
 def transformed_map(
@@ -137,7 +136,7 @@ def _seen_from_above(
     blocks: Iterator[tuple[_Indices, Iterator[list[Positions]]]],
     *,
     with_sources: bool,
-) -> tuple[npt.NDArray[np.float32], _Indices]:
+) -> tuple[NDArray[np.float32], _Indices]:
     """Return the height of the highest point in each cell, and the number of its source.
 
     Both are in the order of stored layers, column after column; -inf where no point came down.
@@ -163,7 +162,7 @@ def _seen_from_above(
 
 def _landed(
     geometry: GridGeometry, x: Positions, y: Positions, z: Positions
-) -> tuple[_Indices, npt.NDArray[np.float32]]:
+) -> tuple[_Indices, NDArray[np.float32]]:
     """Return the cells (N,) under points, counted column after column, and their heights (N,).
 
     Points beside the grid get the height -inf.

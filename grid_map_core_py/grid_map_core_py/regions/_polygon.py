@@ -9,8 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
 from ..arrays._pieces import slices
@@ -275,7 +274,7 @@ class Polygon:
         if len(self._vertices) < count:
             raise GeometryError(f"{what}: expected at least {count} vertices, got {short(self)}")
 
-    def _corners(self) -> tuple[Positions, npt.NDArray[np.int64]]:
+    def _corners(self) -> tuple[Positions, NDArray[np.int64]]:
         """Return the (C, 2) vertices without repetitions, and the index of each vertex among them.
 
         Raises:
