@@ -54,8 +54,7 @@ def color_channels_to_value(
     """
     with np.errstate(invalid="ignore"):
         bits = elementwise(_pack, np.uint32, red, green, blue)
-    values: NDArray[np.float32] = bits.view(np.float32)
-    return values
+    return bits.view(np.float32)
 
 
 def join_channels(red: Any, green: Any, blue: Any) -> Any:

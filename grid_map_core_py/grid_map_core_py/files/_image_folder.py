@@ -198,8 +198,7 @@ def _document(grid_map: GridMap, entries: list[dict[str, Any]]) -> str:
             "layers": entries,
         },
     }
-    text: str = yaml.safe_dump(document, sort_keys=False)
-    return text
+    return yaml.safe_dump(document, sort_keys=False)
 
 
 def _file_names(names: Iterable[str]) -> Iterator[str]:

@@ -172,5 +172,4 @@ def _read_array(archive: zipfile.ZipFile, name: str, is_expected: Any) -> npt.ND
         if info.file_size != member.tell() + math.prod(shape) * dtype.itemsize:
             raise ValueError(f"{name!r} has too few or too many bytes")
     with archive.open(info) as member:
-        array: npt.NDArray[Any] = np.lib.format.read_array(member, allow_pickle=False)
-        return array
+        return np.lib.format.read_array(member, allow_pickle=False)

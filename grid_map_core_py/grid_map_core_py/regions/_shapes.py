@@ -118,8 +118,7 @@ def half_chords(radius: float, distances: Positions) -> Positions:
     # Dividing by the radius first keeps the squares from overflowing.
     across = distances / radius
     rest = (1.0 - across) * (1.0 + across)
-    halves: Positions = radius * np.copysign(np.sqrt(np.abs(rest)), rest)
-    return halves
+    return radius * np.copysign(np.sqrt(np.abs(rest)), rest)
 
 
 def ellipse_cells(

@@ -240,8 +240,7 @@ def _deviations(normals: Components, covariances: Symmetric, count: Field) -> Fi
     with np.errstate(invalid="ignore", divide="ignore"):
         variance /= count * (count - 1.0)
         np.maximum(variance, 0.0, out=variance)
-    deviations: Field = np.sqrt(variance, out=variance)
-    return deviations
+    return np.sqrt(variance, out=variance)
 
 
 def _eigenvectors_or_upright(matrices: Field, spread: Field) -> Field:
