@@ -7,7 +7,7 @@ and the resolution, which is the side of a cell, are in m. Normals are the x, y 
 (rows, cols) of unit vectors; those of planes are NaN where the layer is not finite.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -17,9 +17,9 @@ from grid_map_core_py.arrays import Layer, Mask
 
 from ..parts._disc import Disc, Flat, Tile, tiles, typical_value
 
-Normals = tuple[Layer, Layer, Layer]
+Normals = tuple[Layer, ...]
 Field = npt.NDArray[np.float64]
-Components = tuple[Field, Field, Field]
+Components = tuple[Field, ...]
 Symmetric = tuple[Field, ...]
 """Symmetric 3 x 3 matrices, by arrays of their elements xx, xy, xz, yy, yz, zz."""
 
@@ -39,11 +39,9 @@ def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
     The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
     fewer than three points are finite, or they are on a line, it is the z axis.
     """
-    normals = _empty(layer)
     offset = typical_value(layer)
-    for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        _store(normals, tile, _planes(layer, offset, tile)[0])
-    return normals
+    disc = Disc(radius, resolution, layer.shape)
+    return _by_tiles(disc, 3, lambda tile: _planes(layer, offset, tile)[0])
 
 
 def raster_normals(layer: Layer, resolution: float) -> Normals:
@@ -52,10 +50,10 @@ def raster_normals(layer: Layer, resolution: float) -> Normals:
     Slopes are central differences, also across an unknown cell, and one-sided beside one. Normals
     are NaN at the border of the map, and where a slope has no two finite cells.
     """
-    normals = _empty(layer)
-    if min(layer.shape) > 2:
-        for tile in tiles(Disc(resolution, resolution, layer.shape), _side(layer)):
-            _store(normals, tile, _raster_normals(layer, tile))
+    if min(layer.shape) <= 2:
+        return tuple(np.full_like(layer, np.nan) for _ in "xyz")
+    disc = Disc(resolution, resolution, layer.shape)
+    normals = _by_tiles(disc, 3, lambda tile: _raster_normals(layer, tile))
     for normal in normals:
         normal[[0, -1], :] = np.nan
         normal[:, [0, -1]] = np.nan
@@ -67,30 +65,23 @@ def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
 
     It is that of a sample (n - 1 in the denominator); NaN also where the disc has one point.
     """
-    deviations = np.empty(layer.shape, np.float32, order="F")
     offset = typical_value(layer)
-    for tile in tiles(Disc(radius, resolution, layer.shape), _side(layer)):
-        flat = _deviations(*_planes(layer, offset, tile))
-        # Differences of very large floats may overflow.
-        with np.errstate(over="ignore"):
-            distances = resolution * tile.cells(flat)
-            deviations[tile.rows, tile.columns] = distances
-    return deviations
+    disc = Disc(radius, resolution, layer.shape)
+    return _by_tiles(
+        disc, 1, lambda tile: (resolution * _deviations(*_planes(layer, offset, tile)),)
+    )[0]
 
 
-def _side(layer: Layer) -> int:
-    """Return a tile side [cells] for which about twenty arrays fit into the cache."""
-    return int(max(128, min(256, max(layer.shape) // 5)))
-
-
-def _empty(layer: Layer) -> Normals:
-    x, y, z = (np.empty(layer.shape, np.float32, order="F") for _ in range(3))
-    return x, y, z
-
-
-def _store(normals: Normals, tile: Tile, components: Components) -> None:
-    for normal, component in zip(normals, components, strict=True):
-        normal[tile.rows, tile.columns] = tile.cells(component)
+def _by_tiles(disc: Disc, count: int, values_of: Callable[[Tile], Components]) -> Normals:
+    """Return `count` layers; `values_of` gives their flat values in a tile."""
+    layers = tuple(np.empty(disc.size, np.float32, order="F") for _ in range(count))
+    # About twenty arrays of a tile fit into the cache.
+    for tile in tiles(disc, max(128, min(256, max(disc.size) // 5))):
+        for layer, values in zip(layers, values_of(tile), strict=True):
+            # Differences of very large floats may overflow.
+            with np.errstate(over="ignore"):
+                layer[tile.rows, tile.columns] = tile.cells(values)
+    return layers
 
 
 def _raster_normals(layer: Layer, tile: Tile) -> Components:
