@@ -21,6 +21,7 @@ from ..arrays._checks import (
     Positions,
     Size,
     as_cells,
+    as_finite,
     as_number,
     as_pair,
     as_positions,
@@ -28,14 +29,14 @@ from ..arrays._checks import (
     as_text,
 )
 from ..arrays._pieces import PIECE, slices
-from ..errors import GeometryError, OutOfMapError, short
+from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
 
 BORDER_TOLERANCE = 1e-9
 """Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
 
-# Smallest resolution [m]; smaller numbers lose digits.
-_SMALLEST_RESOLUTION = float(np.finfo(np.float64).tiny)
+# Largest number [m] that is too small for a resolution, because such numbers lose digits.
+_SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
 
 _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers cannot be addressed
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
@@ -61,11 +62,7 @@ class GridGeometry:
 
     def __post_init__(self) -> None:
         length = as_pair(self.length, "length")
-        resolution = as_number(self.resolution, "resolution")
-        if not _SMALLEST_RESOLUTION <= resolution < math.inf:
-            raise GeometryError(
-                f"resolution: expected a positive number, got {short(self.resolution)}"
-            )
+        resolution = as_finite(self.resolution, "resolution", "a positive number", above=_SUBNORMAL)
         # For two numbers, plain Python is several times faster than NumPy.
         x, y = sides = tuple(length.tolist())
         if not min(sides) > 0:
