@@ -13,6 +13,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Size
+from grid_map_core_py.commands import table
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import build, check, descriptions
 
@@ -106,16 +107,7 @@ class StepTimes:
             share = f"{step.total / total:.0%}" if total else ""
             rows.append([step.config.name, step.config.type, str(step.runs), *milliseconds, share])
         rows.append(["sum", "", "", f"{self.last:.3f}", f"{self.mean:.3f}", "", ""])
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        # Texts are aligned to the left, numbers to the right.
-        lines = (
-            "  ".join(
-                cell.ljust(width) if column < 2 else cell.rjust(width)
-                for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-            )
-            for row in rows
-        )
-        return "\n".join(line.rstrip() for line in lines)
+        return table(rows, numbers=range(2, 7))
 
 
 class FilterChain:

@@ -40,6 +40,7 @@ from ._output import (
     print_json as print_json,
     print_table as print_table,
     shown as shown,
+    table as table,
 )
 from ._signals import on_end as on_end
 

@@ -33,15 +33,18 @@ def print_json(value: object) -> None:
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
+def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
+    """Return rows as a table; the columns `numbers` are aligned to the right."""
+    columns = [
+        [f"{cell:{'>' if number in numbers else '<'}{max(map(len, column))}}" for cell in column]
+        for number, column in enumerate(zip(*rows, strict=True))
+    ]
+    return "\n".join("  ".join(row).rstrip() for row in zip(*columns, strict=True))
+
+
 def print_table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> None:
-    """Print rows as a table; the columns `numbers` are aligned to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = [
-            cell.rjust(width) if column in numbers else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        print("  ".join(cells).rstrip())
+    """Print rows as a table, as `table` returns it."""
+    print(table(rows, numbers))
 
 
 def shown(text: str) -> str:
