@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import ConfigError, GridMapError, short
-from grid_map_core_py.plugins import Registry, build, descriptions
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.plugins import Registry, build, check, descriptions
 
 from . import builtin
 
@@ -66,18 +66,15 @@ def create(name: str, config: Mapping[str, object]) -> Visualization:
         ConfigError: the type is missing or unknown, a parameter is unknown, missing or wrong, or a
             package is not installed. The message names the visualization, its type and the cause.
     """
-    label, type_name = f"visualization {name!r}", config.get("type")
-    if unknown := sorted(set(config) - {"type", "params"}):
-        raise ConfigError(f"{label}: unknown entry {unknown[0]!r}; known: type, params")
-    if not isinstance(type_name, str):
-        known = ", ".join(VISUALIZATIONS.types)
-        found = "nothing" if type_name is None else repr(type_name)
-        raise ConfigError(f"{label}: type: expected one of {known}, got {found}")
+    type_name: Any = config.get("type")
     # ROS passes an empty mapping as a parameter without type.
-    parameters = {} if config.get("params") is None else config["params"]
-    if not isinstance(parameters, Mapping):
-        raise ConfigError(f"{label}: params: expected parameters by name, got {short(parameters)}")
+    parameters: Any = {} if config.get("params") is None else config["params"]
     try:
+        unknown = sorted({*config} - {"type", "params"})
+        check(not unknown, "entries", "type and params", unknown)
+        known = f"one of {', '.join(VISUALIZATIONS.types)}"
+        check(isinstance(type_name, str), "type", known, type_name)
+        check(isinstance(parameters, Mapping), "params", "parameters by name", parameters)
         return build(VISUALIZATIONS[type_name], parameters)
     except GridMapError as error:
-        raise ConfigError(f"{label} of type {type_name!r}: {error}") from error
+        raise ConfigError(f"visualization {name!r} of type {type_name!r}: {error}") from error

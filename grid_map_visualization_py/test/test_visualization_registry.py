@@ -69,7 +69,7 @@ def missing_words(config: dict[str, object], words: str) -> list[str]:
         ({}, "type; expected one of; vectors; got nothing"),
         ({"type": 3}, "type; got 3"),
         ({"type": "vector"}, "'vector'; unknown type; did you mean vectors?"),
-        ({"type": "vectors", "parms": {}}, "unknown entry 'parms'; type, params"),
+        ({"type": "vectors", "parms": {}}, "'parms'; type and params"),
         ({"type": "map_region", "params": 1}, "params; got 1"),
         ({"type": "vectors"}, "vectors; missing; 'layer_prefix'"),
     ],
