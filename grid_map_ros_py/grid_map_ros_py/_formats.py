@@ -22,11 +22,7 @@ def _is_bag(path: Path) -> bool:
 
 
 def _describe_bag(
-    path: str | PathLike[str],
-    *,
-    topic: str | None = None,
-    index: int = -1,
-    recover: bool = False,
+    path: str | PathLike[str], *, topic: str | None = None, index: int = -1, recover: bool = False
 ) -> dict[str, Any]:
     """Return the topics of a bag, each topic of maps with the facts of one map."""
     chosen = [one for one in bag_topics(path, recover=recover) if topic in (None, one.name)]

@@ -68,10 +68,7 @@ def to_message(grid_map: GridMap, layers: Iterable[str] | None = None) -> "GridM
 
 
 def to_serialized_message(
-    grid_map: GridMap,
-    layers: Iterable[str] | None = None,
-    *,
-    start_index: Size | None = None,
+    grid_map: GridMap, layers: Iterable[str] | None = None, *, start_index: Size | None = None
 ) -> bytes:
     """Return the message of `to_message` in CDR; publishers accept it in place of the message.
 

@@ -112,10 +112,7 @@ def from_octomap(
 
 
 def octomap_to_points(
-    message: "Octomap",
-    *,
-    min_bound: npt.ArrayLike = ANYWHERE,
-    max_bound: npt.ArrayLike = ANYWHERE,
+    message: "Octomap", *, min_bound: npt.ArrayLike = ANYWHERE, max_bound: npt.ArrayLike = ANYWHERE
 ) -> Points:
     """Return the centers (N, 3) x, y, z [m] of all occupied voxels.
 
