@@ -14,6 +14,8 @@ GridMapError
 import math
 import reprlib
 from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
 
 __all__ = [
     "ConfigError",
@@ -24,6 +26,7 @@ __all__ = [
     "MissingPackageError",
     "OutOfMapError",
     "cut",
+    "required",
     "short",
 ]
 
@@ -100,6 +103,14 @@ def short(value: object) -> str:
         return f"an array of shape {shape} and type {dtype}"
     text = " ".join(_repr.repr(value).split())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def required(module: str, feature: str, remedy: str) -> Any:
+    """Return a module that a feature needs, or raise `MissingPackageError` with the remedy."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(module.partition(".")[0], feature, remedy) from error
 
 
 def cut(text: str) -> str:

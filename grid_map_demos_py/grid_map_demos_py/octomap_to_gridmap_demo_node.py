@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.errors import DROPPED, reason
@@ -63,14 +63,11 @@ class OctomapToGridmapDemoNode(Demo):
     # --- the service ------------------------------------------------------------------------------
 
     def _start_asking(self, service: str) -> None:
-        try:
-            from octomap_msgs.msg import Octomap
-            from octomap_msgs.srv import GetOctomap
-        except ImportError as error:
-            raise MissingPackageError("octomap_msgs", "octomap_to_gridmap_demo", REMEDY) from error
-        self._request = GetOctomap.Request()
-        self._octomap_publisher = self.create_publisher(Octomap, "octomap", map_qos())
-        self._client = self.create_client(GetOctomap, service)
+        messages = required("octomap_msgs.msg", "octomap_to_gridmap_demo", REMEDY)
+        kind = required("octomap_msgs.srv", "octomap_to_gridmap_demo", REMEDY).GetOctomap
+        self._request = kind.Request()
+        self._octomap_publisher = self.create_publisher(messages.Octomap, "octomap", map_qos())
+        self._client = self.create_client(kind, service)
         self._timer = self.create_timer(PATIENCE, self._ask)
 
     def _ask(self) -> None:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from grid_map_core_py.arrays import max_of_finites, min_of_finites
 from grid_map_core_py.conversions import color_value_to_bytes
-from grid_map_core_py.errors import ConfigError, MissingPackageError
+from grid_map_core_py.errors import ConfigError, required
 from grid_map_core_py.plugins import check
 
 __all__ = [
@@ -46,13 +46,17 @@ REMEDY = "install python3-matplotlib (apt) or matplotlib (pip)"
 _STEPS = 256
 
 
+def _all_color_maps() -> Any:
+    return required("matplotlib", "a color map", REMEDY).colormaps
+
+
 def color_map_names() -> list[str]:
     """Return the names of all color maps except reversed ones.
 
     Raises:
         MissingPackageError: Matplotlib is not installed.
     """
-    return sorted(name for name in _matplotlib().colormaps if not name.endswith("_r"))
+    return sorted(name for name in _all_color_maps() if not name.endswith("_r"))
 
 
 def check_color(color: int) -> None:
@@ -138,7 +142,7 @@ class Coloring:
 @cache
 def _table(name: str) -> Colors:
     """Return the (256, 3) colors of a color map."""
-    maps = _matplotlib().colormaps
+    maps = _all_color_maps()
     if name not in maps:
         close = difflib.get_close_matches(name, list(maps))
         hint = f"did you mean {' or '.join(close)}?" if close else "such as viridis, turbo, terrain"
@@ -148,11 +152,3 @@ def _table(name: str) -> Colors:
     colors = maps[name](np.linspace(0.0, 1.0, _STEPS))[:, :3]
     table: Colors = np.rint(255 * colors).astype(np.uint8)
     return table
-
-
-def _matplotlib() -> Any:
-    try:
-        import matplotlib
-    except ImportError as error:
-        raise MissingPackageError("matplotlib", "a color map", REMEDY) from error
-    return matplotlib

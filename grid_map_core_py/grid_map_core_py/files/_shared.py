@@ -5,13 +5,13 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import ArrayLike
 
+from .. import errors
 from ..arrays._checks import is_name, select_layers
 from ..errors import GridMapError, LayerNotFoundError, LimitError, MissingPackageError, short
 from ..limits import check_bytes, check_cells
@@ -68,10 +68,7 @@ def naming(path: str | PathLike[str]) -> Iterator[None]:
 
 def package_for(path: str | PathLike[str], kind: str, name: str) -> Any:
     """Return the package for a kind of file; the error says how to install it."""
-    try:
-        return import_module(name)
-    except ImportError as error:
-        raise MissingPackageError(name, f"{path}: {kind}", f"pip install {name}") from error
+    return errors.required(name, f"{path}: {kind}", f"pip install {name}")
 
 
 def map_facts(grid_map: GridMap) -> dict[str, Any]:

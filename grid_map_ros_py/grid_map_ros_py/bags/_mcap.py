@@ -6,7 +6,6 @@ Reading follows the index of the file where there is one, and otherwise scans th
 checked against the size of the file, and checksums are verified.
 """
 
-import importlib
 import io
 import os
 import struct
@@ -16,7 +15,7 @@ from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
-from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.errors import required
 from grid_map_core_py.limits import check_bytes
 
 from ..errors import BagError
@@ -62,16 +61,8 @@ _SIZE = struct.Struct("<Q")
 
 
 def package(module: str, path: Path) -> Any:
-    """Return a module of the package `mcap` or of those that it needs.
-
-    Raises:
-        MissingPackageError: it is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        remedy = "pip install mcap"
-        raise MissingPackageError(module.split(".")[0], f"the bag {path}", remedy) from error
+    """Return a module of the package `mcap` or of those that it needs."""
+    return required(module, f"the bag {path}", "pip install mcap")
 
 
 # --- reading --------------------------------------------------------------------------------------

@@ -5,11 +5,10 @@
 Reading maps, bags and messages takes no message package, so that it works without ROS.
 """
 
-import importlib
 import sys
 from typing import Any
 
-from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.errors import required
 
 
 def messages_of(package: str, needed_by: str = "this message", kind: str = "msg") -> Any:
@@ -24,8 +23,5 @@ def messages_of(package: str, needed_by: str = "this message", kind: str = "msg"
         MissingPackageError: the package is not installed, or its environment is not sourced.
     """
     name = f"{package}.{kind}"
-    try:
-        return sys.modules.get(name) or importlib.import_module(name)
-    except ImportError as error:
-        remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
-        raise MissingPackageError(package, needed_by, remedy) from error
+    remedy = f"install ros-jazzy-{package.replace('_', '-')} and source ROS"
+    return sys.modules.get(name) or required(name, needed_by, remedy)

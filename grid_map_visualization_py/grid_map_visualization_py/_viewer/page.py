@@ -12,7 +12,6 @@ from collections import deque
 from collections.abc import Container, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from http import HTTPStatus
-from importlib import import_module
 from itertools import count
 from typing import Any
 from urllib.parse import urlsplit
@@ -21,7 +20,7 @@ import cv2
 import numpy as np
 
 from grid_map_core_py.arrays import Positions
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError, required
 from grid_map_core_py.plugins import check
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
@@ -358,12 +357,10 @@ def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
 
 
 def _serve(host: str, port: int, names: Container[str]) -> Any:
-    try:
-        import viser
-
-        websockets: Any = import_module("websockets.asyncio.server")
-    except ImportError as error:
-        raise MissingPackageError("viser", "web_viewer", "install viser (pip)") from error
+    viser, websockets = (
+        required(name, "web_viewer", "install viser (pip)")
+        for name in ("viser", "websockets.asyncio.server")
+    )
     guard = _Guard(websockets.serve, names)
     try:
         # Without this check, viser would silently use the next free port.

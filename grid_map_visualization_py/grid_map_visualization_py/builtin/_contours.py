@@ -5,7 +5,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,16 @@ from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import max_of_finites, min_of_finites
-from grid_map_core_py.errors import GridMapError, MissingPackageError
+from grid_map_core_py.errors import GridMapError, required
 from grid_map_core_py.plugins import check
 
 from .._markers import LineMarker
 
 MOST_LEVELS = 10_000
+
+_contourpy = partial(
+    required, "contourpy", "contours", "install python3-matplotlib (apt) or contourpy (pip)"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,12 +101,3 @@ class ContoursVisualization(LineMarker):
                 f" {low} and {high}"
             )
         return np.arange(first, last + 1) * self.interval
-
-
-def _contourpy() -> Any:
-    try:
-        import contourpy
-    except ImportError as error:
-        remedy = "install python3-matplotlib (apt) or contourpy (pip)"
-        raise MissingPackageError("contourpy", "contours", remedy) from error
-    return contourpy
