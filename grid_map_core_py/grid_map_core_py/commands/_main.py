@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from .. import __version__
+from .._unfinished import remove_all
 from ..errors import GridMapError
 from ..limits import Limits, changed_limits
 from ._output import CommandError, UsageError, message, shown
@@ -29,9 +30,6 @@ GROUP = "grid_map_core_py.commands"
 BUILT_IN = ("info", "inspect", "convert", "doctor")
 
 _NO_READER = 128 + signal.SIGPIPE
-
-_PATIENCE = 10
-"""Longest time between a signal and the end of the command [s]."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -100,11 +98,7 @@ def _summary(module: str) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code.
-
-    Raises:
-        SystemExit: after a signal, or if the arguments are wrong.
-    """
+    """Run a command line and return its exit code; a signal ends the process."""
     before = on_end(_end)
     try:
         with warnings.catch_warnings():
@@ -116,16 +110,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _NO_READER if isinstance(error, BrokenPipeError) else _failed(_text_of(error))
     finally:
-        signal.alarm(0)
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _end(number: int, _frame: FrameType | None) -> NoReturn:
-    """End the command; meanwhile, further signals do not keep it from removing temporary files."""
-    on_end(signal.SIG_IGN)
-    signal.alarm(_PATIENCE)
-    sys.exit(128 + number)
+def _end(number: int, _frame: FrameType | None) -> None:
+    """End the process; libraries might catch an exception, or make another one of it."""
+    remove_all()
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)
 
 
 def _run(arguments: Sequence[str]) -> int:

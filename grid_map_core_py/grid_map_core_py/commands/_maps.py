@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from .._unfinished import unfinished
 from ..errors import GridMapError
 from ._output import CommandError, UsageError, message
 
@@ -185,13 +186,14 @@ def _source(path: str) -> Iterator[Path]:
         return
     if sys.stdin is None or sys.stdin.isatty():
         raise CommandError("expected an .npz file on standard input, from a file or a pipe")
-    with tempfile.NamedTemporaryFile(prefix="standard-input-", suffix=".npz") as file:
-        shutil.copyfileobj(sys.stdin.buffer, file)
-        file.flush()
+    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+        file = folder / "map.npz"
+        with file.open("wb") as copy:
+            shutil.copyfileobj(sys.stdin.buffer, copy)
         try:
-            yield Path(file.name)
+            yield file
         except GridMapError as error:
-            raise CommandError(str(error).replace(file.name, "standard input")) from error
+            raise CommandError(str(error).replace(str(file), "standard input")) from error
 
 
 # --- writing --------------------------------------------------------------------------------------
@@ -251,8 +253,8 @@ class Destination:
                 self.format.save(grid_map, self.path, **self._given)  # type: ignore[misc]
                 continue
             # An archive is not written from its beginning to its end.
-            with tempfile.TemporaryDirectory(prefix="grid-map-") as folder:
-                path = Path(folder, "map.npz")
+            with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+                path = folder / "map.npz"
                 self.format.save(grid_map, path, **self._given)  # type: ignore[misc]
                 with path.open("rb") as file:
                     shutil.copyfileobj(file, sys.stdout.buffer)

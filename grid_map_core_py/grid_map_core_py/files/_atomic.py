@@ -11,11 +11,12 @@ import ctypes
 import errno
 import os
 import secrets
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+
+from .._unfinished import remove, unfinished
 
 _DESCRIPTORS = Path("/proc/self/fd")
 _AT_FDCWD = -100
@@ -33,15 +34,12 @@ def new_file(path: str | PathLike[str]) -> Iterator[Path]:
     """
     target = Path(path).resolve()
     temporary = _hidden(target, "partial")
-    with _errors_of(path, temporary):
-        try:
-            temporary.touch(exist_ok=False)
-            yield temporary
-            _sync(temporary)
-            temporary.replace(target)
-            _sync(target.parent)
-        finally:
-            temporary.unlink(missing_ok=True)
+    with _errors_of(path, temporary), unfinished(temporary):
+        temporary.touch(exist_ok=False)
+        yield temporary
+        _sync(temporary)
+        temporary.replace(target)
+        _sync(target.parent)
 
 
 @contextmanager
@@ -64,27 +62,24 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
     if target.exists():
         check_old(target)
     temporary = _hidden(target, "partial")
-    with _errors_of(path, temporary):
+    with _errors_of(path, temporary), unfinished(temporary):
+        temporary.mkdir()
+        with _pinned(temporary) as folder:
+            yield folder
+            for file in folder.iterdir():
+                _sync(file)
+            _sync(folder)
+        if target.exists():
+            check_old(target)
         try:
-            temporary.mkdir()
-            with _pinned(temporary) as folder:
-                yield folder
-                for file in folder.iterdir():
-                    _sync(file)
-                _sync(folder)
-            if target.exists():
-                check_old(target)
-            try:
-                temporary.rename(target)
-            except OSError as error:
-                if error.errno not in _TAKEN:
-                    raise
-                # Another process may have created it in the meantime.
-                check_old(target)
-                _replace(temporary, target)
-            _sync(target.parent)
-        finally:
-            _remove(temporary)
+            temporary.rename(target)
+        except OSError as error:
+            if error.errno not in _TAKEN:
+                raise
+            # Another process may have created it in the meantime.
+            check_old(target)
+            _replace(temporary, target)
+        _sync(target.parent)
 
 
 def has_descriptor(path: str | PathLike[str]) -> bool:
@@ -138,14 +133,7 @@ def _replace(temporary: Path, target: Path) -> None:
     except OSError:
         aside.rename(target)
         raise
-    _remove(aside)
-
-
-def _remove(path: Path) -> None:
-    """Remove a folder or a link."""
-    if path.is_symlink():
-        path.unlink()
-    shutil.rmtree(path, ignore_errors=True)
+    remove(aside)
 
 
 def _exchange(one: Path, other: Path) -> bool:

@@ -1,0 +1,35 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Files and folders that are removed unless they are finished."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_paths: set[Path] = set()
+
+
+@contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Remove a file, a link or a folder at the end, if it still has this name then."""
+    _paths.add(path)
+    try:
+        yield path
+    finally:
+        remove(path)
+        _paths.discard(path)
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a folder, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def remove_all() -> None:
+    """Remove all that is unfinished, before the process ends."""
+    for path in [*_paths]:
+        remove(path)
