@@ -323,6 +323,8 @@ def main() -> int:
     if options.disturb:
         disturb()
         return 0
+    # In the background of a script it is ignored, and so it would be in the children.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     print(f"seed {options.seed}", flush=True)
     wanted = itertools.islice(trials(options.seed), options.count)
     wanted = [trial for trial in wanted if not options.only or trial.number in options.only]
