@@ -23,7 +23,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import ok, try_shutdown
 
 from grid_map_core_py.commands import on_end
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, cut
 
 from ..errors import NodeFailedError
 from ._health import PERIOD, health_of
@@ -137,7 +137,7 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
         raise NodeFailedError(f"{text}; {hint}" if hint else text) from error
     for text in (unmatched_files(node, args), unknown_parameters(node, args)):
         if text:
-            node.get_logger().warning(text)
+            node.get_logger().warning(cut(text))
     health = health_of(node)
     health.offer(node)
     steady_timer(node, PERIOD, partial(health.report, node))
