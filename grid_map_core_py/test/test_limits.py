@@ -214,6 +214,16 @@ def test_invalid_limit_is_refused(value):
     assert current_limits() == Limits()
 
 
+def test_commands_have_options_that_change_limits(grid_map_command, tmp_path):
+    save_npz(GridMap((5, 5), 1.0, layers={"a": 1.0}), tmp_path / "a.npz")
+    code, _, error = grid_map_command("convert a.npz b.npz --max-cells 24")
+    assert (code, "map: expected at most 24 cells, got 5 x 5" in error) == (1, True)
+    code, _, error = grid_map_command("convert a.npz b.npz --max-bytes 99")
+    assert (code, "expected at most 99 bytes, got 1 layers of 100 bytes" in error) == (1, True)
+    assert grid_map_command("convert a.npz b.npz --max-cells 25 --max-bytes 1e2")[0] == 0
+    assert current_limits() == Limits()
+
+
 def test_time_to_check_names_is_linear():
     names = [f"layer {number}" for number in range(200_000)]
     begin = time.perf_counter()

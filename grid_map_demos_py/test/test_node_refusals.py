@@ -55,7 +55,7 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
     "interpolation_demo": [
         ("world:=Cosine", "parameter 'world': expected one of Sine, Poly, Gauss, Tanh, got 'Co"),
         ("interpolation_type:=linear", "expected one of Nearest, Linear, Cubic_convolution, Cubic"),
-        ("groundtruth_resolution:=0.001", "expected at most 16000000 cells, got 4000 x 4"),
+        ("groundtruth_resolution:=0.0005", "expected at most 16000000 cells, got 8000 x 8000"),
     ],
     "iterators_demo": [
         ("speed:=0.0", "parameter 'speed': expected a positive number"),

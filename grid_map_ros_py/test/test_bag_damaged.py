@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from bags import DATA, RECORDED_MOVES, TOPIC, numbered_map, write_mcap
+from bags import DATA, RECORDED_MOVES, TOPIC, number_of, numbered_map, write_mcap
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from grid_map_core_py.errors import GridMapError
@@ -120,6 +120,23 @@ def test_decompression_stops_at_the_claimed_size(path, compression):
     packed = package.compress(bytes(100_000_000))
     with_chunk(path, compression.encode(), packed, 1000)
     assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")
+
+
+def test_index_that_many_chunks_share_is_not_used(path):
+    from mcap.reader import make_reader
+
+    data = write_mcap(path, [1, 2, 3], chunk_size=1, enable_crcs=False).read_bytes()
+    with path.open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    ((channel, shared),) = chunks[0].message_index_offsets.items()
+    for chunk in chunks:
+        offset = chunk.message_index_offsets[channel]
+        data = data.replace(
+            struct.pack("<HQ", channel, offset), struct.pack("<HQ", channel, shared)
+        )
+    path.write_bytes(data)
+    assert len(chunks) == 3
+    assert [*map(number_of, bag_maps(path, TOPIC))] == [1, 2, 3]
 
 
 @pytest.mark.parametrize("length", [2**31, 2**63, 2**64 - 1])

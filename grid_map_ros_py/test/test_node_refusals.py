@@ -14,6 +14,8 @@ BAG = DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap"
 REFUSED = {
     "grid_map_loader": [
         ({"file_path": "cut_off.mcap"}, "is cut off"),
+        ({"file_path": BAG, "max_cells": 9}, "on /grid_map: info: expected at most 9 cells"),
+        ({"file_path": BAG, "max_cells": 0}, "'max_cells': expected a finite number of at least 1"),
         ({"file_path": BAG, "bag_topic": "/map"}, "no topic '/map'; topics: /grid_map ("),
     ],
     "grid_map_saver": [
@@ -33,6 +35,7 @@ REFUSED = {
         ({"pose_source": "gps"}, "'pose_source': expected one of auto, tf, odometry,"),
         ({"pose_source": "none"}, "'robot_centric': expected false without poses"),
         ({"length": [1.0]}, "'length': expected 2 finite numbers, got [1.0]"),
+        ({"length": [1e4, 1e4]}, "length: expected at most 16000000 cells, got 100000 x 100000"),
         ({"input_reliability": "perfect"}, "expected one of best_effort, reliable, got 'perf"),
         ({"publish_rate": -1.0}, "'publish_rate': expected a number from 0 to 1e+09"),
         *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),

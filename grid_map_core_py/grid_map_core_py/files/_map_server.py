@@ -26,6 +26,7 @@ import numpy as np
 import yaml
 
 from ..arrays._checks import Layer, select_layers
+from ..arrays._pieces import PIECE, slices
 from ..conversions._image_arrays import Image
 from ..errors import GridMapError, short
 from ..map._geometry import GridGeometry
@@ -75,7 +76,11 @@ def load_map_server(
         settings = _settings(document)
     image = file.parent / settings.image
     with storage_errors(image, "read"):
-        occupancy = from_north_up(_occupancy(read_image(image), settings))
+        pixels = read_image(image)
+        # A few rows at a time; their temporaries take many times the memory of the pixels.
+        parts = slices(len(pixels), PIECE // pixels.shape[1])
+        values = np.concatenate([_occupancy(pixels[part], settings) for part in parts])
+    occupancy = from_north_up(values)
     with storage_errors(file, "read"):
         rows, columns = occupancy.shape
         position = settings.origin[:2] + 0.5 * settings.resolution * np.array((rows, columns))

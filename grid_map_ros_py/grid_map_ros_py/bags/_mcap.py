@@ -165,19 +165,19 @@ class McapFile:
     def _entries_of(self, channel: int) -> list[Entry]:
         if self._scanned is None:
             assert self._counts is not None
-            found = [entry for chunk in self._chunks for entry in self._indexed(chunk, channel)]
-            if len(found) == self._counts.get(channel, 0):
-                return found
+            chunks = [one for one in self._chunks if channel in one.message_index_offsets]
+            # Many chunks with one index would have more messages than the memory can hold.
+            if len({one.message_index_offsets[channel] for one in chunks}) == len(chunks):
+                found = [entry for chunk in chunks for entry in self._indexed(chunk, channel)]
+                if len(found) == self._counts.get(channel, 0):
+                    return found
             # The index is not complete.
             self._scan()
         assert self._scanned is not None
         return self._scanned.get(channel, [])
 
     def _indexed(self, chunk: Any, channel: int) -> list[Entry]:
-        offset = chunk.message_index_offsets.get(channel)
-        if offset is None:
-            return []
-        index = self._parsed(*self._source.record_at(offset))
+        index = self._parsed(*self._source.record_at(chunk.message_index_offsets[channel]))
         if getattr(index, "channel_id", None) != channel:
             raise BagError(self._path, f"its index is damaged: none of channel {channel} there")
         return [Entry(time, (chunk.chunk_start_offset, place)) for time, place in index.records]
