@@ -27,6 +27,9 @@ _SCATTERED = 0.3
 _LARGEST_NETWORK = 5
 """Side of a window up to which a network is faster than sorting."""
 
+_LARGEST_SINGLE = 11
+"""Side of a window up to which sorting single windows is faster than sharing."""
+
 _PIECE = 2**16
 """Values that are sorted at a time."""
 
@@ -50,7 +53,8 @@ def put_window_medians(output: Layer, layer: Layer, cells: Mask, half_width: int
     half_width = min(half_width, max(layer.shape) - 1)
     side = 2 * half_width + 1
     padded, wanted = _padded(layer.T, half_width), cells.T
-    if np.count_nonzero(cells) <= _SCATTERED * cells.size:
+    is_scattered = np.count_nonzero(cells) <= _SCATTERED * cells.size
+    if is_scattered or _LARGEST_NETWORK < side <= _LARGEST_SINGLE:
         _put_medians_of_single_windows(output.T, padded, side, wanted)
         return
     median = _medians_by_network if side <= _LARGEST_NETWORK else _medians_of_large_windows

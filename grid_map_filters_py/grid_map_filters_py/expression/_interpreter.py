@@ -40,8 +40,12 @@ class Interpreter:
         Raises:
             Fault: with its position.
         """
-        with node.blamed():
+        # `node.blamed()` would take longer than the operation on a small map.
+        try:
             return getattr(self, f"_{node.kind}")(end, *node.parts)
+        except Fault as fault:
+            fault.position = node.position if fault.position is None else fault.position
+            raise
 
     def _number(self, _end: int | None, number: float) -> Value:
         return number
