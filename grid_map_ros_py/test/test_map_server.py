@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Requests to the server of maps, without a node."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -152,6 +153,15 @@ def test_errors_of_bags_name_the_path_of_the_request(directory: Path) -> None:
             use(directory, path)
         assert "/proc" not in str(error.value)
         assert "/tmp" not in str(error.value)
+
+
+def test_database_above_the_limit_is_not_copied(directory: Path) -> None:
+    save(directory, "bag", storage="sqlite3")
+    os.truncate(next((directory / "bag").glob("*.db3")), 5 * 10**9)
+    with pytest.raises(
+        RequestError, match=r"db3: expected at most 4000000000 bytes, got 5000000000"
+    ):
+        load(directory, "bag")
 
 
 EXCHANGE_LINKS = """

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Requests to a server of maps: parts of a map, and files below a directory."""
 
+import math
 import os
 import shutil
 import stat
@@ -12,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError, short
+from grid_map_core_py.limits import check_bytes
 
 from ..errors import RequestError
 
@@ -125,7 +127,10 @@ def _opened(stack: ExitStack, path: str | Path, folder: int | None) -> int:
 def _lend(number: int, place: Path) -> None:
     """Let `place` be the open file; a copy for sqlite3, which would look where the link leads."""
     source = _DESCRIPTORS / str(number)
+    if not source.is_file():
+        return
     if ".db3" in place.name:
+        check_bytes(place.name, source.stat().st_size, math.inf)
         shutil.copyfile(source, place)
-    elif source.is_file():
+    else:
         place.symlink_to(source)
