@@ -273,7 +273,7 @@ def subjects(folder: Path) -> list[Subject]:
         topics = {"octomap_topic": OCTOMAPS, "grid_map_topic": "/soak/octomap"}
         rows.append((f"{ros}.octomap_to_grid_map", topics, OCTOMAPS, "/soak/octomap"))
     if VISER:
-        coarse = {"grid_map_topic": MAPS, "port": 0, "max_cells": 20_000, "update_rate": 5.0}
+        coarse = {"grid_map_topic": MAPS, "port": 0, "max_drawn_cells": 20_000, "update_rate": 5.0}
         rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
     visualization = f"{viewing}.grid_map_visualization"
     return [
