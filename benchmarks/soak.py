@@ -11,7 +11,8 @@ services are called, subscribers and browsers stop reading. A table appears ever
 - Hz: maps out per second.
 - sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
   be larger than `in`, as a new map replaces one that a busy node has not taken.
-- MB, now: resident memory, as median of the minute after the second, and of the last one.
+- MB, now: smallest resident memory in the minute after the second, and in the last one, without
+  shared memory: of its segments, whose size is fixed, every process keeps the pages it has read.
 - files, now: smallest number of file descriptors in these minutes.
 
 The exit code is 1 if memory grows by more than 1 %, if files or shared memory are left behind, if
@@ -24,10 +25,8 @@ workspace is set up (`. tools/env.sh`).
 import argparse
 import array
 import json
-import os
 import re
 import signal
-import statistics
 import struct
 import sys
 import threading
@@ -177,7 +176,7 @@ class Subject:
         process: its process.
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
-        samples: times [s], resident memory [MB] and numbers of files.
+        samples: times [s], resident memory without shared memory [MB], and numbers of files.
     """
 
     module: str
@@ -204,15 +203,15 @@ class Subject:
     def sample(self, time: float) -> None:
         folder = Path("/proc", str(self.process.pid))
         with suppress(OSError):  # The process has ended.
-            pages = int((folder / "statm").read_text().split()[1])
-            files = len(list((folder / "fd").iterdir()))
-            self.samples.append((time, pages * os.sysconf("SC_PAGESIZE") / 2**20, files))
+            status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
+            memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
+            self.samples.append((time, memory, len(list((folder / "fd").iterdir()))))
 
     def within(self, begin: float, end: float) -> tuple[float, int]:
-        """Return the median of the memory [MB] and the smallest number of files in a period."""
+        """Return the smallest memory [MB] and number of files in a period: without passing ones."""
         chosen = [sample for sample in self.samples if begin <= sample[0] <= end]
         _, memory, files = zip(*(chosen or self.samples), strict=True)
-        return statistics.median(memory), min(files)
+        return min(memory), min(files)
 
 
 def subjects(folder: Path) -> list[Subject]:
@@ -341,6 +340,11 @@ class Soak:
             stack.callback(lambda: [source.kill() for source in self._sources])
             self._restart_source()
             self._observer.wait_until(self._has_begun, "all nodes")
+            # Queues become as long as they can be.
+            for number in (signal.SIGSTOP, signal.SIGCONT):
+                for subject in self._subjects:
+                    subject.process.send_signal(number)
+                self._observer.spin(1.0)
             self._begin = time.monotonic()
             timers = self._disturb()
             self._observer.spin(self._seconds)
