@@ -217,10 +217,15 @@ def _check_claims(file: Path, pypcd4: Any) -> None:
                 lines.append(text)
             if lines and (lines[-1].startswith("DATA") or len(lines) == _PCD_HEAD):
                 break
+        sizes = stream.read(8)
     head = pypcd4.MetaData.parse_header(lines)
     point = sum(size * count for size, count in zip(head.size, head.count, strict=True))
-    if max(head.points, 1) * point > _LARGEST_RATIO * file.stat().st_size:
-        raise ValueError(f"claims {head.points} points of {point} bytes, more than it has")
+    claimed = max(head.points, 1) * point
+    if head.data.value not in ("ascii", "binary"):
+        # The sizes of the packed and the unpacked points come first.
+        claimed = max(claimed, int.from_bytes(sizes[4:], "little"))
+    if claimed > _LARGEST_RATIO * file.stat().st_size:
+        raise ValueError(f"claims {claimed} bytes, more than it has")
 
 
 def _read_mesh(file: Path) -> list[Any]:
