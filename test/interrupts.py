@@ -112,22 +112,25 @@ def executables() -> list[Executable]:
 
 
 class Trial(NamedTuple):
-    """An executable, how it is started, and which signals it gets at which times [s]."""
+    """An executable, how it is started, and which signals it gets.
+
+    Attributes:
+        times: when it gets them [s], counted from its start, or once it handles signals.
+    """
 
     number: int
     executable: Executable
     start: str
     to_group: bool
     kind: signal.Signals
+    is_up: bool
     times: list[float]
 
     def __str__(self) -> str:
         times = " and ".join(f"{when:.3f} s" for when in self.times)
-        target = "group" if self.to_group else "process"
-        name = self.executable.name
-        return (
-            f"trial {self.number}: {name} by {self.start}, {self.kind.name} to {target} at {times}"
-        )
+        begin = " once it runs" if self.is_up else ""
+        signals = f"{self.kind.name} to {'group' if self.to_group else 'process'} at {times}{begin}"
+        return f"trial {self.number}: {self.executable.name} by {self.start}, {signals}"
 
 
 def trials(seed: int) -> Iterator[Trial]:
@@ -142,7 +145,8 @@ def trials(seed: int) -> Iterator[Trial]:
         to_group = start == "ros2 run" or chance.random() < 0.5
         when = chance.uniform(0, 2 if executable.is_command else 4)
         times = [when, when + chance.uniform(0, 0.3)][: chance.choice([1, 1, 2])]
-        yield Trial(number, executable, start, to_group, chance.choice(SIGNALS), times)
+        kind, is_up = chance.choice(SIGNALS), chance.random() < 0.5
+        yield Trial(number, executable, start, to_group, kind, is_up, times)
 
 
 def carry_out(trial: Trial, data: str) -> tuple[str, str]:
@@ -170,6 +174,12 @@ def carry_out(trial: Trial, data: str) -> tuple[str, str]:
 
 def interrupt(trial: Trial, process: Process) -> str:
     """Send the signals of a trial, and return how far the process was; "" if it had ended."""
+    if trial.is_up:
+        wait_until(
+            lambda: not process.is_running or phase_of(process.pid) == "runs",
+            "handlers of signals",
+            timeout=10 * PATIENCE,
+        )
     begin = time.monotonic()
     phase = ""
     for when in trial.times:
