@@ -98,6 +98,8 @@ class ProcessGroup:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        # Python removes its own handlers as it ends.
+        on_end(signal.SIG_IGN)
 
     def start(self, module: str, parameter_file: str, *parameters: str) -> None:
         """Start a node, unless the group has been stopped.

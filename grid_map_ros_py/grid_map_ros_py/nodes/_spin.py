@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Run a node as an executable, from its arguments to its exit code; timers of nodes."""
 
+import gc
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -86,6 +87,9 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
         if node is not None:
             node.destroy_node()
         try_shutdown()
+        # Python collects garbage several times as it ends: half a second with numba, and far more
+        # on a busy machine, while signals are ignored.
+        gc.freeze()
     return 0
 
 
