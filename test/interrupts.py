@@ -242,7 +242,7 @@ def listed(process: Process) -> str:
     """Return the processes of the group, as `ps` lists them."""
     columns = "pid,ppid,pgid,stat,wchan:20,etime,args"
     text = subprocess.run(["ps", "-eo", columns], capture_output=True, text=True).stdout
-    lines = (line for line in text.splitlines() if f" {process.pid} " in f" {line} ")
+    lines = (line for line in text.splitlines() if line.split()[2] == str(process.pid))
     return "\n".join(line for line in lines if "<defunct>" not in line)
 
 
