@@ -38,7 +38,7 @@ def test_intact_input_is_read(targets):
 
 def bad_targets(_folder: Path) -> list[fuzz.Target]:
     # The targets are those of a child process.
-    fuzz.PATIENCE = 1.0
+    fuzz.PATIENCE = 3.0
     readers: dict[str, Callable[[bytes], object]] = {
         "crashes": lambda _: ctypes.string_at(0),
         "hangs": lambda _: threading.Event().wait(),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from octomap_stand_in import write_binary
 
 from grid_map_core_py import GridMap, GridMapError, LayerNotFoundError, load, save
 from grid_map_core_py.files import save_npz
@@ -173,6 +174,10 @@ def test_devices_are_not_read(name, tmp_path):
         load(tmp_path / name)
 
 
+FAR = write_binary({(0,) * 16: True, (7,) * 16: True})
+"""Octree with a voxel at each end, 65,536 voxels apart."""
+
+
 @pytest.mark.parametrize(
     ("content", "found"),
     [
@@ -183,6 +188,7 @@ def test_devices_are_not_read(name, tmp_path):
         (b"# Octomap OcTree binary file\nid OcTree\nres many\ndata\n", "could not convert"),
         (b"# another file\nid OcTree\nres 0.1\ndata\n", "expected a .bt or .ot file"),
         (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\ndata\n\x01", "data"),
+        (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\ndata\n" + FAR, "at most .* cells"),
     ],
 )
 def test_files_that_are_no_octomap_are_named(content, found, tmp_path):

@@ -45,7 +45,11 @@ def storage_errors(file: Path, doing: str) -> Iterator[None]:
         if doing == "read" and file.exists() and not (file.is_file() or file.is_dir()):
             raise OSError("a device or a pipe")
         yield
-    except (LayerNotFoundError, LimitError, MissingPackageError):
+    except (LayerNotFoundError, MissingPackageError):
+        raise
+    except LimitError as error:
+        if str(file) not in str(error):
+            error.args = (f"{file}: {error}",)
         raise
     except OSError as error:
         raise GridMapError(f"{file}: cannot be {doing}: {error.strerror or error}") from error
