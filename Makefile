@@ -9,7 +9,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables docs bench soak clean distclean
+.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench soak clean distclean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -78,6 +78,13 @@ bench: build  ## Run the benchmarks
 
 soak: build  ## Run all nodes at 30 Hz for ten minutes, disturb them and look for leaks (FOR=... [s] for longer)
 	@$(ENTER) python3 benchmarks/soak.py --seconds $(or $(FOR),600)
+
+# A requirement of ROS names the outdated lark-parser, which would overwrite files of lark.
+requirements:  ## Pin what tools/requirements*.in list and pull in, with hashes (needs uv; keeps the versions that are pinned)
+	@cd tools && for file in requirements*.in; do \
+	    uv pip compile --no-config --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --quiet \
+	        --no-emit-package lark-parser $$file -o $${file%.in}.txt || exit 1; \
+	done
 
 clean:  ## Remove build results
 	rm -rf build install log demo_output docs/api/generated

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Small workspaces for tests of the tools, and the environment of a shell without ROS."""
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -39,8 +40,8 @@ def copy_tools(folder: Path) -> Path:
     return folder
 
 
-def offer_wheel(folder: Path, name: str, version: str) -> None:
-    """Put an empty wheel into `folder`, so that pip has something to install without a network."""
+def offer_wheel(folder: Path, name: str, version: str) -> str:
+    """Put an empty wheel into `folder`, so that pip needs no network; return its requirement."""
     folder.mkdir(exist_ok=True)
     info = f"{name}-{version}.dist-info"
     files = {
@@ -48,9 +49,11 @@ def offer_wheel(folder: Path, name: str, version: str) -> None:
         f"{info}/WHEEL": "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
     }
     record = "".join(f"{path},,\n" for path in [*files, f"{info}/RECORD"])
-    with zipfile.ZipFile(folder / f"{name}-{version}-py3-none-any.whl", "w") as wheel:
+    file = folder / f"{name}-{version}-py3-none-any.whl"
+    with zipfile.ZipFile(file, "w") as wheel:
         for path, text in {**files, f"{info}/RECORD": record}.items():
             wheel.writestr(path, text)
+    return f"{name}=={version} --hash=sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}\n"
 
 
 def run(

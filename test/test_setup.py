@@ -19,10 +19,11 @@ NO_NETWORK = {"PIP_NO_INDEX": "1", "PIP_CONFIG_FILE": os.devnull}
 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory) -> Path:
-    """A workspace whose requirements are one empty wheel."""
+    """A workspace whose requirements are empty wheels."""
     folder = copy_tools(tmp_path_factory.mktemp("workspace"))
-    offer_wheel(folder / "wheels", "lark", "1.3.1")
-    (folder / "tools" / "requirements.txt").write_text("lark==1.3.1\n")
+    for name, wheel in (("requirements", "lark"), ("requirements-build", "wheel")):
+        requirement = offer_wheel(folder / "wheels", wheel, "1.3.1")
+        (folder / "tools" / f"{name}.txt").write_text(requirement)
     return folder
 
 
@@ -72,6 +73,32 @@ def test_killed_setup_starts_over(workspace, environ):
     assert (venv / ".complete").exists()
     assert not (venv / "debris").exists()
     assert run(python, "-m", "pip", "show", "lark", environ=environ).returncode == 0
+
+
+def test_other_contents_under_the_same_name_are_refused(workspace, environ):
+    file = workspace / "tools" / "requirements.txt"
+    right = file.read_text()
+    found = right.rpartition(":")[2].strip()
+    file.write_text(right.replace(found, "0" * 64))
+    done = run(workspace / "tools/workspace", "setup", environ=environ)
+    file.write_text(right)
+    assert done.returncode == 1
+    reason = rf"DO NOT MATCH THE HASHES.*Expected sha256 0{{64}}\s+Got\s+{found}"
+    assert re.search(reason, done.stderr, re.DOTALL)
+    assert not (workspace / ".venv" / ".complete").exists()
+
+
+@pytest.mark.parametrize("name", ["", "-build", "-docs", "-oldest"])
+def test_pinned_files_hold_what_their_lists_ask_for(name):
+    pins = (ROOT / "tools" / f"requirements{name}.in").read_text().lower().splitlines()
+    text = (ROOT / "tools" / f"requirements{name}.txt").read_text()
+    for pin in pins:
+        wanted = re.sub(r"\[.*\]", "", pin).replace("_", "-")
+        assert wanted.startswith("#") or not wanted or f"\n{wanted} " in f"\n{text}", pin
+    # Every requirement has hashes; neither an index nor an address stands there.
+    hashed = re.findall(r"^\S+==\S+ .*\\\n    --hash=sha256:", text, re.MULTILINE)
+    assert len(hashed) == len(re.findall(r"^\S", text, re.MULTILINE))
+    assert not re.search(r"^\s*-(?!-hash=)|://", text, re.MULTILINE)
 
 
 @pytest.mark.parametrize("command", ["setup", "build"])

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 from machine import BOOTSTRAP_GUARD, apt_install
@@ -22,10 +23,13 @@ VENV_OLDEST = ROOT / ".venv-oldest"
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 SITE_PACKAGES = VENV / "lib" / PYTHON / "site-packages"
 
+PINS = ROOT / "tools" / "requirements.in"
+"""Versions of what `REQUIREMENTS` holds with hashes, without what these pull in."""
+
 REQUIREMENTS = ROOT / "tools" / "requirements.txt"
+REQUIREMENTS_BUILD = ROOT / "tools" / "requirements-build.txt"
 REQUIREMENTS_DOCS = ROOT / "tools" / "requirements-docs.txt"
 REQUIREMENTS_OLDEST = ROOT / "tools" / "requirements-oldest.txt"
-CONSTRAINTS = ROOT / "tools" / "constraints.txt"
 
 BROWSERS = VENV / "browsers"
 BROWSERS_PATH = "PLAYWRIGHT_BROWSERS_PATH"
@@ -70,9 +74,9 @@ def setup(outer: Mapping[str, str], ros: bool) -> str:
 
 def setup_oldest(outer: Mapping[str, str]) -> None:
     """Make `.venv-oldest`, without ROS, unless it exists."""
-    fingerprint = _fingerprint("oldest", REQUIREMENTS_OLDEST)
-    install = ("-r", REQUIREMENTS_OLDEST)
-    _ensure_venv(VENV_OLDEST, fingerprint, outer, [], lambda: _pip(VENV_OLDEST, outer, *install))
+    fingerprint = _fingerprint("oldest", REQUIREMENTS_BUILD, REQUIREMENTS_OLDEST)
+    fill = partial(_install, VENV_OLDEST, outer, REQUIREMENTS_OLDEST)
+    _ensure_venv(VENV_OLDEST, fingerprint, outer, [], fill)
 
 
 def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
@@ -81,10 +85,10 @@ def setup_docs(outer: Mapping[str, str], ros: bool) -> None:
     It stands apart because the versions of Ubuntu 24.04, which `.venv` holds beside a sourced ROS,
     are too old for Sphinx.
     """
-    fingerprint = _fingerprint(f"docs {ros}", REQUIREMENTS_DOCS, CONSTRAINTS)
-    install = ("-r", REQUIREMENTS_DOCS, "-c", CONSTRAINTS)
+    fingerprint = _fingerprint(f"docs {ros}", REQUIREMENTS_BUILD, REQUIREMENTS_DOCS)
     options = ["--system-site-packages"] if ros else []
-    _ensure_venv(VENV_DOCS, fingerprint, outer, options, lambda: _pip(VENV_DOCS, outer, *install))
+    fill = partial(_install, VENV_DOCS, outer, REQUIREMENTS_DOCS)
+    _ensure_venv(VENV_DOCS, fingerprint, outer, options, fill)
 
 
 def is_set_up(ros: bool) -> bool:
@@ -141,7 +145,9 @@ def _browsers() -> dict[str, str]:
 
 
 def _wanted(ros: bool) -> str:
-    return _fingerprint("beside ROS" if ros else "with ROS", REQUIREMENTS, CONSTRAINTS)
+    if ros:
+        return _fingerprint("beside ROS", PINS)
+    return _fingerprint("with ROS", REQUIREMENTS_BUILD, REQUIREMENTS)
 
 
 def _fingerprint(kind: str, *sources: Path) -> str:
@@ -186,10 +192,16 @@ def _pip(venv: Path, outer: Mapping[str, str], *arguments: str | Path) -> None:
     run(venv / "bin" / "python", *install, *arguments, environ=environ, takes_long=True)
 
 
+def _install(venv: Path, outer: Mapping[str, str], requirements: Path) -> None:
+    """Install exactly what a file lists; another content under the same name is an error."""
+    # Isolated builds would fetch what they need without a check.
+    for file in (REQUIREMENTS_BUILD, requirements):
+        words = ("--require-hashes", "--no-deps", "--no-build-isolation", "-r", file)
+        _pip(venv, outer, *words)
+
+
 def _install_ros(outer: Mapping[str, str]) -> None:
-    _pip(VENV, outer, "-r", REQUIREMENTS, "-c", CONSTRAINTS)
-    # A requirement of ROS installs the outdated lark-parser, which overwrites files of lark.
-    _pip(VENV, outer, "--force-reinstall", "--no-deps", *_pins_of(["lark"]))
+    _install(VENV, outer, REQUIREMENTS)
     # The CMake files of the wheels name the Python paths of the machine that built them.
     there = r"/opt/python/cp\d+-cp\d+"
     numpy = SITE_PACKAGES / "numpy" / "_core" / "include"
@@ -217,7 +229,7 @@ def _add_to_ros(outer: Mapping[str, str]) -> None:
 
 
 def _pins_of(names: Iterable[str]) -> list[str]:
-    lines = REQUIREMENTS.read_text().splitlines()
+    lines = PINS.read_text().splitlines()
     pins = {line.partition("==")[0]: line.strip() for line in lines}
     return [pins[name] for name in names]
 
