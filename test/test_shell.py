@@ -4,11 +4,13 @@
 
 import os
 import shutil
+import signal
 from pathlib import Path
 from subprocess import CompletedProcess
 
 import pytest
 
+from grid_map_ros_py.testing import Process, wait_until
 from scratch import PYTHON_PACKAGES, ROOT, run
 
 SHELLS = [shell for shell in ("bash", "zsh") if shutil.which(shell)]
@@ -73,3 +75,15 @@ def test_executable_starts_without_blocked_signals(tmp_path):
     program = "sed -n 's/^SigBlk:\\t//p' /proc/self/status"
     done = run_installed(tmp_path, "grid_map_new_py", program)
     assert int(done.stdout, 16) == 0
+
+
+def test_interrupt_ends_run_and_its_setup_at_once(tmp_path):
+    shutil.copytree(ROOT / "tools", tmp_path / "tools")
+    (tmp_path / "tools" / "env.sh").write_text("echo $$ >&2; exec sleep 600\n")
+    process = Process([str(tmp_path / "tools" / "run"), "some_package", "tell"])
+    wait_until(lambda: process.lines, "the set-up")
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait() == -signal.SIGINT
+    setup = Path("/proc", process.text.strip(), "cmdline")
+    # A process that has ended may still be listed.
+    wait_until(lambda: not (setup.exists() and setup.read_text()), "the end of the set-up")

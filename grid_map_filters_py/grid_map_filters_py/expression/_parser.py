@@ -88,7 +88,7 @@ def _wanted(accepted: set[str]) -> str:
 
 
 @v_args(inline=True)
-class _Builder(Transformer_NonRecursive):
+class _Builder(Transformer_NonRecursive[Token, Node]):
     """Turns lark's tree into nodes."""
 
     def number(self, token: Token) -> Node:
