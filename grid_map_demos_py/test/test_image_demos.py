@@ -57,7 +57,7 @@ def test_floats_stay_floats(channels, tmp_path):
         (None, "No such file"),
         (b"", "no image"),
         (b"text", "no image"),
-        (b"P5 100000 100000 255\nmore pixels than OpenCV reads", "cannot be read"),
+        (b"P5 100000 100000 255\ntoo many pixels", "at most 16000000 cells"),
     ],
 )
 def test_error_names_file_that_is_no_image(content, found, tmp_path):
