@@ -30,7 +30,6 @@ from grid_map_demos_py import (
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map
-from grid_map_filters_py import FilterChain
 from grid_map_ros_py import load_octomap
 from grid_map_visualization_py.pictures import plot
 
@@ -156,7 +155,7 @@ def normal_filter_comparison_demo() -> Figure:
     """Draw a surface with noise, and the errors of both algorithms for normals."""
     grid_map = comparison.surface_map("wave", 0.0)
     comparison.disturb(grid_map, 0.015, 0.0, np.random.default_rng(1))
-    grid_map = FilterChain.from_config(comparison.FILTERS)(grid_map)
+    grid_map = comparison.default_chain()(grid_map)
     comparison.add_errors(grid_map)
     # A part of the picture is enough; noise would make the whole file large.
     grid_map = grid_map.get_submap((0.6, 0.0), (1.0, 1.2))

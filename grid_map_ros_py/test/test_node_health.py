@@ -59,7 +59,7 @@ def test_node_that_fails_reports_why_before_it_ends(
     assert process.wait() == 1
 
 
-def test_flood_of_wrong_maps_makes_few_short_lines_and_is_counted(
+def test_flood_of_wrong_maps_is_counted_in_few_short_lines(
     other_side: Peer, tmp_path: Path
 ) -> None:
     other_side.listen("/diagnostics", DiagnosticArray, 10)
