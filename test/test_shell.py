@@ -77,13 +77,14 @@ def test_executable_starts_without_blocked_signals(tmp_path):
     assert int(done.stdout, 16) == 0
 
 
-def test_interrupt_ends_run_and_its_setup_at_once(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_ends_run_and_its_setup_at_once(number, tmp_path):
     shutil.copytree(ROOT / "tools", tmp_path / "tools")
     (tmp_path / "tools" / "env.sh").write_text("echo $$ >&2; exec sleep 600\n")
     process = Process([str(tmp_path / "tools" / "run"), "some_package", "tell"])
     wait_until(lambda: process.lines, "the set-up")
-    os.killpg(process.pid, signal.SIGINT)
-    assert process.wait() == -signal.SIGINT
+    process.send_signal(number)
+    assert process.wait() == -number
     setup = Path("/proc", process.text.strip(), "cmdline")
     # A process that has ended may still be listed.
     wait_until(lambda: not (setup.exists() and setup.read_text()), "the end of the set-up")
