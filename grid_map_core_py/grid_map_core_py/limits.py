@@ -3,12 +3,12 @@
 """Limits of what a message, a file or a request may cost, checked before memory is allocated.
 
 A few bytes can claim a map of any size. `GridMap(...)` and other calls that name the size in Python
-have no limit.
+have no limit. Set limits for the process, or for a block::
 
     from grid_map_core_py.limits import changed_limits, set_limits
 
-    set_limits(max_cells=100_000_000)  # from now on
-    with changed_limits(max_bytes=1e10):  # here only
+    set_limits(max_cells=100_000_000)
+    with changed_limits(max_bytes=1e10):
         grid_map = load("site.npz")
 
 Limits hold for the whole process, all threads included.
