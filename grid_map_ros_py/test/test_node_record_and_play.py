@@ -150,7 +150,8 @@ def test_recovery_of_a_killed_recording_loses_no_written_map(tmp_path):
         recorder.wait()
     with BagReader(bag, recover=True) as recovered:
         assert len(recovered) >= 4
-        assert not recovered.lost
+        # The recorder may have been writing the next chunk, of two such maps.
+        assert recovered.lost.size < 2 * len(serialize_message(large)) + 1000
         assert_maps_equal(recovered[-1].grid_map(), numbered_map(2, side=300))
 
 
