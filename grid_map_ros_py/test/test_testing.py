@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Tests that run at the same time use different ROS domains."""
+"""Helpers of tests: domains of their own, and the output of processes."""
 
 import socket
 import subprocess
@@ -71,3 +71,10 @@ def test_machine_without_a_free_domain_is_reported(monkeypatch: pytest.MonkeyPat
             taken.bind(("", testing.LOCK_PORTS + 1))
         with pytest.raises(RuntimeError, match="all 1 ROS domains are taken by other tests"):
             testing.reserved_domain.__wrapped__()
+
+
+def test_output_leaves_out_races_for_ports() -> None:
+    log = "RTPS_TRANSPORT_SHM Error] Failed init_port fastrtps_port7003: open_and_lock_file failed"
+    process = testing.Process([sys.executable, "-c", f"print({log!r}); print('ready')"])
+    assert process.wait() == 0
+    assert process.lines == ["ready\n"]
