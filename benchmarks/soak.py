@@ -481,7 +481,8 @@ class Soak:
             if process.wait() != 0:
                 self.problems.append(f"a source or viewer failed: {process.text}")
         for source in self._sources:
-            for topic, sent in json.loads(source.lines[-1]).items():
+            counts = [line for line in source.lines if line.startswith("{")]
+            for topic, sent in json.loads(counts[-1]).items():
                 self._sent[topic] = self._sent.get(topic, 0) + sent
                 self._bad[topic] = self._bad.get(topic, 0) + sent // BAD_EVERY
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Scenes of the web viewer, without a browser."""
 
+import gc
 import json
 import math
 import re
@@ -17,6 +18,7 @@ from hypothesis import given, strategies as st
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import ReceivedMap, to_serialized_message
+from grid_map_ros_py.testing import wait_until
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import (
     Page,
@@ -354,6 +356,34 @@ def page() -> Iterator[Page]:
     page = Page("127.0.0.1", 0, "z")
     yield page
     page.close()
+
+
+def test_closed_connections_are_forgotten(page):
+    viser = pytest.importorskip("viser")
+    connect = pytest.importorskip("websockets.sync.client").connect
+    msgpack = pytest.importorskip("msgspec.msgpack")
+    camera = {"type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0)}
+    camera |= dict.fromkeys(("position", "look_at", "up_direction"), (1.0, 2.0, 3.0))
+    camera |= {"fov": 1.0, "near": 0.1, "far": 9.0, "image_height": 4, "image_width": 4}
+
+    def visit():
+        address = page.url.replace("http", "ws")
+        with connect(address, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
+            socket.send(msgpack.encode(camera))
+            wait_until(lambda: page.is_watched, "the connection")
+        wait_until(lambda: not page.is_watched, "its end")
+
+    def connections():
+        return sum(type(known).__name__ == "WebsockClientConnection" for known in gc.get_objects())
+
+    gc.disable()
+    try:
+        for _ in range(3):
+            visit()
+        # The last one may still be alive while it is ending.
+        wait_until(lambda: connections() <= 1, "the end of the connections")
+    finally:
+        gc.enable()
 
 
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):

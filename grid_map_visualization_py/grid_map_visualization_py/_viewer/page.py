@@ -5,6 +5,7 @@
 All browsers share the controls; each has its own view.
 """
 
+import gc
 import io
 import ipaddress
 import socket
@@ -87,6 +88,8 @@ class Page:
         machine = socket.gethostname()
         names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
         self._server = _serve(host, port, {name.lower() for name in names})
+        # A browser leaves cycles of references, which hold megabytes of messages.
+        self._server.on_client_disconnect(lambda _: gc.collect())
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
         self._shown: list[Any] = []
