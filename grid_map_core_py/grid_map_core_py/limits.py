@@ -27,6 +27,7 @@ __all__ = [
     "changed_limits",
     "check_bytes",
     "check_cells",
+    "check_ratio",
     "current_limits",
     "most_bytes",
     "set_limits",
@@ -44,7 +45,7 @@ class Limits:
         max_cells: largest number of cells (rows times columns) of a map.
         max_bytes: largest size of all layers of a map, or of unpacked data.
         max_ratio: largest quotient of unpacked and packed bytes, where the unpacked ones are more
-            than 100 MB.
+            than 100 MB; of a part of a file, and of all that is unpacked at once.
 
     Raises:
         ConfigError: a limit is no finite number of at least 1.
@@ -112,7 +113,7 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
 
 def most_bytes(packed: float) -> float:
     """Return the limit of the size of data that is unpacked from `packed` bytes."""
-    return min(_current.max_bytes, max(FREE_BYTES, _current.max_ratio * packed))
+    return min(_current.max_bytes, _most_by_ratio(packed))
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
@@ -122,10 +123,22 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
         name: name of the data, for the message.
         unpacked, packed: numbers of bytes.
     """
-    if unpacked > most_bytes(packed):
-        limit = "max_bytes" if unpacked > _current.max_bytes else "max_ratio"
-        found = f"{unpacked}" if limit == "max_bytes" else f"{unpacked} unpacked from {packed}"
-        _refuse(limit, name, "bytes" if limit == "max_bytes" else "bytes from one byte", found)
+    if unpacked > _current.max_bytes:
+        _refuse("max_bytes", name, "bytes", f"{unpacked}")
+    check_ratio(name, unpacked, packed)
+
+
+def check_ratio(name: str, unpacked: int, packed: float) -> None:
+    """Raise `LimitError` if packed data unpacks to too many bytes for its size.
+
+    For data that is unpacked in pieces, of which memory holds one; arguments: see `check_bytes`.
+    """
+    if unpacked > _most_by_ratio(packed):
+        _refuse("max_ratio", name, "bytes from one byte", f"{unpacked} unpacked from {packed}")
+
+
+def _most_by_ratio(packed: float) -> float:
+    return max(FREE_BYTES, _current.max_ratio * packed)
 
 
 def _refuse(limit: str, name: str, unit: str, found: str) -> None:

@@ -15,7 +15,8 @@ import yaml
 from bags import DATA, RECORDED_MOVES, TOPIC, number_of, numbered_map, write_mcap
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.errors import GridMapError, LimitError
+from grid_map_core_py.limits import changed_limits
 from grid_map_ros_py import BagError, BagReader, bag_maps, load_from_bag, save_to_bag
 
 pytestmark = pytest.mark.needs("mcap", "rosbags")
@@ -70,13 +71,19 @@ def test_file_of_another_kind_is_refused(path, content, reason):
 # --- wrong lengths --------------------------------------------------------------------------------
 
 
-def with_chunk(path: Path, compression: bytes, data: bytes, size: int, checksum: int = 0) -> Path:
-    """Write a file with a single chunk that declares a content of `size` bytes."""
+def record(code: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", code, len(content)) + content
+
+
+def with_chunk(
+    path: Path, compression: bytes, data: bytes, size: int, checksum: int = 0, count: int = 1
+) -> Path:
+    """Write a file with `count` equal chunks, each declaring a content of `size` bytes."""
     chunk = struct.pack("<QQQI", 0, 0, size, checksum)
     chunk += struct.pack("<I", len(compression)) + compression
     chunk += struct.pack("<Q", len(data)) + data
-    records = [(1, bytes(8)), (6, chunk), (15, bytes(4)), (2, bytes(20))]
-    body = b"".join(struct.pack("<BQ", code, len(one)) + one for code, one in records)
+    records = [(1, bytes(8)), *[(6, chunk)] * count, (15, bytes(4)), (2, bytes(20))]
+    body = b"".join(record(*one) for one in records)
     magic = b"\x89MCAP0\r\n"
     path.write_bytes(magic + body + magic)
     return path
@@ -120,6 +127,49 @@ def test_decompression_stops_at_the_claimed_size(path, compression):
     packed = package.compress(bytes(100_000_000))
     with_chunk(path, compression.encode(), packed, 1000)
     assert_refused_without_memory(path, "chunk of 1000 bytes holds 1001")
+
+
+@pytest.mark.parametrize("recover", [False, True])
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        (record(99, bytes(20_000_000)), "its chunks"),
+        (record(5, bytes(22)) * 50_000, "the list of its messages"),
+    ],
+    ids=["bytes", "messages"],
+)
+def test_limits_hold_for_all_chunks_together(path, content, name, recover):
+    packed = pytest.importorskip("zstandard").compress(content)
+    with_chunk(path, b"zstd", packed, len(content), count=20)
+    tracemalloc.start()
+    try:
+        with pytest.raises(LimitError, match=f"{name}: expected at most 1100 bytes from one byte"):
+            BagReader(path, TOPIC, recover=recover)
+        assert tracemalloc.get_traced_memory()[1] < 120e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_overlapping_indexes_are_not_used(path):
+    records = pytest.importorskip("mcap.records")
+    builder = pytest.importorskip("mcap.data_stream").RecordBuilder()
+    levels = 1000
+    index = bytes(16 * levels)
+    for _ in range(levels):
+        # The first 15 of 16 bytes are the head of a record, the rest is the record before it.
+        size = len(index)
+        index = b"\0" + struct.pack("<BQHI", 7, 6 + size, 1, size) + index
+    start = 8 + len(index)
+    records.Schema(1, b"", "", "grid_map_msgs/msg/GridMap").write(builder)
+    records.Channel(1, TOPIC, "cdr", {}, 1).write(builder)
+    for level in range(levels):
+        records.ChunkIndex(0, 0, "", 0, 0, 0, {1: 9 + 16 * level}, 0, 0).write(builder)
+    count = sum(levels + level for level in range(levels))
+    records.Statistics(0, 1, {1: count}, levels, count, 0, 0, 0, 1).write(builder)
+    magic = b"\x89MCAP0\r\n"
+    footer = record(2, struct.pack("<QQI", start, 0, 0))
+    path.write_bytes(magic + index + builder.end() + footer + magic)
+    assert_refused_without_memory(path, "bytes are missing")
 
 
 def test_index_that_many_chunks_share_is_not_used(path):
@@ -193,6 +243,49 @@ VIRTUAL = "CREATE VIRTUAL TABLE messages USING fts5(id, topic_id, timestamp, dat
 def test_database_that_is_no_bag_is_refused(path, statements, reason):
     with pytest.raises(BagError, match=f"(?s){path}.*{reason}"):
         read_all(changed(path, *statements))
+
+
+def with_repeated_page(path: Path, table: str) -> Path:
+    """Write a database whose table names its only page of rows some 400,000 times."""
+    changed(path, "DELETE FROM messages WHERE id > 3")
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("UPDATE messages SET data = x''")
+        database.commit()
+        database.execute("VACUUM")
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+        query = "SELECT rootpage FROM sqlite_master WHERE name = ?"
+        (root,) = database.execute(query, (table,)).fetchone()
+    data = path.read_bytes()
+    place = slice((root - 1) * size, root * size)
+    page = data[place]
+    for _ in range(2):
+        # An inner page of one cell, to which all its places point.
+        child = (len(data) + len(page)) // size
+        count = (size - 12) // 6
+        data += page
+        page = struct.pack(">BHHHBI", 5, 0, count, size - 5, 0, child)
+        page += struct.pack(">H", size - 5) * count
+        page = page.ljust(size - 5, b"\0") + struct.pack(">IB", child, 127)
+    data = data[: place.start] + page + data[place.stop :]
+    path.write_bytes(data[:28] + struct.pack(">I", len(data) // size) + data[32:])
+    return path
+
+
+@pytest.mark.parametrize("table", ["messages", "topics"])
+def test_page_that_a_table_repeats_is_refused(path, table):
+    with_repeated_page(path, table)
+    assert_refused_without_memory(path, "its tables have more rows than fit into the file")
+
+
+def test_messages_of_a_database_beyond_the_limit_are_refused(path):
+    changed(path)
+    with (
+        changed_limits(max_bytes=27 * 256),
+        pytest.raises(LimitError, match=r"the list of its messages: .* 6912 bytes, got 7168"),
+    ):
+        BagReader(path, TOPIC)
+    with changed_limits(max_bytes=28 * 256):
+        assert len(BagReader(path, TOPIC)) == 28
 
 
 def test_topic_of_no_messages_has_no_map(path):

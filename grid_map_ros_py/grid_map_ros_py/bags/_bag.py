@@ -441,19 +441,18 @@ class BagFiles:
                 storage = self._storage(number)
                 self.topics |= storage.topics
                 if self._recover:
-                    count += sum(len(storage.entries(name)) for name in storage.topics)
+                    count += len(storage.entries(storage.topics))
                     size += storage.lost
         expected = bag_storage.message_count(self._path) if self._recover else None
         self.lost = Lost(None if expected is None else max(expected - count, 0), size)
 
     def entries(self, topics: Iterable[str]) -> list[tuple[Entry, int, str]]:
         """Return the messages on topics in time order, with the numbers of their files."""
-        found = []
+        found, wanted = list[tuple[Entry, int, str]](), {*topics}
         for number, path in enumerate(self.paths):
             with bag_errors(path):
-                storage = self._storage(number)
-                for topic in storage.topics.keys() & topics:
-                    found += [(entry, number, topic) for entry in storage.entries(topic)]
+                entries = self._storage(number).entries(wanted)
+                found += [(entry, number, topic) for entry, topic in entries]
         # Files of a split bag may overlap.
         return sorted(found, key=lambda one: one[0].time)
 

@@ -10,16 +10,17 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
-from grid_map_core_py.errors import required
-from grid_map_core_py.limits import check_bytes
+from grid_map_core_py.errors import LimitError, required
+from grid_map_core_py.limits import check_bytes, check_ratio
 
 from ..errors import BagError
-from ._storage import CutOffError, Entry, Topic, dump
+from ._storage import CutOffError, Entry, Topic, check_entries, dump, most_entries
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -42,6 +43,9 @@ _RESERVE_PER_MESSAGE = 256
 
 _CHUNKS_PER_INDEX = 1024
 """Bytes of chunks for each byte of their index at the end of the file."""
+
+_INDEX_ENTRY = 16
+"""Bytes of a message's entry in the index of its chunk."""
 
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
@@ -88,11 +92,12 @@ class McapFile:
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
         self._chunks: list[Any] = []
-        self._scanned: dict[int, list[Entry]] | None = None
+        self._scanned: list[tuple[int, Entry]] | None = None
         self._chunk: tuple[int, _Source] | None = None
         self._last: tuple[int, _Source] | None = None
         self._file = path.open("rb")
         self._source = _Source(self._read_file, path.stat().st_size)
+        self._most_entries = most_entries(self._source.size)
         try:
             self._scan() if recover else self._read_summary()
         except BaseException:
@@ -112,12 +117,13 @@ class McapFile:
             )
         return topics
 
-    def entries(self, topic: str) -> list[Entry]:
-        """Return times and places of the messages on a topic, in time order."""
-        channels = [key for key, channel in self._channels.items() if channel.topic == topic]
-        found = [entry for key in channels for entry in self._entries_of(key)]
+    def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
+        """Return times and places of the messages on topics, in time order, with their topics."""
+        names = {
+            key: channel.topic for key, channel in self._channels.items() if channel.topic in topics
+        }
         # Messages with equal times keep the order of the file.
-        return sorted(found, key=lambda entry: (entry.time, entry.place))
+        return sorted((entry, names[key]) for key, entry in self._entries_of(names))
 
     def read(self, entry: Entry) -> bytes:
         """Return a message as it was recorded."""
@@ -162,29 +168,44 @@ class McapFile:
 
     # Places of messages: (offset of the chunk in the file or -1, offset in the chunk)
 
-    def _entries_of(self, channel: int) -> list[Entry]:
+    def _entries_of(self, channels: Collection[int]) -> list[tuple[int, Entry]]:
+        """Return the messages of channels, each with its channel."""
         if self._scanned is None:
             assert self._counts is not None
-            chunks = [one for one in self._chunks if channel in one.message_index_offsets]
-            # Many chunks with one index would have more messages than the memory can hold.
-            if len({one.message_index_offsets[channel] for one in chunks}) == len(chunks):
-                found = [entry for chunk in chunks for entry in self._indexed(chunk, channel)]
-                if len(found) == self._counts.get(channel, 0):
-                    return found
+            found = self._indexed(channels)
+            counts = Counter(channel for channel, _ in found)
+            if all(counts[channel] == self._counts.get(channel, 0) for channel in channels):
+                return found
             # The index is not complete.
             self._scan()
         assert self._scanned is not None
-        return self._scanned.get(channel, [])
+        return [one for one in self._scanned if one[0] in channels]
 
-    def _indexed(self, chunk: Any, channel: int) -> list[Entry]:
-        index = self._parsed(*self._source.record_at(chunk.message_index_offsets[channel]))
-        if getattr(index, "channel_id", None) != channel:
-            raise BagError(self._path, f"its index is damaged: none of channel {channel} there")
-        return [Entry(time, (chunk.chunk_start_offset, place)) for time, place in index.records]
+    def _indexed(self, channels: Collection[int]) -> list[tuple[int, Entry]]:
+        """Return the messages of channels, as far as the index of the file has them."""
+        places = [
+            (channel, offset, chunk.chunk_start_offset)
+            for chunk in self._chunks
+            for channel, offset in chunk.message_index_offsets.items()
+            if channel in channels
+        ]
+        found = list[tuple[int, Entry]]()
+        # Indexes that chunks share, or that overlap, would have more messages than memory can hold.
+        if len({offset for _, offset, _ in places}) < len(places):
+            return []
+        for channel, offset, chunk in places:
+            index = self._parsed(*self._source.record_at(offset))
+            if getattr(index, "channel_id", None) != channel:
+                raise BagError(self._path, f"its index is damaged: none of channel {channel} there")
+            found += [(channel, Entry(time, (chunk, place))) for time, place in index.records]
+            if len(found) * _INDEX_ENTRY > self._source.size:
+                return []
+        return found
 
     def _scan(self) -> None:
         """Find all messages without an index."""
-        self._scanned = {}
+        self._scanned = []
+        self._scanned_size = 0
         done, size = len(MAGIC), self._source.size
         try:
             for offset, code, body in self._source.records(
@@ -199,8 +220,8 @@ class McapFile:
                 else:
                     self._note(code, body, (-1, offset))
                 done = offset + _RECORD.size + len(body)
-        except (ValueError, struct.error):
-            if not self._recover:
+        except (ValueError, struct.error) as error:
+            if not self._recover or isinstance(error, LimitError):
                 raise
             self._scan_end(done)
 
@@ -214,25 +235,35 @@ class McapFile:
             self.lost += len(bytes(rest).rstrip(b"\0"))
 
     def _scan_chunk(self, offset: int, body: memoryview) -> None:
-        end, source = 0, None
+        # Depending on the damage, the packages that unpack raise any kind of exception.
         try:
             source = self._unpack(body)
-            for inside, code, content in source.records(0, source.size):
-                self._note(code, content, (offset, inside))
-                end = inside + _RECORD.size + len(content)
-        # Depending on the damage, the packages that unpack raise any kind of exception.
         except Exception:
             if not self._recover:
                 raise
-            self.lost += len(body) if source is None else source.size - end
-        if source is not None and self._recover:
+            self.lost += len(body)
+            return
+        self._scanned_size += source.size
+        check_ratio(f"{self._path}: its chunks", self._scanned_size, self._source.size)
+        end = 0
+        try:
+            for inside, code, content in source.records(0, source.size):
+                self._note(code, content, (offset, inside))
+                end = inside + _RECORD.size + len(content)
+        except Exception as error:
+            if not self._recover or isinstance(error, LimitError):
+                raise
+            self.lost += source.size - end
+        if self._recover:
             self._last = offset, source
 
     def _note(self, code: int, body: memoryview, place: tuple[int, int]) -> None:
         assert self._scanned is not None
         if code == _MESSAGE:
             channel, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
-            self._scanned.setdefault(channel, []).append(Entry(time, place))
+            self._scanned.append((channel, Entry(time, place)))
+            if len(self._scanned) > self._most_entries:
+                check_entries(self._path, len(self._scanned), self._source.size)
         elif code in (_SCHEMA, _CHANNEL):
             self._parsed(code, body)
 

@@ -3,11 +3,14 @@
 """The sqlite3 files of bags."""
 
 import sqlite3
+from collections.abc import Collection, Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from ..errors import BagError
-from ._storage import VERSION, Entry, Topic, dump, ros_distro
+from ._storage import VERSION, Entry, Topic, check_entries, dump, most_entries, ros_distro
 
 MAGIC = b"SQLite format 3\0"
 
@@ -36,6 +39,13 @@ _COLUMNS = {
     *(f"messages.{name}" for name in ("id", "topic_id", "timestamp", "data")),
 }
 """Columns that are read."""
+
+_STEPS_PER_BYTE, _FREE_STEPS = 4, 100_000
+"""Steps that a query may take, per byte of the file, and besides: a message of 9 bytes, the least
+that there can be, takes some 15."""
+
+_STEPS = 10_000
+"""Steps between two looks at the number of steps."""
 
 
 class SqliteWriter:
@@ -100,13 +110,17 @@ class SqliteFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._size = path.stat().st_size
         # A recorder that was killed, or still writes, leaves messages in a log beside the database.
         log = path.with_name(path.name + "-wal")
         mode = "mode=ro"
-        if not (log.exists() and log.stat().st_size > 0):
+        if log.exists() and log.stat().st_size > 0:
+            self._size += log.stat().st_size
+        else:
             self._check_size()
             mode += "&immutable=1"
         self._database = sqlite3.connect(f"file:{quote(str(path))}?{mode}", uri=True)
+        self._database.set_progress_handler(self._count_steps, _STEPS)
         try:
             # Malicious files may hold views, virtual tables and generated columns of these names,
             # which cost any time and memory. The pragma does not list generated columns.
@@ -115,38 +129,62 @@ class SqliteFile:
                 FROM sqlite_master AS tables, pragma_table_info(tables.name) AS columns
                 WHERE tables.type = 'table' AND tables.rootpage > 0
             """
-            columns = {name for (name,) in self._database.execute(query)}
+            columns = {name for (name,) in self._rows(query)}
             if not columns >= _COLUMNS:
                 raise BagError(path, "a database, but not of a bag: no tables of messages")
             # The oldest bags have no quality of service.
             qos = "offered_qos_profiles" if "topics.offered_qos_profiles" in columns else "''"
-            query = f"SELECT name, type, serialization_format, {qos} FROM topics"
-            rows = self._database.execute(query)
-            self.topics = {str(name): Topic(*map(str, kind)) for name, *kind in rows}
+            query = f"SELECT id, name, type, serialization_format, {qos} FROM topics"
+            self._names, self.topics = dict[Any, str](), dict[str, Topic]()
+            for key, name, *kind in self._rows(query):
+                self._names[key] = str(name)
+                self.topics[str(name)] = Topic(*map(str, kind))
         except BaseException:
             self.close()
             raise
 
-    def entries(self, topic: str) -> list[Entry]:
-        """Return times and places of the messages on a topic, in time order."""
+    def entries(self, topics: Collection[str]) -> list[tuple[Entry, str]]:
+        """Return times and places of the messages on topics, in time order, with their topics."""
+        self._database.create_function("is_wanted", 1, topics.__contains__)
         # Reads the table itself, because a damaged index would hide rows.
         query = """
-            SELECT timestamp, messages.id FROM messages NOT INDEXED
-            WHERE topic_id IN (SELECT id FROM topics WHERE name = ?)
+            SELECT timestamp, messages.id, topic_id FROM messages NOT INDEXED
+            WHERE topic_id IN (SELECT id FROM topics WHERE is_wanted(name))
         """
-        rows = self._database.execute(query, (topic,)).fetchall()
-        if not all(isinstance(time, int) and isinstance(key, int) for time, key in rows):
+        rows = islice(self._rows(query), most_entries(self._size) + 1)
+        found = [(Entry(time, key), self._names[topic]) for time, key, topic in rows]
+        check_entries(self._path, len(found), self._size)
+        if not all(isinstance(value, int) for entry, _ in found for value in entry):
             raise BagError(self._path, "a message has a time that is no integer")
-        return [Entry(*row) for row in sorted(rows)]
+        return sorted(found)
 
     def read(self, entry: Entry) -> bytes:
         """Return a message as it was recorded."""
         query = "SELECT data FROM messages WHERE id = ?"
-        row = self._database.execute(query, (entry.place,)).fetchone()
+        row = next(self._rows(query, entry.place), None)
         if row is None or not isinstance(row[0], bytes):
             raise BagError(self._path, f"the message of time {entry.time} is damaged")
         data: bytes = row[0]
         return data
+
+    def _rows(self, query: str, *values: object) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of a query, which takes no more time than the size of the file permits.
+
+        A malicious file names its pages again and again.
+        """
+        self._steps = _FREE_STEPS + _STEPS_PER_BYTE * self._size
+        try:
+            yield from self._database.execute(query, values)
+        except sqlite3.OperationalError as error:
+            if self._steps >= 0:
+                raise
+            reason = "is damaged: its tables have more rows than fit into the file"
+            raise BagError(self._path, reason) from error
+
+    def _count_steps(self) -> bool:
+        """Return whether the query has to end."""
+        self._steps -= _STEPS
+        return self._steps < 0
 
     def close(self) -> None:
         """Close the file."""

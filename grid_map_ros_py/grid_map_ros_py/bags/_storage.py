@@ -13,6 +13,7 @@ import yaml
 
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import load_yaml, parse_yaml
+from grid_map_core_py.limits import check_bytes, most_bytes
 
 from ..errors import BagError
 from ..messages._definition import DEFINITION, TYPE_HASH
@@ -43,6 +44,20 @@ class Entry(NamedTuple):
 
     time: int
     place: Any
+
+
+_ENTRY_BYTES = 256
+"""Memory for an entry and its topic."""
+
+
+def most_entries(size: int) -> int:
+    """Return the limit of the number of messages in a file of `size` bytes."""
+    return int(most_bytes(size)) // _ENTRY_BYTES
+
+
+def check_entries(path: Path, count: int, size: int) -> None:
+    """Raise `LimitError` if a file of `size` bytes claims to have too many messages."""
+    check_bytes(f"{path}: the list of its messages", _ENTRY_BYTES * count, size)
 
 
 class CutOffError(BagError):
