@@ -28,13 +28,19 @@ __all__ = [
     "check_bytes",
     "check_cells",
     "check_ratio",
+    "check_visits",
     "current_limits",
     "most_bytes",
+    "most_visits",
     "set_limits",
 ]
 
 FREE_BYTES = 100_000_000
 """Unpacked bytes for which `max_ratio` does not count: maps of one value pack extremely well."""
+
+
+VISITS = 30
+"""Factor of `max_cells` that limits how often cells are visited: half a minute for triangles."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,22 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
         _refuse("max_cells", name, "cells", f"{rows} x {columns}")
     if cells * layers * 4 > _current.max_bytes:
         _refuse("max_bytes", name, "bytes", f"{layers} layers of {cells * 4:.15g} bytes")
+
+
+def most_visits() -> float:
+    """Return the limit of how many cells may be visited in all, each as often as it is."""
+    return VISITS * _current.max_cells
+
+
+def check_visits(name: str, visits: float) -> None:
+    """Raise `LimitError` if overlapping parts of a map have too many cells together.
+
+    Args:
+        name: name of what has the parts, for the message.
+        visits: sum of the cells of all parts.
+    """
+    if visits > most_visits():
+        _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
 def most_bytes(packed: float) -> float:

@@ -26,6 +26,7 @@ from grid_map_core_py import (
     from_points,
     load,
 )
+from grid_map_core_py.conversions import rasterize_triangles
 from grid_map_core_py.files import load_height_image, load_points, save_images, save_npz
 from grid_map_core_py.limits import Limits, changed_limits, current_limits, set_limits
 from grid_map_core_py.map import select_layers
@@ -203,6 +204,23 @@ def test_maps_made_in_python_have_no_limit():
         assert from_points(CORNERS, 1000.0, length=(9000, 9000)).size == (9, 9)
         grid_map.extend_to_include(GridMap((1, 1), 1.0, position=(2500, 0)))
     assert grid_map.size == (5001, 5000)
+
+
+def test_mesh_of_many_large_triangles_is_refused_at_once():
+    corners = [(-9, -9, 0), (9, -9, 0), (0, 9, 1)]
+    many = np.zeros((5_000_000, 3), np.int32) + np.arange(3)
+    grid_map = GridMap((10, 10), 0.1)
+    text = "faces: expected at most 16000000 times 30 cells under all of them, got 50000000000"
+    with pytest.raises(LimitError, match=text):
+        rasterize_triangles(corners, many, grid_map)
+    with changed_limits(max_cells=1000):
+        # Those beside the map, and those of no size, cost nothing.
+        beside = np.add(corners, (50, 0, 0))
+        faces = np.vstack([many[:9] + 3, many[:9] * 0])
+        rasterize_triangles([*corners, *beside], faces, grid_map)
+        rasterize_triangles(corners, many[:3], grid_map)
+        with pytest.raises(LimitError, match="got 40000"):
+            rasterize_triangles(corners, many[:4], grid_map)
 
 
 def test_limits_are_raised_for_a_block_or_for_good():

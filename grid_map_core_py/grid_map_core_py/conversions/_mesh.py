@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays._checks import Integers, Positions, Size
 from ..arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError, short
-from ..map._geometry import BORDER_TOLERANCE
+from ..limits import check_visits, most_visits
+from ..map._geometry import BORDER_TOLERANCE, GridGeometry
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
@@ -43,6 +44,8 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a face names no vertex.
+        LimitError: the rectangles around the triangles have more than 30 times `max_cells` cells
+            together.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -51,6 +54,7 @@ def rasterize_triangles(
     first_center = geometry.corner - 0.5 * geometry.resolution
     tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        _check_work(corners, triangles, geometry)
         for part in slices(len(triangles), _TRIANGLES):
             chosen = corners[triangles[part].T]
             x, y, z = (chosen[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
@@ -80,7 +84,7 @@ def from_mesh(
 
     Raises:
         GridMapError: no face has a finite vertex; and all that `rasterize_triangles` raises.
-        LimitError: the extent of the vertices takes too many cells.
+        LimitError: the extent of the vertices takes too many cells; and as `rasterize_triangles`.
     """
     corners = as_points(vertices, "vertices")
     triangles = as_triangles(faces, len(corners))
@@ -122,6 +126,20 @@ def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
     if given.shape[1] == 3:
         return given
     return np.concatenate([given[:, [0, n, n + 1]] for n in range(1, given.shape[1] - 1)])
+
+
+def _check_work(corners: Positions, triangles: NDArray[Any], geometry: GridGeometry) -> None:
+    """Raise `LimitError` if the rectangles around the triangles have too many cells together."""
+    if len(triangles) * geometry.size[0] * geometry.size[1] <= most_visits():
+        return
+    cells = (geometry.corner - corners[:, :2]) / geometry.resolution
+    np.clip(cells, 0, geometry.size, out=cells)
+    visits = 0.0
+    for part in slices(len(triangles), _TRIANGLES):
+        chosen = cells[triangles[part].T]
+        sides = chosen.max(axis=0) - chosen.min(axis=0)
+        visits += float(np.nansum(sides[:, 0] * sides[:, 1]))
+    check_visits("faces", visits)
 
 
 def _hits(
