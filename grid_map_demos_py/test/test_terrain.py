@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The terrain of the demos."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,14 @@ from conftest import MODEL
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_demos_py.terrain import EXAGGERATION, METRES_PER_POST, load_terrain
+
+
+def test_import_leaves_interrupts_to_the_program():
+    program = (
+        "import signal, grid_map_demos_py.terrain;"
+        "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_the_terrain_is_large_not_square_and_has_holes(terrain):

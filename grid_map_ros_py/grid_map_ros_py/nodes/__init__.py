@@ -30,6 +30,7 @@ rclpy takes long to import.
 
 import importlib
 import signal
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -72,14 +73,18 @@ __all__ = sorted(["quiet_start", *_MODULE_OF])
 
 
 def quiet_start() -> None:
-    """Let Ctrl-C end this process at once, without a traceback, until `run` handles it.
+    """Let Ctrl-C end an executable at once, without a traceback, until `run` handles it.
 
     Call it where a package of executables begins, before rclpy is imported: importing takes most of
-    the time in which an executable starts.
+    the time in which an executable starts. It does nothing in a program that imports the package.
     """
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Executables are started with Ctrl-C blocked, because Python itself would print a traceback.
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+    is_executable = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    # While `python -m` imports the package of the module that it runs.
+    is_executable |= sys.argv[0] == "-m"
+    if is_executable:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
 def __getattr__(name: str) -> Any:
