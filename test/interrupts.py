@@ -45,7 +45,10 @@ import signal, subprocess, sys
 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
     signal.signal(number, lambda *_: None)
 print("starts", flush=True)
-sys.exit(subprocess.Popen(sys.argv[1:]).wait())
+code = subprocess.Popen(sys.argv[1:]).wait()
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, signal.SIG_IGN)  # Python removes its own handlers as it ends.
+sys.exit(code)
 """
 """Waits for its child, and like it gets the signals of the terminal, as `ros2 run` does."""
 
