@@ -3,12 +3,19 @@
 """Measure the number, delay and cost of maps that reach a callback in another process.
 
     python3 benchmarks/receive.py [--seconds 10]
+    python3 benchmarks/receive.py --filtered [--seconds 10]
 
-Publishes maps of 8 layers, 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz, from one process
-to another, and prints a table: with the transports that Fast DDS has by itself, with those of
-FASTDDS_BUILTIN_TRANSPORTS=LARGE_DATA and with our profile; decoded from messages, from raw bytes,
-and one layer from raw bytes. With `--best-effort` the topic is best effort, as of sensors and of
-`ros2 topic hz`. Start it where the workspace is set up (`. tools/env.sh`).
+The first publishes maps of 8 layers, 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz, from
+one process to another, and prints a table: with the transports that Fast DDS has by itself, with
+those of FASTDDS_BUILTIN_TRANSPORTS=LARGE_DATA and with our profile; decoded from messages, from raw
+bytes, and one layer from raw bytes. With `--best-effort` the topic is best effort, as of sensors
+and of `ros2 topic hz`.
+
+The second prints the time from topic to topic, from a map's publishing to the callback with the
+filtered map, through the node `filter_chain` in a third process: for a chain of one cheap filter,
+with 1, 4, 11 and 16 layers, and for the chain of the filters demo, on its terrain. `chain` is the
+time of the filters in it, by the node's diagnostics. Start both where the workspace is set up
+(`. tools/env.sh`).
 """
 
 import argparse
@@ -17,9 +24,13 @@ import resource
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
@@ -28,12 +39,22 @@ from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_serialized_message, to_serialized_message
 from grid_map_ros_py.nodes import map_qos, run
-from grid_map_ros_py.testing import Process, running, wait_until
+from grid_map_ros_py.testing import Process, running, start_node, wait_until
 
 TOPIC = "/large_map"
+FILTERED = "/filtered_map"
 LAYERS = [f"layer_{k}" for k in range(8)]
 LOADS = [(400, 30.0), (1000, 5.0)]
 """Cells along a side and maps per second."""
+
+FILTERED_LOADS = [(cells, layers) for cells in (200, 400, 1000) for layers in (1, 4, 11)]
+FILTERED_LOADS += [(1000, 16)]
+"""Cells along a side and layers, at `RATE`."""
+
+RATE = 10.0
+
+CHEAP = {"layer": "layer_0", "lower_threshold": 0.5, "set_to": 0.5}
+DEMO = "demo"
 
 PROFILE = Path(grid_map_ros_py.__file__).with_name("fastdds_large_maps.xml")
 TRANSPORTS = {
@@ -53,13 +74,28 @@ def qos(depth: int) -> QoSProfile:
     return profile
 
 
+def made_map(load: str) -> GridMap:
+    """Return a map of `CELLSxLAYERS`, or that of the filters demo."""
+    if load == DEMO:
+        from grid_map_demos_py.terrain import load_terrain
+
+        return load_terrain(share("grid_map_demos_py") / "data/jacksboro_fault_dem.npz")
+    cells, layers = map(int, load.split("x"))
+    values = np.random.default_rng(0).random((cells, cells), np.float32)
+    names = [f"layer_{k}" for k in range(layers)]
+    return GridMap((cells, cells), 1.0, layers=dict.fromkeys(names, values))
+
+
+def share(package: str) -> Path:
+    return Path(get_package_share_directory(package))
+
+
 class Publisher(Node):
     """Publishes maps when it has a subscriber; their timestamps are the time of publishing."""
 
-    def __init__(self, cells: int, rate: float, count: int, depth: int) -> None:
+    def __init__(self, load: str, rate: float, count: int, depth: int) -> None:
         super().__init__("publisher")
-        values = np.random.default_rng(0).random((cells, cells), np.float32)
-        self._map = GridMap((cells, cells), 1.0, layers=dict.fromkeys(LAYERS, values))
+        self._map = made_map(load)
         self._publisher = self.create_publisher(GridMapMessage, TOPIC, qos(depth))
         self._left = count
         self._cpu = 0.0
@@ -79,10 +115,10 @@ class Publisher(Node):
 class Subscriber(Node):
     """Decodes maps; prints the number and the delays of the maps so far after each one."""
 
-    def __init__(self, receiver: str, depth: int, count: int) -> None:
+    def __init__(self, topic: str, receiver: str, depth: int) -> None:
         super().__init__("subscriber")
-        self._count = count
         self._latencies: list[float] = []
+        self._chain = 0.0
         self._cpu = 0.0
         decode = {
             "message": from_message,
@@ -91,24 +127,30 @@ class Subscriber(Node):
         }[receiver]
         self.create_subscription(
             GridMapMessage,
-            TOPIC,
+            topic,
             lambda message: self._receive(decode(message)),
             qos(depth),
             raw=receiver != "message",
         )
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._note_chain, 10)
 
     def _receive(self, grid_map: GridMap) -> None:
         self._cpu = self._cpu or cpu_seconds()
-        assert np.isfinite(grid_map[LAYERS[0]][0, 0])
         self._latencies.append(1e-6 * (time.time_ns() - grid_map.timestamp))
-        late = np.array(self._latencies)
+        half, most = np.percentile(self._latencies, [50, 95])
         report = {
-            "received": len(late),
-            "median": float(np.median(late)),
-            "worst": float(late.max()),
+            "received": len(self._latencies),
+            "p50": half,
+            "p95": most,
+            "worst": max(self._latencies),
+            "chain": self._chain,
             "cpu": cpu_seconds() - self._cpu,
         }
         print(json.dumps(report), flush=True)
+
+    def _note_chain(self, message: DiagnosticArray) -> None:
+        values = {pair.key: pair.value for status in message.status for pair in status.values}
+        self._chain = float(values.get("mean ms", self._chain))
 
 
 def cpu_seconds() -> float:
@@ -117,26 +159,63 @@ def cpu_seconds() -> float:
 
 
 def measure(
-    cells: int, rate: float, transport: str, receiver: str, seconds: float, depth: int
+    load: str, rate: float, transport: str, receiver: str, seconds: float, depth: int
 ) -> dict[str, float]:
     """Return the statistics of a subscriber that listens for a number of seconds."""
     count = max(int(rate * seconds), 2)
     with (
-        running(_process(transport, "subscribe", receiver, depth, count)) as subscriber,
-        running(_process(transport, "publish", cells, rate, count, depth)) as publisher,
+        running(_process(transport, "subscribe", TOPIC, receiver, depth)) as subscriber,
+        running(_process(transport, "publish", load, rate, count, depth)) as publisher,
     ):
-        wait_until(lambda: publisher.lines, "the last map", timeout=10 * seconds + 30)
-        _settle(subscriber)
-        sent, got = json.loads(publisher.lines[-1]), json.loads(subscriber.lines[-1])
+        sent, got = _reports(publisher, subscriber, seconds)
     duration = count / rate
     return {
         "sent": count,
         "lost": count - got["received"],
-        "median ms": got["median"],
+        "p50 ms": got["p50"],
+        "p95 ms": got["p95"],
         "worst ms": got["worst"],
         "publisher CPU %": 100 * sent["cpu"] / duration,
         "subscriber CPU %": 100 * got["cpu"] / duration,
     }
+
+
+def measure_filtered(load: str, seconds: float) -> dict[str, float]:
+    """Return the statistics of a subscriber of filtered maps."""
+    count = int(RATE * seconds)
+    with TemporaryDirectory() as folder, ExitStack() as stack:
+        path = Path(folder, "chain.yaml")
+        if load == DEMO:
+            path = share("grid_map_demos_py") / "config/filters_demo_filter_chain.yaml"
+        else:
+            step = {"name": "cheap", "type": "gridMapFilters/ThresholdFilter", "params": CHEAP}
+            path.write_text(
+                json.dumps({"/**": {"ros__parameters": {"filters": {"filter1": step}}}})
+            )
+        topics = [
+            f"{name}_topic:={topic}" for name, topic in (("input", TOPIC), ("output", FILTERED))
+        ]
+        words = [word for topic in topics for word in ("-p", topic)]
+        module = "grid_map_filters_py._executables.filter_chain"
+        start = [module, "--ros-args", "--params-file", str(path), *words]
+        subscriber = stack.enter_context(
+            running(_process("profile", "subscribe", FILTERED, "raw", 1))
+        )
+        stack.enter_context(running(start_node(*start)))
+        publisher = _process("profile", "publish", load, RATE, count, 1)
+        stack.enter_context(running(publisher))
+        _, got = _reports(publisher, subscriber, seconds)
+    names = ("p50", "p95", "worst", "chain")
+    return {"sent": count, "lost": count - got["received"], **{f"{n} ms": got[n] for n in names}}
+
+
+def _reports(
+    publisher: Process, subscriber: Process, seconds: float
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return what both have printed after the last map."""
+    wait_until(lambda: publisher.lines, "the last map", timeout=10 * seconds + 30)
+    _settle(subscriber)
+    return json.loads(publisher.lines[-1]), json.loads(subscriber.lines[-1])
 
 
 def _process(transport: str, *arguments: object) -> Process:
@@ -152,29 +231,41 @@ def _settle(process: Process) -> None:
         time.sleep(1.0)
 
 
+def filtered_rows(seconds: float) -> Iterator[tuple[list[str], dict[str, float]]]:
+    for cells, layers in FILTERED_LOADS:
+        heading = [f"{cells} x {cells}", f"{layers} layers"]
+        yield heading, measure_filtered(f"{cells}x{layers}", seconds)
+    yield ["filters demo"], measure_filtered(DEMO, seconds)
+
+
 def rows(seconds: float, depth: int) -> Iterator[tuple[list[str], dict[str, float]]]:
     for cells, rate in LOADS:
         for transport in TRANSPORTS:
             for receiver in RECEIVERS:
                 heading = [f"{cells} x {cells}", f"{rate:g} Hz", transport, receiver]
-                yield heading, measure(cells, rate, transport, receiver, seconds, depth)
+                yield (
+                    heading,
+                    measure(f"{cells}x{len(LAYERS)}", rate, transport, receiver, seconds, depth),
+                )
 
 
 def main() -> int:
     if sys.argv[1:2] == ["publish"]:
-        cells, rate, count, depth = sys.argv[2:]
-        return run(lambda: Publisher(int(cells), float(rate), int(count), int(depth)), [])
+        load, rate, count, depth = sys.argv[2:]
+        return run(lambda: Publisher(load, float(rate), int(count), int(depth)), [])
     if sys.argv[1:2] == ["subscribe"]:
-        receiver, depth, count = sys.argv[2:]
-        return run(lambda: Subscriber(receiver, int(depth), int(count)), [])
+        topic, receiver, depth = sys.argv[2:]
+        return run(lambda: Subscriber(topic, receiver, int(depth)), [])
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--depth", type=int, default=1)
     parser.add_argument("--best-effort", action="store_true")
+    parser.add_argument("--filtered", action="store_true")
     options = parser.parse_args()
     depth = -options.depth if options.best_effort else options.depth
-    for heading, values in rows(options.seconds, depth):
-        cells = [f"{name} {value:.0f}" for name, value in values.items()]
+    found = filtered_rows(options.seconds) if options.filtered else rows(options.seconds, depth)
+    for heading, values in found:
+        cells = [f"{name} {value:.1f}" for name, value in values.items()]
         print(" | ".join(heading + cells), flush=True)
     return 0
 
