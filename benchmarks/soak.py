@@ -441,7 +441,14 @@ class Soak:
         return call
 
     def _browse(self, viewer: Process) -> None:
-        """Connect to the page, read for some seconds, stop reading for as long, and begin again."""
+        """Visit the page again and again; note what fails."""
+        try:
+            self._visit(viewer)
+        except Exception as error:
+            self.problems.append(f"a browser failed: {error!r}")
+
+    def _visit(self, viewer: Process) -> None:
+        """Connect to the page, read, stop reading, leave, each for some seconds, and begin again."""
         import viser
         from msgspec import msgpack
         from websockets.sync.client import connect
@@ -451,15 +458,18 @@ class Soak:
         camera |= {"fov": 1.0, "near": 0.1, "far": 9.0, "image_height": 400, "image_width": 400}
         protocol: Any = f"viser-v{viser.__version__}"
         wait_until(lambda: "http://" in viewer.text, "the page")
-        address = re.findall(r"http://(\S+)", viewer.text)[0]
+        address = "ws://" + re.findall(r"http://(\S+)", viewer.text)[0]
+        # What has not been read would delay the end.
+        options: Any = {"subprotocols": [protocol], "max_size": None, "close_timeout": 0.1}
         while not self._is_over.is_set():
-            with connect(f"ws://{address}", subprotocols=[protocol], max_size=None) as socket:
+            with connect(address, **options) as socket:
                 socket.send(msgpack.encode(camera))
                 end = time.monotonic() + 5
                 while time.monotonic() < end and not self._is_over.is_set():
                     with suppress(TimeoutError):
                         self._browsed += len(socket.recv(0.1))
                 self._is_over.wait(5)
+            self._is_over.wait(5)
 
     # --- figures ----------------------------------------------------------------------------------
 
