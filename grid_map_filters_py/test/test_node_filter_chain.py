@@ -347,6 +347,25 @@ def test_wrong_value_is_refused_and_the_old_chain_stays(parameters, other_side):
         assert "now FilterChain" not in node.text
 
 
+CROWDED = """
+from grid_map_filters_py._executables.filter_chain import FilterChainNode
+
+class Crowded(FilterChainNode):
+    def _changed_config(self, changes):
+        raise MemoryError
+
+raise SystemExit(Crowded.main())
+"""
+
+
+def test_parameter_is_refused_when_memory_runs_out(parameters, other_side):
+    with running(Process([sys.executable, "-c", CROWDED, *parameters()])) as node:
+        refused = False, "out of memory"
+        assert set_one(other_side, "filters.filter3.params.radius", 2.25) == refused
+        assert filtered(other_side, to_message(terrain()), 1).layers
+        other_side.wait_until(lambda: "set_parameters: out of memory" in node.text, "a line")
+
+
 def test_parameters_are_set_one_by_one_or_atomically(parameters, other_side):
     radius = {"filters.filter3.params.radius": 2.0}
     wrong = {"filters.filter2.params.radius": -1.0}, {"use_sim_time": "yes"}

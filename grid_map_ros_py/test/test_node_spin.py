@@ -38,6 +38,33 @@ run(Once)
 print(sum(isinstance(living, Executor) for living in gc.get_objects()))
 """
 
+CROWDED = """
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+from std_msgs.msg import Empty
+from grid_map_ros_py.nodes import run
+
+class Crowded(Node):
+    def __init__(self):
+        super().__init__("crowded")
+        self.places = ["while it is taken", "in the callback"]
+        self.create_subscription(Empty, "beat", self.hear, 1)
+        publisher, message = self.create_publisher(Empty, "beat", 1), Empty()
+        self.create_timer(0.05, lambda: publisher.publish(message))
+        Empty.__init__ = self.make
+
+    def make(self):
+        if len(self.places) == 2:
+            raise MemoryError(self.places.pop(0))
+
+    def hear(self, message):
+        if self.places:
+            raise MemoryError(self.places.pop(0))
+        try_shutdown()
+
+run(Crowded)
+"""
+
 
 def wait_until_alive(process: Process) -> None:
     wait_until(lambda: process.lines, "a sign of life")
@@ -88,6 +115,18 @@ def test_executor_is_shut_down_before_collection() -> None:
     finally:
         process.kill()
     assert process.lines == ["0\n"]
+
+
+def test_node_without_memory_for_a_message_goes_on() -> None:
+    process = Process([sys.executable, "-c", CROWDED])
+    try:
+        assert process.wait() == 0, process.text
+    finally:
+        process.kill()
+    what = "dropped a message or a request: "
+    taken, called = (line.partition(what)[2] for line in process.lines)
+    assert taken.startswith("Unable to convert ")  # So pybind11 says it.
+    assert called == "in the callback\n"
 
 
 @pytest.mark.parametrize(

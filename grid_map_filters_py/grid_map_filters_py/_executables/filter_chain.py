@@ -18,6 +18,7 @@ from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import nested
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
+from grid_map_ros_py.errors import reason
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
     LogThrottle,
@@ -80,6 +81,9 @@ class FilterChainNode(ConfiguredNode):
                 self._next_chain = FilterChain.from_config(self._changed_config(of_chain))
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except MemoryError as error:
+            self._log.error(f"set_parameters: {reason(error)}")
+            return SetParametersResult(successful=False, reason=reason(error))
         return SetParametersResult(successful=True)
 
     def _replace_chain(self, _changes: list[Parameter]) -> None:

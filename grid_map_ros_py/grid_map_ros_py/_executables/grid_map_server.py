@@ -26,9 +26,9 @@ from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMa
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
 from .._mapping.map_server import part, place_to_read, place_to_write
 from ..bags._bag import STORAGES
-from ..errors import DROPPED, RequestError, reason
+from ..errors import RequestError
 from ..messages._grid_map import to_info
-from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, map_qos
+from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, dropping, map_qos
 
 
 class GridMapServerNode(ConfiguredNode):
@@ -71,22 +71,32 @@ class GridMapServerNode(ConfiguredNode):
         self.get_logger().info(f"serves {self._publisher.topic_name}")
 
     def _offer(self, kind: type, name: str, action: Callable[[Any, Any], None]) -> None:
-        """Offer a service; an error of its action is logged, and leaves the response as it was."""
+        """Offer a service.
+
+        An error of its action is logged, and so is a response that cannot be sent for lack of
+        memory; then an empty response is sent.
+        """
 
         def respond(request: Any, response: Any) -> Any:
-            try:
+            with dropping(self._log, name):
                 action(request, response)
-            except DROPPED as error:
-                self._log.error(f"{name}: {reason(error)}")
-            return response
+                return response
+            return service.srv_type.Response()
 
-        self.create_service(kind, f"~/{name}", respond)
+        def send(response: Any, header: Any) -> None:
+            with dropping(self._log, name):
+                send_once(response, header)
+                return
+            send_once(service.srv_type.Response(), header)
+
+        service = self.create_service(kind, f"~/{name}", respond)
+        send_once = service.send_response
+        service.send_response = send  # type: ignore[method-assign]
 
     def _take(self, grid_map: GridMap) -> None:
-        # Serialize first: a map that cannot be published must not replace the last one.
-        data = to_serialized_message(grid_map)
+        # First: a map that cannot be published must not replace the last one.
+        self._publisher.publish(to_serialized_message(grid_map))
         self._map = grid_map
-        self._publisher.publish(data)
 
     def _held_map(self) -> GridMap:
         if self._map is None:

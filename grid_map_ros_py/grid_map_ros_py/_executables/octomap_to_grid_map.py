@@ -8,12 +8,12 @@ from typing import Any
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import from_octomap, to_serialized_message
-from ..errors import DROPPED, reason
 from ..messages._packages import messages_of
 from ..nodes import (
     ConfiguredNode,
     LatchedSubscription,
     LogThrottle,
+    dropping,
     health_of,
     map_qos,
     steady_timer,
@@ -75,11 +75,8 @@ class OctomapToGridMapNode(ConfiguredNode):
             self._answer.add_done_callback(self._receive)
 
     def _receive(self, answer: Any) -> None:
-        try:
-            with health_of(self).counted():
-                self._publish(answer.result().map)
-        except DROPPED as error:
-            self._log.error(f"cannot use the octomap: {reason(error)}")
+        with dropping(self._log, "cannot use the octomap"), health_of(self).counted():
+            self._publish(answer.result().map)
 
     def _publish(self, octomap: Any) -> None:
         grid_map = from_octomap(

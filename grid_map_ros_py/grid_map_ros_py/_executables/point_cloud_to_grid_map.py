@@ -13,7 +13,6 @@ from sensor_msgs.msg import PointCloud2
 
 from grid_map_core_py import GridGeometry
 from grid_map_core_py.elevation import RollingMap
-from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.limits import check_cells
 from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -21,11 +20,11 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from .. import to_serialized_message
 from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
-from ..errors import DROPPED, reason
 from ..nodes import (
     ConfiguredNode,
     LogThrottle,
     TfPoses,
+    dropping,
     has_tf,
     health_of,
     map_qos,
@@ -186,11 +185,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
         self._log.error(text)
 
     def _on_pose(self, history: PoseHistory, message: Odometry | PoseStamped) -> None:
-        try:
+        with dropping(self._log, "dropped a pose"):
             history.add(message)
-        except GridMapError as error:
-            self._log.error(f"dropped a pose: {error}")
-        else:
             self._work()
 
     def _work(self) -> None:
@@ -206,10 +202,8 @@ class PointCloudToGridMapNode(ConfiguredNode):
     def _publish(self) -> None:
         if not self._has_news:
             return
-        try:
+        with dropping(self._log, "dropped a map"):
             self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
-        except DROPPED as error:
-            self._log.error(f"dropped a map: {reason(error)}")
         self._has_news = False
 
 

@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ._configured import ConfiguredNode as ConfiguredNode
+    from ._failures import dropping as dropping
     from ._health import Health as Health, health_of as health_of
     from ._parameters import (
         check_topic as check_topic,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
 
 _OFFERED = {
     "_configured": "ConfiguredNode",
+    "_failures": "dropping",
     "_health": "Health health_of",
     "_parameters": "check_topic read_limits read_parameter read_parameter_tree read_positive "
     "read_topic",

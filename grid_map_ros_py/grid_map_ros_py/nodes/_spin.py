@@ -5,11 +5,13 @@
 import gc
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from traceback import walk_tb
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.clock import Clock
@@ -26,10 +28,12 @@ from rclpy.utilities import ok, try_shutdown
 from grid_map_core_py.commands import on_end
 from grid_map_core_py.errors import GridMapError, cut
 
-from ..errors import NodeFailedError
+from ..errors import NodeFailedError, reason
+from ._failures import is_out_of_memory
 from ._health import PERIOD, health_of
 from ._overrides import unknown_parameters, unmatched_files
 from ._profile import use_profile
+from ._throttle import LogThrottle
 
 _ARGUMENT_ERRORS = (rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError)
 
@@ -49,7 +53,8 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     Call it in the main thread. SIGINT, SIGTERM and SIGHUP take effect between two callbacks. (The
     handlers of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor
-    may miss that.) A second signal interrupts the callback. A SIGHUP that is ignored, as under
+    may miss that.) A second signal interrupts the callback. If memory runs out, the node logs it
+    and goes on. A SIGHUP that is ignored, as under
     `nohup`, stays ignored. The node reports its state on `/diagnostics`, as `Health` has it.
 
     Args:
@@ -159,9 +164,47 @@ def _node_of(error: BaseException | None) -> Node | None:
     return None
 
 
+class _Executor(SingleThreadedExecutor):
+    """Logs that memory ran out, and goes on with the next callback.
+
+    Args:
+        node: the only node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        super().__init__()
+        self._log = LogThrottle(node.get_logger())
+        self.add_node(node)
+
+    def _make_handler(self, entity: Any, node: Node, take: Callable[[Any], Any]) -> Any:
+        """Return what takes a message or a request, and calls back.
+
+        An exception while it is taken would leave rclpy's callback group blocked for good.
+        """
+
+        def take_if_possible(taken: Any) -> Any:
+            with self._surviving():
+                callback = take(taken)
+                return callback and partial(self._call, callback)
+
+        return super()._make_handler(entity, node, take_if_possible)
+
+    async def _call(self, callback: Callable[[], Any]) -> None:
+        with self._surviving():
+            await callback()
+
+    @contextmanager
+    def _surviving(self) -> Iterator[None]:
+        try:
+            yield
+        except (MemoryError, RuntimeError) as error:
+            if not is_out_of_memory(error):
+                raise
+            self._log.error(f"dropped a message or a request: {reason(error)}")
+
+
 def _spin(node: Node, signals: _Signals) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    executor = _Executor(node)
     try:
         while ok() and not signals.has_come:
             executor.spin_once(timeout_sec=WAKE_PERIOD)

@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPo
 
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
-from ..errors import DROPPED, NodeFailedError, reason
 from ..messages._grid_map import ReceivedMap
+from ._failures import dropping
 from ._health import health_of
 from ._throttle import LogThrottle
 
@@ -55,7 +55,7 @@ class LatchedSubscription:
     connect to volatile publishers. The subscription is transient local first, and becomes volatile
     when it meets a volatile publisher.
 
-    The first lost message is logged. If the callback raises a `GridMapError` or a `MemoryError`,
+    The first lost message is logged. If the callback raises a `GridMapError`, or memory runs out,
     the message is dropped and the error is logged; a `NodeFailedError` ends the node.
 
     Args:
@@ -109,13 +109,9 @@ class LatchedSubscription:
             self._subscription = None
 
     def _receive(self, message: Any) -> None:
-        try:
-            with health_of(self._node).counted():
-                self._callback(message)
-        except NodeFailedError:
-            raise
-        except DROPPED as error:
-            self._log.error(f"dropped a message of {self.topic_name}: {reason(error)}")
+        what = f"dropped a message of {self.topic_name}"
+        with dropping(self._log, what), health_of(self._node).counted():
+            self._callback(message)
 
     def _on_incompatible(self, event: Any) -> None:
         kind, executor = QoSPolicyKind(event.last_policy_kind), self._node.executor
