@@ -34,6 +34,11 @@ Size: TypeAlias = tuple[int, int]
 """Rows and columns."""
 
 
+Pair: TypeAlias = tuple[float, float]
+"""x, y in meters, map frame, as plain numbers."""
+
+_EXACT = 2**53  # integers up to this one are exact in float64
+
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
@@ -45,21 +50,50 @@ def as_positions(values: ArrayLike, name: str = "position") -> Positions:
     return positions
 
 
-def as_pair(values: ArrayLike, name: str) -> Positions:
-    """Return a copy of `values` as a (2,) float64 array of finite numbers."""
-    pair = as_array(values, np.float64, name)
-    # For two numbers, plain Python is several times faster than NumPy.
-    if pair.shape != (2,) or not all(map(math.isfinite, pair.tolist())):
+def as_pair(values: ArrayLike, name: str) -> Pair:
+    """Return `values` as two finite numbers."""
+    pair = plain_pair(values)
+    if pair is None:
+        array = as_array(values, np.float64, name)
+        pair = tuple(array.tolist()) if array.shape == (2,) else (math.nan, math.nan)
+    if not (math.isfinite(pair[0]) and math.isfinite(pair[1])):
         raise GeometryError(f"{name}: expected two finite numbers, got {short(values)}")
-    return pair.copy()
+    return pair
 
 
-def as_point(values: ArrayLike, name: str) -> Positions:
-    """Return `values` as one position (2,), which may be NaN or infinite."""
-    point = as_positions(values, name)
-    if point.shape != (2,):
-        raise GeometryError(f"{name}: expected one x, y of shape (2,), got {point.shape}")
-    return point
+def as_point(values: ArrayLike, name: str) -> Pair:
+    """Return `values` as the numbers of one position (2,), which may be NaN or infinite."""
+    pair = plain_pair(values)
+    if pair is None:
+        point = as_positions(values, name)
+        if point.shape != (2,):
+            raise GeometryError(f"{name}: expected one x, y of shape (2,), got {point.shape}")
+        pair = tuple(point.tolist())
+    return pair
+
+
+def plain_pair(values: Any) -> Pair | None:
+    """Return two numbers if `values` is no doubt such a pair, without arrays, which take longer.
+
+    Anything else gives None, also what is wrong; `as_positions` then decides.
+    """
+    kind = type(values)
+    if kind is np.ndarray:
+        if values.shape != (2,) or values.dtype.kind not in "fiu":
+            return None
+        x, y = values.tolist()
+    elif (kind is tuple or kind is list) and len(values) == 2:
+        x, y = values
+    else:
+        return None
+    if type(x) is float and type(y) is float:
+        return x, y
+    return (float(x), float(y)) if _is_plain(x) and _is_plain(y) else None
+
+
+def _is_plain(number: Any) -> bool:
+    kind = type(number)
+    return kind is float or kind is np.float64 or (kind is int and -_EXACT <= number <= _EXACT)
 
 
 def as_number(value: object, name: str) -> float:
@@ -113,10 +147,32 @@ def as_array(values: ArrayLike, dtype: type[np.generic], name: str) -> NDArray[A
 
 def as_size(values: ArrayLike, name: str) -> Size:
     """Return `values` as a pair of Python integers."""
-    size = _as_integers(values, name)
-    if size.shape != (2,):
-        raise GeometryError(f"{name}: expected two integers, got {short(values)}")
-    return int(size[0]), int(size[1])
+    size = plain_cell(values)
+    if size is None:
+        array = _as_integers(values, name)
+        if array.shape != (2,):
+            raise GeometryError(f"{name}: expected two integers, got {short(values)}")
+        size = tuple(array.tolist())
+    return size
+
+
+def plain_cell(values: Any) -> Size | None:
+    """Return two integers if `values` is no doubt such a pair, as `plain_pair` does."""
+    kind = type(values)
+    if kind is np.ndarray:
+        if values.shape != (2,) or values.dtype.kind != "i":
+            return None
+        row, column = values.tolist()
+        return row, column
+    if (kind is tuple or kind is list) and len(values) == 2:
+        row, column = values
+        if type(row) is int and type(column) is int:
+            inside = -_EXACT <= row <= _EXACT and -_EXACT <= column <= _EXACT
+            return (row, column) if inside else None
+        # Elements of arrays of indices.
+        if type(row) is np.int64 and type(column) is np.int64:
+            return int(row), int(column)
+    return None
 
 
 def as_cells(values: ArrayLike, name: str = "index") -> Cells:
@@ -197,7 +253,8 @@ def select_layers(available: Iterable[str], layers: str | Iterable[str] | None) 
     """
     if layers is None:
         return tuple(available)
-    names, known = as_names(layers), dict.fromkeys(available)
+    names = as_names(layers)
+    known = available if isinstance(available, dict) else dict.fromkeys(available)
     for name in names:
         if not isinstance(name, str) or name not in known:
             raise LayerNotFoundError(name, known)

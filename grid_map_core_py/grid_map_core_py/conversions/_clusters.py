@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from ..arrays._checks import Integers, Positions
 from ..arrays._pieces import expanded
-from ..map._geometry import BORDER_TOLERANCE
+from ..map._axis import BORDER_TOLERANCE
 
 Edges: TypeAlias = list[tuple[Integers, Integers]]
 

@@ -221,7 +221,7 @@ def from_costmap(costmap: Costmap, layer: str, codec: CostCodec, *, timestamp: i
         raise GeometryError(f"costmap: expected {size[0]} x {size[1]} costs, got {costs.shape}")
     resolution = as_number(costmap.resolution, "resolution")
     origin = as_pair((costmap.origin_x, costmap.origin_y), "origin_x, origin_y")
-    center = origin + 0.5 * resolution * np.array(size)
+    center = np.array(origin) + 0.5 * resolution * np.array(size)
     geometry = GridGeometry.from_size(size, resolution, center)
     values = codec.to_values(costs[::-1].reshape(size, order="F"))
     return GridMap.from_geometry(

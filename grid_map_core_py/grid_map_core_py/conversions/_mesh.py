@@ -14,7 +14,8 @@ from ..arrays._checks import Integers, Positions, Size
 from ..arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError, short
 from ..limits import check_visits, most_visits
-from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._axis import BORDER_TOLERANCE
+from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 

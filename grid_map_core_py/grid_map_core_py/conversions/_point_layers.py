@@ -27,7 +27,8 @@ from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, 
 from ..arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
-from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._axis import BORDER_TOLERANCE
+from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._point_reductions import COLOR_REDUCERS, REDUCERS, MakeReducer
@@ -133,13 +134,13 @@ def from_points(
         LimitError: the extent of the points takes too many cells.
     """
     cloud = as_points(points)
-    center = None if position is None else as_pair(position, "position")
+    center = None if position is None else np.array(as_pair(position, "position"))
     lower = upper = np.zeros(2)
     if length is None or center is None:
         lower, upper = _extent(cloud, min_height, max_height)
     if length is not None:
         middle = lower + 0.5 * (upper - lower) if center is None else center
-        geometry = GridGeometry(as_pair(length, "length"), resolution, middle)
+        geometry = GridGeometry(length, resolution, middle)
     else:
         if center is not None:
             reach = np.maximum(upper - center, center - lower)

@@ -3,13 +3,13 @@
 """Geometry of a grid: conversion between positions and cell indices.
 
 Cells are counted here from the corner with the largest x and y, rows towards -x and columns towards
--y, as if the map had never moved. `_ring_buffer` knows where a cell is stored.
+-y, as if the map had never moved. `_axis` has the arithmetic, `_ring_buffer` knows where a cell is
+stored.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ..arrays._checks import (
     Cells,
     Mask,
+    Pair,
     Positions,
     Size,
     as_cells,
@@ -26,14 +27,11 @@ from ..arrays._checks import (
     as_pair,
     as_positions,
     as_size,
-    as_text,
 )
 from ..arrays._pieces import PIECE, slices
 from ..errors import GeometryError, OutOfMapError
 from . import _ring_buffer as ring_buffer
-
-BORDER_TOLERANCE = 1e-9
-"""Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
+from ._axis import Axis, both_axes
 
 # Largest number [m] that is too small for a resolution, because such numbers lose digits.
 _SUBNORMAL = float(np.nextafter(np.finfo(np.float64).tiny, 0.0))
@@ -42,7 +40,7 @@ _LARGEST_SIDE = 2**31  # largest number of cells along a side; larger layers can
 _LARGEST_SHIFT = 2.0**52  # largest shift [cells]; beyond it, float64 cannot count single cells
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class GridGeometry:
     """Size, resolution and place of a grid; immutable.
 
@@ -55,16 +53,16 @@ class GridGeometry:
         GeometryError: a length or the resolution is not positive and finite, or a side has no cell.
     """
 
-    length: Positions
+    _x: Axis
+    _y: Axis
+    size: Size
     resolution: float
-    position: Positions = field(default_factory=lambda: np.zeros(2))
-    size: Size = field(init=False)
 
-    def __post_init__(self) -> None:
-        length = as_pair(self.length, "length")
-        resolution = as_finite(self.resolution, "resolution", "a positive number", above=_SUBNORMAL)
-        # For two numbers, plain Python is several times faster than NumPy.
-        x, y = sides = tuple(length.tolist())
+    def __init__(
+        self, length: ArrayLike, resolution: float, position: ArrayLike = (0.0, 0.0)
+    ) -> None:
+        x, y = sides = as_pair(length, "length")
+        resolution = as_finite(resolution, "resolution", "a positive number", above=_SUBNORMAL)
         if not min(sides) > 0:
             raise GeometryError(f"length: expected positive numbers, got {sides}")
         # The quotient is positive: adding a half and truncating rounds half away from zero.
@@ -77,25 +75,38 @@ class GridGeometry:
             raise GeometryError(
                 f"length: expected at most 2**31 cells of {resolution} m, got {sides}"
             )
-        size = int(rows), int(columns)
-        self._set_up(size, resolution, as_pair(self.position, "position"))
+        center_x, center_y = as_pair(position, "position")
+        self._set_up(
+            Axis(int(rows), resolution, center_x), Axis(int(columns), resolution, center_y)
+        )
 
     @classmethod
     def from_size(
         cls, size: Size, resolution: float, position: ArrayLike = (0.0, 0.0)
     ) -> GridGeometry:
         """Return the geometry with `size` rows and columns of cells."""
-        length = np.multiply(as_size(size, "size"), as_number(resolution, "resolution"))
-        return cls(length, resolution, as_pair(position, "position"))
+        (rows, columns), resolution = as_size(size, "size"), as_number(resolution, "resolution")
+        return cls((rows * resolution, columns * resolution), resolution, position)
 
     def at(self, position: ArrayLike) -> GridGeometry:
         """Return the same grid centered on another position."""
-        return GridGeometry(self.length, self.resolution, as_pair(position, "position"))
+        x, y = as_pair(position, "position")
+        return self._of(self._x.at(x), self._y.at(y))
+
+    @cached_property
+    def length(self) -> Positions:
+        """(2,) side lengths along x and y [m]; read-only."""
+        return _read_only(self._sides)
+
+    @cached_property
+    def position(self) -> Positions:
+        """(2,) center of the map [m]; read-only."""
+        return _read_only(self._middle)
 
     @property
     def place(self) -> str:
         """Center and length as text, for error messages."""
-        return f"center {as_text(self.position)}, length {as_text(self.length)}"
+        return f"center {self._middle}, length {self._sides}"
 
     @property
     def corner(self) -> Positions:
@@ -118,9 +129,30 @@ class GridGeometry:
         inside = np.empty(len(points), dtype=np.bool_)
         with np.errstate(over="ignore"):
             for part in slices(len(points), PIECE):
-                borders = (*self._within(points[part, 0], 0), *self._within(points[part, 1], 1))
-                np.logical_and.reduce(borders, out=inside[part])
+                x, y = points[part].T
+                np.logical_and(self._x.contains(x), self._y.contains(y), out=inside[part])
         return inside.reshape(positions.shape[:-1])
+
+    def contains(self, position: Pair) -> bool:
+        """Return whether one position x, y [m] is on the map, as `is_inside` of an array does."""
+        x, y = position
+        return bool(self._x.contains(x) and self._y.contains(y))
+
+    def cell_at(self, position: Pair, start_index: Size = (0, 0)) -> Size | None:
+        """Return the cell under one position, or None if it is outside.
+
+        The same as `cells_at` of an array, which takes several times as long for one position.
+
+        Args:
+            position: x, y [m], map frame, two floats.
+            start_index: place of cell (0, 0) in the circular buffer; the cell is a buffer index.
+        """
+        if not self.contains(position):
+            return None
+        x, y = position
+        rows, columns = self.size
+        row, column = start_index
+        return (self._x.cell_at(x) + row) % rows, (self._y.cell_at(y) + column) % columns
 
     def cells_at(self, positions: ArrayLike, start_index: Size = (0, 0)) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
@@ -141,24 +173,33 @@ class GridGeometry:
         # Overflow makes a coordinate infinite, which is outside as well.
         with np.errstate(over="ignore"):
             for part in slices(len(points), PIECE):
-                for axis, size in enumerate(self.size):
-                    # Rounded as in the C++ library; `_within` subtracts in another order.
-                    steps = points[part, axis] - self._half[axis]
-                    steps -= self.position[axis]
-                    steps /= -self.resolution
+                for number, axis in enumerate((self._x, self._y)):
+                    coordinates, size = points[part, number], axis.size
+                    steps = axis.steps(coordinates)
                     # Checking all cells at once is faster than searching for the few outside.
                     if not (steps.min() > self._rounding and steps.max() < size - self._rounding):
-                        inside[part] &= np.logical_and(*self._within(points[part, axis], axis))
+                        inside[part] &= axis.contains(coordinates)
                         # NaN becomes 0. A position within rounding of the far border can lie
                         # beyond it.
                         np.fmax(steps, 0.0, out=steps)
                         np.minimum(steps, size - 1, out=steps)
-                    found = cells[axis, part]
+                    found = cells[number, part]
                     found[...] = steps
-                    if start_index[axis]:
-                        ring_buffer.place(found, 0, start_index[axis], size)
+                    if start_index[number]:
+                        ring_buffer.place(found, 0, start_index[number], size)
         rows, columns = cells.reshape(2, *positions.shape[:-1])
         return (rows, columns), inside.reshape(positions.shape[:-1])
+
+    def center_of(self, cell: Size, start_index: Size = (0, 0)) -> Pair:
+        """Return the center x, y [m] of one cell on the map, as `centers` does of many.
+
+        Args:
+            cell: row and column.
+            start_index: place of cell (0, 0) in the circular buffer; the cell is a buffer index.
+        """
+        x, y = self._x, self._y
+        row, column = (cell[0] - start_index[0]) % x.size, (cell[1] - start_index[1]) % y.size
+        return x.center_of(row), y.center_of(column)
 
     def centers(self, cells: ArrayLike, start_index: Size = (0, 0)) -> Positions:
         """Return the centers of cells.
@@ -177,21 +218,21 @@ class GridGeometry:
         positions = np.empty((*cells[0].shape, 2))
         if 2 * cells[0].size <= sum(self.size):
             self.check_cells(cells)
-            for axis, numbers in enumerate(cells):
-                steps = (numbers - start_index[axis]) % self.size[axis]
-                positions[..., axis] = self._first[axis] - self.resolution * steps
+            for number, axis in enumerate((self._x, self._y)):
+                lines = (cells[number] - start_index[number]) % axis.size
+                positions[..., number] = axis.center_of(lines)
             return positions
         x, y = map(np.roll, self.axes_in_map_order(), start_index)
         table, begins = np.concatenate((x, y)), (0, x.size)
         entries = np.empty((min(len(positions), PIECE), 2), np.int64)
         for part in slices(len(positions), PIECE):
             chosen = entries[: part.stop - part.start]
-            for axis, begin in enumerate(begins):
-                found = cells[axis][part]
+            for number, begin in enumerate(begins):
+                found = cells[number][part]
                 # Checking each piece in the cache is faster than checking all cells at once.
-                if found.view(np.uint64).max() >= self.size[axis]:
+                if found.view(np.uint64).max() >= self.size[number]:
                     self.check_cells(cells)
-                np.add(found, begin, out=chosen[:, axis])
+                np.add(found, begin, out=chosen[:, number])
             table.take(chosen, out=positions[part], mode="clip")
         return positions
 
@@ -201,8 +242,15 @@ class GridGeometry:
         Layers of a map that has not moved are stored in this order;
         `GridMap.axes` gives the order of every map.
         """
-        x, y = (self._first[axis] - self.resolution * np.arange(self.size[axis]) for axis in (0, 1))
-        return x, y
+        rows, columns = self.size
+        return self.axes_of_block(slice(0, rows), slice(0, columns))
+
+    def axes_of_block(self, rows: slice, columns: slice) -> tuple[Positions, Positions]:
+        """Return the x of rows and the y of columns [m] of a block of cells, both descending."""
+        # Counting in floats saves their conversion.
+        x = np.arange(rows.start, rows.stop, dtype=np.float64)
+        y = np.arange(columns.start, columns.stop, dtype=np.float64)
+        return self._x.center_of(x), self._y.center_of(y)
 
     def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.
@@ -237,17 +285,17 @@ class GridGeometry:
             lower: (2,) smallest x, y of the rectangle [m].
             upper: (2,) largest x, y of the rectangle [m].
         """
-        low, high = as_pair(lower, "lower").tolist(), as_pair(upper, "upper").tolist()
-        rows, columns = (self._span(axis, low[axis], high[axis]) for axis in (0, 1))
+        (x_low, y_low), (x_high, y_high) = as_pair(lower, "lower"), as_pair(upper, "upper")
+        rows, columns = self._x.overlapped(x_low, x_high), self._y.overlapped(y_low, y_high)
         if rows.start >= rows.stop or columns.start >= columns.stop:
             return slice(0, 0), slice(0, 0)
         return rows, columns
 
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
         """Return the geometry of a block of cells of this grid."""
-        first = np.array([rows.start, columns.start])
-        size = (rows.stop - rows.start, columns.stop - columns.start)
-        return self._derived(size, self.corner - self.resolution * (first + 0.5 * np.array(size)))
+        return self._of(
+            self._x.block(rows.start, rows.stop), self._y.block(columns.start, columns.stop)
+        )
 
     def closest_position(self, positions: ArrayLike) -> Positions:
         """Return each position, or the nearest one on the map if it is outside.
@@ -261,15 +309,7 @@ class GridGeometry:
         positions = as_positions(positions)
         if np.isnan(positions).any():
             raise GeometryError("position: NaN has no closest position in the map")
-        # About the smallest and largest coordinates inside: they differ from the borders by the
-        # rounding error of a sum of position and length. The step inwards has that size too: a
-        # smaller step would not change such a sum.
-        lower, upper = self.position - self._half, self.corner
-        step, both = np.spacing(np.abs(self.position) + self.length), slice(None)
-        while not (inside := self._within(lower, both)[1]).all():
-            lower = np.where(inside, lower, lower + step)
-        while not (inside := self._within(upper, both)[0]).all():
-            upper = np.where(inside, upper, upper - step)
+        lower, upper = zip(self._x.ends, self._y.ends, strict=True)
         clamped = np.clip(positions, lower, upper)
         return np.where(self.is_inside(positions)[..., None], positions, clamped)
 
@@ -278,19 +318,19 @@ class GridGeometry:
 
         Rounded half away from zero per axis; positive towards +row, that is towards -x.
         """
-        cells = (as_pair(position, "position") - self.position) / self.resolution
-        shift = -np.copysign(np.floor(np.abs(cells) + 0.5), cells)
-        if not (np.abs(shift) < _LARGEST_SHIFT).all():
+        x, y = as_pair(position, "position")
+        rows, columns = self._x.shift_to(x), self._y.shift_to(y)
+        if not (abs(rows) < _LARGEST_SHIFT and abs(columns) < _LARGEST_SHIFT):
             raise GeometryError(f"position {tuple(np.asarray(position).tolist())} is too far away")
-        return int(shift[0]), int(shift[1])
+        return int(rows), int(columns)
 
     def shifted(self, shift: Size) -> GridGeometry:
         """Return the grid moved by whole cells, as counted by `index_shift`."""
-        return self._derived(self.size, self.position - self.resolution * np.array(shift))
+        return self._of(self._x.shifted(shift[0]), self._y.shifted(shift[1]))
 
     def __reduce__(self) -> tuple[object, ...]:
         # Unpickled by default, the arrays would be writable.
-        return GridGeometry, (self.length, self.resolution, self.position)
+        return GridGeometry, (self._sides, self.resolution, self._middle)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, GridGeometry) and self._key() == other._key()
@@ -300,55 +340,45 @@ class GridGeometry:
 
     def __repr__(self) -> str:
         return (
-            f"GridGeometry(length={tuple(self.length.tolist())}, resolution={self.resolution}, "
-            f"position={tuple(self.position.tolist())}, size={self.size})"
+            f"GridGeometry(length={self._sides}, resolution={self.resolution}, "
+            f"position={self._middle}, size={self.size})"
         )
 
-    def _key(self) -> tuple[Size, float, tuple[float, ...]]:
-        return self.size, self.resolution, tuple(self.position.tolist())
+    def _key(self) -> tuple[Size, float, Pair]:
+        return self.size, self.resolution, self._middle
 
-    def _set_up(self, size: Size, resolution: float, position: Positions) -> None:
-        length = np.multiply(size, resolution)
-        length.flags.writeable = position.flags.writeable = False
-        values = {"length": length, "resolution": resolution, "position": position, "size": size}
-        self.__dict__.update(values)
+    def _set_up(self, x: Axis, y: Axis) -> None:
+        fields = self.__dict__
+        fields["_x"], fields["_y"] = x, y
+        fields["size"], fields["resolution"] = (x.size, y.size), x.resolution
 
-    def _derived(self, size: Size, position: Positions) -> GridGeometry:
-        """Return a grid of the same cells without the checks, which would take most of the time."""
+    @staticmethod
+    def _of(x: Axis, y: Axis) -> GridGeometry:
+        """Return a grid of two axes without the checks, which would take most of the time."""
         result = object.__new__(GridGeometry)
-        result._set_up(size, self.resolution, position)
+        result._set_up(x, y)
         return result
 
-    def _span(self, axis: int, lower: float, upper: float) -> slice:
-        """Return the slice of cells along an axis that an interval overlaps; it may be empty."""
-        half, center, size = self._half[axis], self.position[axis], self.size[axis]
-        tolerance = BORDER_TOLERANCE / self.resolution
-        # For far positions, the number of cells may be infinite.
-        near = max((upper - half - center) / -self.resolution + tolerance, -1.0)
-        far = min((lower - half - center) / -self.resolution - tolerance, size + 1.0)
-        first = math.floor(min(near, size + 1.0))
-        stop = max(math.ceil(max(far, -1.0)), first + 1)
-        return slice(min(max(first, 0), size), min(max(stop, 0), size))
+    @property
+    def _sides(self) -> Pair:
+        return self._x.length, self._y.length
 
-    def _within(self, values: Positions, axis: int | slice) -> tuple[Mask, Mask]:
-        """Return which coordinates are within the +x, +y border, and within the -x, -y border.
+    @property
+    def _middle(self) -> Pair:
+        return self._x.center, self._y.center
 
-        Rounded as in the C++ library, so that a position on a cell border falls to the same side.
-        """
-        half = self._half[axis]
-        offsets = half - (values - self.position[axis])
-        return offsets >= 0.0, offsets < 2.0 * half
+    @cached_property
+    def _both(self) -> Axis:
+        """Both axes at once, for coordinates (2, N)."""
+        return both_axes(self._x, self._y)
 
     @cached_property
     def _rounding(self) -> float:
-        """Bound of the difference between the two roundings [cells]."""
-        return float(4.0 * np.spacing(np.abs(self.position) + self.length).max() / self.resolution)
+        """Bound of the difference between the two roundings of an axis [cells]."""
+        return 4.0 * max(self._x.precision, self._y.precision) / self.resolution
 
-    @cached_property
-    def _first(self) -> Positions:
-        """Center of cell (0, 0) [m]."""
-        return self.position + 0.5 * (self.length - self.resolution)
 
-    @cached_property
-    def _half(self) -> Positions:
-        return 0.5 * self.length
+def _read_only(pair: Pair) -> Positions:
+    array = np.array(pair)
+    array.flags.writeable = False
+    return array

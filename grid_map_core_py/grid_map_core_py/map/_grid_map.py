@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
-from functools import partial
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from ..arrays._checks import (
     as_size,
     as_text,
     is_name,
+    plain_cell,
+    plain_pair,
     select_layers,
 )
 from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, cut, short
@@ -79,6 +81,12 @@ class GridMap(MutableMapping[str, Layer]):
         "_start",
         "_timestamp",
     )
+    _basic_layers: tuple[str, ...]
+    _frame_id: str
+    _geometry: GridGeometry
+    _layers: dict[str, Layer]
+    _start: Size
+    _timestamp: int
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(
@@ -93,9 +101,7 @@ class GridMap(MutableMapping[str, Layer]):
         timestamp: int = 0,
     ) -> None:
         """Make a map; the arguments are described at the class."""
-        geometry = GridGeometry(
-            as_pair(length, "length"), resolution, as_pair(position, "position")
-        )
+        geometry = GridGeometry(length, resolution, position)
         self._set_up(geometry, layers, basic_layers, frame_id, timestamp)
 
     @classmethod
@@ -122,18 +128,32 @@ class GridMap(MutableMapping[str, Layer]):
         frame_id: str,
         timestamp: int,
     ) -> None:
-        self._geometry = geometry
-        self._start: Size = (0, 0)
-        self._layers: dict[str, Layer] = {}
-        self._basic_layers: tuple[str, ...] = ()
-        self.frame_id = frame_id
-        self.timestamp = timestamp
         if not isinstance(layers, Mapping):
             layers = dict.fromkeys(as_names(layers), np.nan)
+        self._put(geometry, (0, 0), {}, (), _as_frame(frame_id), _as_time(timestamp))
         # Conversions of small messages begin with a map without layers.
         if layers:
             self.update(layers)
-        self.basic_layers = basic_layers
+        if basic_layers != ():
+            self.basic_layers = basic_layers
+
+    def _put(
+        self,
+        geometry: GridGeometry,
+        start: Size,
+        layers: dict[str, Layer],
+        basic_layers: tuple[str, ...],
+        frame_id: str,
+        timestamp: int,
+    ) -> None:
+        """Set all attributes; the `__setattr__` of this class would take microseconds in total."""
+        put = object.__setattr__
+        put(self, "_geometry", geometry)
+        put(self, "_start", start)
+        put(self, "_layers", layers)
+        put(self, "_basic_layers", basic_layers)
+        put(self, "_frame_id", frame_id)
+        put(self, "_timestamp", timestamp)
 
     # Properties
 
@@ -209,10 +229,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @frame_id.setter
     def frame_id(self, frame_id: str) -> None:
-        if frame_id != "" and not is_name(frame_id):
-            expected = "a string without control characters"
-            raise GridMapError(f"frame_id: expected {expected}, got {short(frame_id)}")
-        self._frame_id = frame_id
+        self._frame_id = _as_frame(frame_id)
 
     @property
     def timestamp(self) -> int:
@@ -221,12 +238,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     @timestamp.setter
     def timestamp(self, timestamp: int) -> None:
-        try:
-            self._timestamp = operator.index(timestamp)
-        except TypeError:
-            raise GridMapError(
-                f"timestamp: expected an integer of nanoseconds, got {short(timestamp)}"
-            ) from None
+        self._timestamp = _as_time(timestamp)
 
     if not TYPE_CHECKING:  # Type checkers find wrong names themselves.
 
@@ -256,7 +268,7 @@ class GridMap(MutableMapping[str, Layer]):
             self._layers[layer] = as_layer(value, self.size, layer)
 
     def __delitem__(self, layer: str) -> None:
-        select_layers(self, (layer,))
+        select_layers(self._layers, (layer,))
         del self._layers[layer]
         self._basic_layers = tuple(name for name in self._basic_layers if name != layer)
 
@@ -333,7 +345,7 @@ class GridMap(MutableMapping[str, Layer]):
 
     def without_layers(self, names: Iterable[str]) -> GridMap:
         """Return a map without the named layers; the others are shared as in `with_layers`."""
-        dropped = select_layers(self, as_names(names))
+        dropped = select_layers(self._layers, as_names(names))
         return self._with({n: data for n, data in self._layers.items() if n not in dropped})
 
     def clear(self, layer: str) -> None:  # type: ignore[override]
@@ -363,6 +375,9 @@ class GridMap(MutableMapping[str, Layer]):
 
         The +x and +y borders belong to the map, the -x and -y borders do not.
         """
+        position = plain_pair(positions)
+        if position is not None:
+            return self._geometry.contains(position)
         inside = self._geometry.is_inside(positions)
         return bool(inside) if inside.ndim == 0 else inside
 
@@ -372,12 +387,11 @@ class GridMap(MutableMapping[str, Layer]):
         Raises:
             OutOfMapError: the position is not on the map.
         """
-        (row, column), inside = self.get_indices(as_point(position, "position"))
-        if not inside:
-            raise OutOfMapError(
-                f"position {as_text(position)} is outside the map: {self._geometry.place}"
-            )
-        return int(row), int(column)
+        point = as_point(position, "position")
+        index = self._geometry.cell_at(point, self._start)
+        if index is None:
+            raise OutOfMapError(f"position {point} is outside the map: {self._geometry.place}")
+        return index
 
     def get_indices(self, positions: ArrayLike) -> tuple[Cells, Mask]:
         """Return the cell under each position and whether the position is on the map.
@@ -398,7 +412,7 @@ class GridMap(MutableMapping[str, Layer]):
         Raises:
             OutOfMapError: there is no such cell.
         """
-        return self.get_positions(as_size(index, "index"))
+        return np.array(self._geometry.center_of(self._checked(index), self._start))
 
     def get_positions(self, indices: ArrayLike | None = None) -> Positions:
         """Return the centers (N, 2) [m] of cells.
@@ -459,6 +473,14 @@ class GridMap(MutableMapping[str, Layer]):
         """
         return interpolate(self, layer, positions, interpolation)
 
+    def _checked(self, index: ArrayLike) -> Size:
+        """Return the buffer index of one cell; raise if there is no such cell."""
+        row, column = cell = as_size(index, "index")
+        rows, columns = self._geometry.size
+        if not (0 <= row < rows and 0 <= column < columns):
+            self._geometry.check_cells(cell)
+        return cell
+
     # Validity and vectors
 
     def is_valid(self, index: ArrayLike, layers: str | Iterable[str] | None = None) -> bool | Mask:
@@ -472,8 +494,13 @@ class GridMap(MutableMapping[str, Layer]):
         Raises:
             OutOfMapError: there is no such cell.
         """
+        cell = plain_cell(index)
+        if cell is not None:
+            self._checked(cell)
+            names = self._names(layers)
+            return bool(names) and all(isfinite(self._layers[n].item(cell)) for n in names)
         cells = self._geometry.check_cells(index)
-        names = self._basic_layers if layers is None else select_layers(self, layers)
+        names = self._names(layers)
         valid = np.full(cells[0].shape, bool(names))
         for name in names:
             valid &= np.isfinite(self._layers[name][cells])
@@ -481,24 +508,25 @@ class GridMap(MutableMapping[str, Layer]):
 
     def valid_mask(self, layers: str | Iterable[str] | None = None) -> Mask:
         """Return a mask (rows, cols) of the valid cells, as `is_valid` defines them."""
-        names = self._basic_layers if layers is None else select_layers(self, layers)
+        names = self._names(layers)
         valid: Mask = np.full(self.size, bool(names), order="F")
         for name in names:
             valid &= np.isfinite(self._layers[name])
         return valid
 
+    def _names(self, layers: str | Iterable[str] | None) -> tuple[str, ...]:
+        return self._basic_layers if layers is None else select_layers(self._layers, layers)
+
     def get_position3(self, layer: str, index: ArrayLike) -> Positions:
         """Return (3,) x, y and the value of a layer as z [m]; NaN where the value is not finite."""
-        position = self.get_position(index)
-        value = float(self[layer][as_size(index, "index")])
-        return _finite_or_nan(np.array([*position, value]))
+        cell = self._checked(index)
+        x, y = self._geometry.center_of(cell, self._start)
+        return _finite_or_nan(x, y, self[layer].item(cell))
 
     def get_vector(self, prefix: str, index: ArrayLike) -> Positions:
         """Return the (3,) vector in the layers `prefix` + x, y, z; NaN unless all are finite."""
-        cell = as_size(index, "index")
-        self._geometry.check_cells(cell)
-        vector = [self[f"{prefix}{axis}"][cell] for axis in "xyz"]
-        return _finite_or_nan(np.array(vector, np.float64))
+        cell = self._checked(index)
+        return _finite_or_nan(*(self[f"{prefix}{axis}"].item(cell) for axis in "xyz"))
 
     # Moving and cutting
 
@@ -517,14 +545,13 @@ class GridMap(MutableMapping[str, Layer]):
         shift = self._geometry.index_shift(position)
         if shift == (0, 0):
             return []
-        regions = ring_buffer.uncovered(self._start, self.size, shift)
+        (rows, columns), (row, column) = size, start = self.size, self._start
+        regions = ring_buffer.uncovered(start, size, shift)
         for region in regions:
+            slices = region.slices
             for data in self._layers.values():
-                data[region.slices] = np.nan
-        self._start = (
-            (self._start[0] + shift[0]) % self.size[0],
-            (self._start[1] + shift[1]) % self.size[1],
-        )
+                data[slices] = np.nan
+        self._start = (row + shift[0]) % rows, (column + shift[1]) % columns
         self._geometry = self._geometry.shifted(shift)
         return regions
 
@@ -591,18 +618,17 @@ class GridMap(MutableMapping[str, Layer]):
             GeometryError: a length is negative, or a number is not finite.
         """
         center, sides = as_pair(position, "position"), as_pair(length, "length")
-        if (sides < 0).any():
-            raise GeometryError(f"length: expected no negative numbers, got {as_text(sides)}")
-        rows, columns = self._geometry.box(center - 0.5 * sides, center + 0.5 * sides)
+        (x, y), (length_x, length_y) = center, sides
+        if length_x < 0 or length_y < 0:
+            raise GeometryError(f"length: expected no negative numbers, got {sides}")
+        half_x, half_y = 0.5 * length_x, 0.5 * length_y
+        rows, columns = self._geometry.box((x - half_x, y - half_y), (x + half_x, y + half_y))
         if rows.start == rows.stop:
             raise OutOfMapError(
-                f"the submap at {as_text(center)} of length {as_text(sides)} does not overlap the "
+                f"the submap at {center} of length {sides} does not overlap the "
                 f"map: {self._geometry.place}"
             )
-        layers = {
-            name: ring_buffer.block(data, self._start, rows, columns)
-            for name, data in self._layers.items()
-        }
+        layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
     def extend_to_include(self, other: GridMap) -> None:
@@ -723,14 +749,14 @@ class GridMap(MutableMapping[str, Layer]):
     ) -> GridMap:
         """Return a map with these layers; the rest is from this map and needs no check."""
         result = GridMap.__new__(GridMap)
-        # The `__setattr__` of this class, which explains wrong names, takes microseconds in total.
-        put = partial(object.__setattr__, result)
-        put("_geometry", geometry or self._geometry)
-        put("_start", start or self._start)
-        put("_layers", layers)
-        put("_basic_layers", tuple(name for name in self._basic_layers if name in layers))
-        put("_frame_id", self._frame_id)
-        put("_timestamp", self._timestamp)
+        result._put(
+            geometry or self._geometry,
+            start or self._start,
+            layers,
+            tuple([name for name in self._basic_layers if name in layers]),
+            self._frame_id,
+            self._timestamp,
+        )
         return result
 
     def _from_start(self, data: Layer, start: Size) -> Layer:
@@ -742,10 +768,26 @@ class GridMap(MutableMapping[str, Layer]):
         return data if first == (0, 0) else ring_buffer.unwrapped(data, first)
 
 
+def _as_frame(frame_id: str) -> str:
+    if frame_id != "" and not is_name(frame_id):
+        expected = "a string without control characters"
+        raise GridMapError(f"frame_id: expected {expected}, got {short(frame_id)}")
+    return frame_id
+
+
+def _as_time(timestamp: int) -> int:
+    try:
+        return operator.index(timestamp)
+    except TypeError:
+        raise GridMapError(
+            f"timestamp: expected an integer of nanoseconds, got {short(timestamp)}"
+        ) from None
+
+
 def _wrong_name(layer: object) -> GridMapError:
     expected = "a name, a non-empty string without control characters"
     return GridMapError(f"layer: expected {expected}, got {short(layer)}")
 
 
-def _finite_or_nan(vector: Positions) -> Positions:
-    return vector if np.isfinite(vector).all() else np.full(3, np.nan)
+def _finite_or_nan(*vector: float) -> Positions:
+    return np.array(vector if all(map(isfinite, vector)) else (nan, nan, nan))

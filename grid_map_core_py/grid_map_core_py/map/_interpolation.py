@@ -10,6 +10,8 @@ weights; beyond the border it repeats the border cell.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from enum import Enum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -17,9 +19,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Layer, Positions, Size, as_positions, as_text
+from ..arrays._checks import Layer, Pair, Positions, Size, as_positions, as_text, plain_pair
 from ..arrays._pieces import CHUNK, slices
 from ..errors import GridMapError, OutOfMapError, short
+from ._axis import Axis, Coordinate
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
@@ -62,14 +65,11 @@ def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Positions:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
-    try:
-        method = Interpolation(interpolation)
-    except ValueError:
-        known = ", ".join(method.value for method in Interpolation)
-        raise GridMapError(
-            f"interpolation: expected one of {known}, got {short(interpolation)}"
-        ) from None
+    method = interpolation if type(interpolation) is Interpolation else _method(interpolation)
     surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
+    point = plain_pair(positions)
+    if point is not None:
+        return surface.value(point, method)
     positions = as_positions(positions)
     points = positions.reshape(-1, 2)
     values = np.empty(len(points))
@@ -81,39 +81,74 @@ def interpolate(
     return float(values[0]) if positions.ndim == 1 else values.reshape(positions.shape[:-1])
 
 
+def _method(interpolation: object) -> Interpolation:
+    try:
+        return Interpolation(interpolation)
+    except ValueError:
+        known = ", ".join(method.value for method in Interpolation)
+        raise GridMapError(
+            f"interpolation: expected one of {known}, got {short(interpolation)}"
+        ) from None
+
+
 class _Surface:
-    """A layer as a function of coordinates (2, N): x in the first row, y in the second."""
+    """A layer as a function of one position, or of coordinates (2, N), x and y in two rows."""
 
     def __init__(self, geometry: GridGeometry, start: Size, layer: Layer) -> None:
-        rows, columns = geometry.size
         self._geometry = geometry
-        self._data = layer.ravel(order="F")
-        self._places = _places(rows, start[0], 1), _places(columns, start[1], rows)
-        self._center = geometry.position[:, np.newaxis]
-        self._half = 0.5 * geometry.length[:, np.newaxis]
-        # For single numbers Python is faster than NumPy.
-        self._sides = list(zip(geometry.position.tolist(), geometry.length.tolist(), strict=True))
+        self._start = start
+        self._layer = layer
+
+    def value(self, point: Pair, method: Interpolation) -> float:
+        """Return the value at one position, the same as `values`; raise if it is not on the map.
+
+        For one position, plain numbers are several times as fast as arrays.
+        """
+        if method is Interpolation.NEAREST:
+            cell = self._geometry.cell_at(point, self._start)
+            if cell is None:
+                raise self._outside(point)
+            return self._layer.item(cell)
+        if not self._geometry.contains(point):
+            raise self._outside(point)
+        value = self._weighted_sum(point, method)
+        return value if math.isfinite(value) else self.value(point, _FALLBACKS[method])
+
+    def _weighted_sum(self, point: Pair, method: Interpolation) -> float:
+        geometry, item = self._geometry, self._layer.item
+        reach, closed_above = _shape(method)
+        (x, y), (row, column) = point, self._start
+        rows, row_weights = _neighbors(geometry._x, x, row, reach, closed_above)
+        columns, column_weights = _neighbors(geometry._y, y, column, reach, closed_above)
+        value = 0.0
+        for column, column_weight in zip(columns, column_weights, strict=True):
+            # In the order of `_weighted_sums`: rounding depends on it.
+            part = 0.0
+            for row, weight in zip(rows, row_weights, strict=True):
+                part += item(row, column) * weight
+            value += part * column_weight
+        return value
+
+    def _outside(self, point: object) -> OutOfMapError:
+        return OutOfMapError(f"position {point} is outside the map: {self._geometry.place}")
 
     def coordinates(self, points: Positions) -> Positions:
         """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
         xy = np.ascontiguousarray(points.T)
         # Rounding keeps the order: if the extremes are inside, all positions are.
         lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
-        for low, high, (center, length) in zip(lowest, highest, self._sides, strict=True):
-            half = 0.5 * length
-            if not (half - (high - center) >= 0.0 and half - (low - center) < length):
-                outside = points[~self._geometry.is_inside(points)][0]
-                raise OutOfMapError(
-                    f"position {as_text(outside)} is outside the map: {self._geometry.place}"
-                )
+        if not (self._geometry.contains(lowest) and self._geometry.contains(highest)):
+            outside = points[~self._geometry.is_inside(points)][0]
+            raise self._outside(as_text(outside))
         return xy
 
     def values(self, xy: Positions, method: Interpolation) -> NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
         if method is Interpolation.NEAREST:
-            rows, columns = self._cells(xy).astype(np.intp)
-            places = self._places[0][_PADDING:].take(rows, mode="clip")
-            places += self._places[1][_PADDING:].take(columns, mode="clip")
+            rows, columns = self._geometry._both.steps(xy).astype(np.intp)
+            of_rows, of_columns = self._places
+            places = of_rows[_PADDING:].take(rows, mode="clip")
+            places += of_columns[_PADDING:].take(columns, mode="clip")
             nearest: NDArray[np.float32] = self._data.take(places, mode="clip")
             return nearest
         values = self._weighted_sums(xy, method)
@@ -124,12 +159,12 @@ class _Surface:
         return values
 
     def _weighted_sums(self, xy: Positions, method: Interpolation) -> Positions:
-        # As in C++, a position on a line of centers uses the cells on one side only.
-        below, t = self._between(xy, closed_above=method is Interpolation.CUBIC)
-        reach = 2 if method is Interpolation.LINEAR else 4
+        reach, closed_above = _shape(method)
+        below, t = self._geometry._both.between(xy, closed_above)
+        below = below.astype(np.intp)
         weights = np.empty((reach, *t.shape))
         _set_weights(weights, t)
-        if method is Interpolation.CUBIC:
+        if closed_above:
             _continue_slopes(weights, below, self._geometry.size)
         # Half of the neighbors along an axis are below each position.
         rows, columns = offsets = np.empty((2, reach, xy.shape[1]), np.intp)
@@ -137,48 +172,57 @@ class _Surface:
             for step, out in enumerate(outs, start=1 - reach // 2):
                 known[_PADDING - step :].take(numbers, mode="clip", out=out)
         cells = self._data.take(rows + columns[:, np.newaxis], mode="clip")
-        sums = np.einsum("crn,rn->cn", cells, weights[:, 0])
-        values: Positions = np.einsum("cn,cn->n", sums, weights[:, 1])
+        # Products and sums one by one, from 0, as `_weighted_sum`, on every processor: `einsum` may
+        # fuse them.
+        sums = np.multiply(cells, weights[:, 0]).sum(axis=1, initial=0.0)
+        sums *= weights[:, 1]
+        values: Positions = sums.sum(axis=0, initial=0.0)
         return values
 
-    def _cells(self, xy: Positions) -> Positions:
-        """Return (2, N) rows and columns from the corner, rounded as `GridGeometry` rounds them."""
-        cells = xy - self._half
-        cells -= self._center
-        cells /= -self._geometry.resolution
-        return cells
+    @property
+    def _data(self) -> Layer:
+        return self._layer.ravel(order="F")
 
-    def _between(self, xy: Positions, *, closed_above: bool) -> tuple[Places, Positions]:
-        """Return the rows and columns of the cell centers beside coordinates (2, N).
-
-        Args:
-            closed_above: True if a coordinate on a center belongs to the interval below it, with
-                t = 1, and not to the one above it, with t = 0.
-
-        Returns:
-            below: (2, N) row and column with the smaller coordinate, 0 ... count; the other ones
-                have the number before.
-            t: (2, N) place in between, from 0 at the smaller to 1 at the larger coordinate.
-        """
-        length, resolution = self._geometry.length[:, np.newaxis], self._geometry.resolution
-        cells = self._cells(xy)
-        np.trunc(cells, out=cells)
-        # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
-        t = cells * -resolution
-        t += self._center + 0.5 * (length - resolution)
-        np.subtract(xy, t, out=t)
-        t /= resolution
-        above = np.ceil(t) - 1.0 if closed_above else np.floor(t)
-        t -= above
-        cells -= above
-        return cells.astype(np.intp), t
+    @property
+    def _places(self) -> tuple[Places, Places]:
+        (rows, columns), (row, column) = self._geometry.size, self._start
+        return _places(rows, row, 1), _places(columns, column, rows)
 
 
-def _set_weights(weights: Positions, t: Positions) -> None:
+def _shape(method: Interpolation) -> tuple[int, bool]:
+    """Return how many cells along an axis a method uses, and whether it is `CUBIC`.
+
+    As in C++, `CUBIC` takes a position on a line of centers for one below the line, the other
+    methods for one above it.
+    """
+    return (2 if method is Interpolation.LINEAR else 4), method is Interpolation.CUBIC
+
+
+def _neighbors(
+    axis: Axis, x: float, start: int, reach: int, closed_above: bool
+) -> tuple[list[int], list[float]]:
+    """Return the buffer rows or columns that a coordinate uses, lowest first, and weights."""
+    size = axis.size
+    below, t = axis.between(x, closed_above, math)
+    weights = [0.0] * reach
+    _set_weights(weights, t)
+    if closed_above and not 0 < below < size:
+        far, near = (3, 0) if below >= size else (0, 3)
+        weights[far], weights[near] = _continued(weights[far], weights[near])
+    # As in `_places`, the border cell is repeated beyond the map.
+    first = max(below, 0) + reach // 2 - 1
+    last = first - reach + 1
+    cells: Iterable[int] = range(first, last - 1, -1)
+    if last < 0 or first >= size:
+        cells = [min(max(cell, 0), size - 1) for cell in cells]
+    return [(cell + start) % size for cell in cells], weights
+
+
+def _set_weights(weights: Any, t: Coordinate) -> None:
     """Set the weights (K, ...) of K neighbors in a row, the lowest one first.
 
     Args:
-        weights: weights of 2 cells, linear, or of 4, cubic.
+        weights: weights of 2 cells, linear, or of 4, cubic; a list for one number `t`.
         t: (...) place between the two inner cells, from 0 at the lower to 1 at the higher.
     """
     rest = 1.0 - t
@@ -187,17 +231,16 @@ def _set_weights(weights: Positions, t: Positions) -> None:
         return
     # Keys's kernel with a = -1/2; the Hermite polynomial with central differences for slopes is
     # the same.
-    lowest, below, above, highest = weights
     outer = -0.5 * t
     outer *= rest
-    np.multiply(outer, rest, out=lowest)
-    np.multiply(outer, t, out=highest)
+    weights[0] = lowest = outer * rest
+    weights[3] = highest = outer * t
     # With these inner weights, constants and straight lines are reproduced exactly.
-    bend = np.subtract(highest, lowest, out=outer)
-    np.subtract(rest, lowest, out=below)
-    below += bend
-    np.subtract(t, highest, out=above)
-    above -= bend
+    bend = highest - lowest
+    rest -= lowest
+    rest += bend
+    weights[1] = rest
+    weights[2] = t - highest - bend
 
 
 def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
@@ -207,8 +250,14 @@ def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
     """
     for beyond, near, far in ((below >= np.array(size)[:, np.newaxis], 0, 3), (below <= 0, 3, 0)):
         if beyond.any():
-            weights[far][beyond] -= weights[near][beyond]
-            weights[near][beyond] *= 2.0
+            weights[far][beyond], weights[near][beyond] = _continued(
+                weights[far][beyond], weights[near][beyond]
+            )
+
+
+def _continued(far: Coordinate, near: Coordinate) -> tuple[Coordinate, Coordinate]:
+    """Return the weights of the cell far from a border and of the repeated border cell."""
+    return far - near, 2.0 * near
 
 
 @lru_cache(maxsize=8)

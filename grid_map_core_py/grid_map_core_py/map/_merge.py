@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from ..arrays._checks import Mask, select_layers
 from ..errors import GridMapError, short
-from ._geometry import BORDER_TOLERANCE, GridGeometry
+from ._axis import BORDER_TOLERANCE
+from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap

@@ -7,12 +7,16 @@
 buffer.
 """
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from ..arrays._checks import Integers, Layer, Size
+
+Block: TypeAlias = tuple[slice, slice]
+"""Rows and columns."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +65,24 @@ def block(
         out: array of the block's shape to copy into; None makes one.
     """
     if out is None:
-        shape = rows.stop - rows.start, columns.stop - columns.start
-        out = np.empty(shape, layer.dtype, "F")
-    for from_rows, to_rows in _pieces(rows, start[0], layer.shape[0]):
-        for from_columns, to_columns in _pieces(columns, start[1], layer.shape[1]):
-            out[to_rows, to_columns] = layer[from_rows, from_columns]
+        out = np.empty((rows.stop - rows.start, columns.stop - columns.start), layer.dtype, "F")
+    for source, target in _copies(start, layer.shape, rows, columns):
+        out[target] = layer[source]
     return out
+
+
+def blocks(
+    layers: Mapping[str, Layer], start: Size, size: Size, rows: slice, columns: slice
+) -> dict[str, Layer]:
+    """Copy a block of map cells out of each layer, as `block` does; (rows, cols) is `size`."""
+    copies = _copies(start, size, rows, columns)
+    shape = rows.stop - rows.start, columns.stop - columns.start
+    result = {}
+    for name, layer in layers.items():
+        out = result[name] = np.empty(shape, layer.dtype, "F")
+        for source, target in copies:
+            out[target] = layer[source]
+    return result
 
 
 def unwrapped(layer: Layer, start: Size, out: Layer | None = None) -> Layer:
@@ -87,30 +103,39 @@ def uncovered(start: Size, size: Size, shift: Size) -> list[BufferRegion]:
     They hold the newly covered cells afterwards. At most two strips of rows come first, then at
     most two strips of columns; a shift by the whole map or more gives one region, the buffer.
     """
-    if any(abs(step) >= cells for step, cells in zip(shift, size, strict=True)):
+    (row, column), (rows, columns), (down, right) = start, size, shift
+    if abs(down) >= rows or abs(right) >= columns:
         return [BufferRegion((0, 0), size)]
-    strips = [
-        _runs(first if step > 0 else first + step, abs(step), cells)
-        for first, step, cells in zip(start, shift, size, strict=True)
+    strips = _runs(row + min(down, 0), abs(down), rows)
+    regions = [BufferRegion((first, 0), (count, columns)) for first, count in strips]
+    strips = _runs(column + min(right, 0), abs(right), columns)
+    return regions + [BufferRegion((0, first), (rows, count)) for first, count in strips]
+
+
+def _copies(start: Size, size: Size, rows: slice, columns: slice) -> list[tuple[Block, Block]]:
+    """Return the places in the buffer and in the block of the one to four pieces of a block."""
+    in_rows = _pieces(rows, start[0], size[0])
+    in_columns = _pieces(columns, start[1], size[1])
+    return [
+        ((from_rows, from_columns), (to_rows, to_columns))
+        for from_rows, to_rows in in_rows
+        for from_columns, to_columns in in_columns
     ]
-    rows = [BufferRegion((first, 0), (count, size[1])) for first, count in strips[0]]
-    columns = [BufferRegion((0, first), (size[0], count)) for first, count in strips[1]]
-    return rows + columns
 
 
-def _pieces(cells: slice, start: int, size: int) -> Iterator[tuple[slice, slice]]:
-    """Yield (buffer slice, block slice) of the one or two runs that cells take in the buffer."""
-    done = 0
-    for first, count in _runs(cells.start + start, cells.stop - cells.start, size):
-        yield slice(first, first + count), slice(done, done + count)
-        done += count
+def _pieces(cells: slice, start: int, size: int) -> list[tuple[slice, slice]]:
+    """Return (buffer slice, block slice) of the one or two runs that cells take in the buffer."""
+    count, done, pieces = cells.stop - cells.start, 0, []
+    for first, length in _runs(cells.start + start, count, size):
+        pieces.append((slice(first, first + length), slice(done, done + length)))
+        done += length
+    return pieces
 
 
-def _runs(first: int, count: int, size: int) -> Iterator[tuple[int, int]]:
-    """Yield (first, count) of the runs of `count` lines of the buffer, which wrap at its end."""
+def _runs(first: int, count: int, size: int) -> list[tuple[int, int]]:
+    """Return (first, count) of the runs of `count` lines of the buffer, which wrap at its end."""
     first %= size
-    before_end = min(count, size - first)
-    if before_end:
-        yield first, before_end
-    if before_end < count:
-        yield 0, count - before_end
+    before_end = size - first
+    if count <= before_end:
+        return [(first, count)] if count else []
+    return [(first, before_end), (0, count - before_end)]

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays._checks import Layer, Positions, as_array, as_finite, as_number
 from ..arrays._pieces import CHUNK, slices
 from ..errors import GeometryError, GridMapError, short
-from ._geometry import BORDER_TOLERANCE, GridGeometry
+from ._axis import BORDER_TOLERANCE
+from ._geometry import GridGeometry
 from ._grid_map import GridMap
 
 Nodes: TypeAlias = NDArray[np.float32]

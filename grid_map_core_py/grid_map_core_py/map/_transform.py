@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays._checks import Positions, as_array, as_finite
 from ..arrays._pieces import slices
 from ..errors import GeometryError, short
-from ._geometry import BORDER_TOLERANCE, GridGeometry
+from ._axis import BORDER_TOLERANCE
+from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
     from ._grid_map import GridMap

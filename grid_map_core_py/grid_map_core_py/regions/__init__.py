@@ -10,7 +10,7 @@
 - `half_chords` and `BORDER_TOLERANCE`: discs and borders, as all packages understand them.
 """
 
-from ..map._geometry import BORDER_TOLERANCE as BORDER_TOLERANCE
+from ..map._axis import BORDER_TOLERANCE as BORDER_TOLERANCE
 from ._polygon import Polygon as Polygon
 from ._shapes import (
     cells_to_mask as cells_to_mask,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays._checks import Mask, Positions, as_finite, as_numbers, as_pair, as_positions
 from ..arrays._pieces import slices
 from ..errors import GeometryError, short
-from ..map._geometry import BORDER_TOLERANCE
+from ..map._axis import BORDER_TOLERANCE
 
 _CHUNK = 2**16  # number of pairs of a point and an edge in a chunk, which fits into the cache
 
@@ -78,7 +78,7 @@ class Polygon:
             GeometryError: there are too few vertices, or a number is negative or not finite.
         """
         start = as_finite(radius, "radius", least=0.0), 0.0
-        return cls(as_pair(center, "center") + _arc(start, _number(n, 2), 1.0))
+        return cls(np.array(as_pair(center, "center")) + _arc(start, _number(n, 2), 1.0))
 
     @classmethod
     def convex_hull_of_two_circles(
@@ -94,7 +94,7 @@ class Polygon:
         Raises:
             GeometryError: there are too few vertices, or a number is negative or not finite.
         """
-        first, second = as_pair(center1, "center1"), as_pair(center2, "center2")
+        first, second = np.array((as_pair(center1, "center1"), as_pair(center2, "center2")))
         radius, n = as_finite(radius, "radius", least=0.0), _number(n, 3)
         if (first == second).all():
             return cls.from_circle(first, radius, n)

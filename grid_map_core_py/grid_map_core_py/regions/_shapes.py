@@ -10,10 +10,21 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Cells, Mask, Positions, Size, as_finite, as_pair, as_size, as_text
+from ..arrays._checks import (
+    Cells,
+    Integers,
+    Mask,
+    Pair,
+    Positions,
+    Size,
+    as_finite,
+    as_pair,
+    as_size,
+)
 from ..arrays._pieces import slices
 from ..errors import GeometryError, OutOfMapError, short
-from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..map._axis import BORDER_TOLERANCE
+from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._polygon import Polygon, edge_x
@@ -92,16 +103,19 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     Raises:
         GeometryError: the radius is negative, or a number is not finite.
     """
-    limit, center = checked_radius(radius), as_pair(center, "center")
-    rows, _ = grid_map.geometry.box(center - limit, center + limit)
-    x, y = grid_map.geometry.axes_in_map_order()
+    limit, (x, y) = checked_radius(radius), as_pair(center, "center")
+    geometry = grid_map.geometry
+    rows, _ = geometry.box((x - limit, y - limit), (x + limit, y + limit))
+    x_of_rows, y_of_columns = geometry.axes_of_block(rows, slice(0, geometry.size[1]))
     # The run of a row that misses the disc is empty: its half chord is negative.
-    half = half_chords(limit, x[rows] - center[0])
-    start = (-y).searchsorted(-(center[1] + half), side="left")
-    stop = (-y).searchsorted(-(center[1] - half), side="right")
+    half = half_chords(limit, x_of_rows - x)
+    ascending = -y_of_columns
+    start = ascending.searchsorted(-y - half, side="left")
+    stop = ascending.searchsorted(half - y, side="right")
     counts = np.maximum(stop - start, 0)
-    lines, columns = np.arange(counts.size), np.arange(int(counts.sum()))
-    columns += (start - counts.cumsum() + counts).repeat(counts)
+    ends = counts.cumsum()
+    lines, columns = np.arange(counts.size), np.arange(int(ends[-1]) if ends.size else 0)
+    columns += (start - ends + counts).repeat(counts)
     place(lines, rows.start, grid_map.start_index[0], grid_map.size[0])
     place(columns, 0, grid_map.start_index[1], grid_map.size[1])
     return lines.repeat(counts), columns
@@ -139,7 +153,10 @@ def ellipse_cells(
     Raises:
         GeometryError: a length is negative, or a number is not finite.
     """
-    center, half_axes = as_pair(center, "center"), 0.5 * as_pair(length, "length")
+    center, half_axes = (
+        np.array(as_pair(center, "center")),
+        0.5 * np.array(as_pair(length, "length")),
+    )
     if (half_axes < 0).any():
         raise GeometryError(f"length: expected no negative numbers, got {short(length)}")
     angle = as_finite(rotation, "rotation", "a finite angle [rad]")
@@ -148,8 +165,8 @@ def ellipse_cells(
     reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
     reach += BORDER_TOLERANCE
     rows, columns = grid_map.geometry.box(center - reach, center + reach)
-    x, y = grid_map.geometry.axes_in_map_order()
-    x, y = x[rows, None] - center[0], y[columns] - center[1]
+    x, y = grid_map.geometry.axes_of_block(rows, columns)
+    x, y = x[:, None] - center[0], y - center[1]
 
     def is_inside(x: Positions) -> Mask:
         along, across = cosine * x + sine * y, sine * x - cosine * y
@@ -177,8 +194,7 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     if not len(vertices):
         return empty_cells(0)
     rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
-    x, y = grid_map.geometry.axes_in_map_order()
-    x, y = x[rows], y[columns]
+    x, y = grid_map.geometry.axes_of_block(rows, columns)
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
     # As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
     below = (-y).searchsorted(-vertices[:, 1], side="right")
@@ -209,12 +225,11 @@ def line_cells(grid_map: GridMap, start: ArrayLike, end: ArrayLike) -> Cells:
         OutOfMapError: the line does not touch the map.
         GeometryError: a number is not finite.
     """
-    ends = np.array([as_pair(start, "start"), as_pair(end, "end")])
-    cells, on_map = grid_map.geometry.cells_at(ends)
-    if not on_map.all():
-        cells = _clipped(grid_map.geometry, ends, on_map)
-    (first_row, last_row), (first_column, last_column) = (numbers.tolist() for numbers in cells)
-    return _drawn(grid_map, (first_row, first_column), (last_row, last_column))
+    geometry, ends = grid_map.geometry, (as_pair(start, "start"), as_pair(end, "end"))
+    first, last = (geometry.cell_at(position) for position in ends)
+    if first is None or last is None:
+        first, last = _clipped(geometry, *ends)
+    return _drawn(grid_map, first, last)
 
 
 def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: ArrayLike) -> Cells:
@@ -229,7 +244,8 @@ def line_cells_between(grid_map: GridMap, start_index: ArrayLike, end_index: Arr
         OutOfMapError: there is no such cell.
     """
     ends = as_size(start_index, "start_index"), as_size(end_index, "end_index")
-    grid_map.geometry.check_cells(np.array(ends))
+    for cell in ends:
+        grid_map.geometry.check_cells(cell)
     (row, column), (rows, columns) = grid_map.start_index, grid_map.size
     first, last = (((i - row) % rows, (j - column) % columns) for i, j in ends)
     return _drawn(grid_map, first, last)
@@ -241,18 +257,27 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     The axis with more steps takes one per cell. After k of n cells, the other axis has taken
     (n // 2 + k * steps) // n of its steps: the error term of the usual loop in closed form.
     """
-    steps = [last[axis] - first[axis] for axis in (0, 1)]
+    steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
-    along = np.arange(longer + 1)
-    cells = empty_cells(along.size)
-    for axis, numbers in enumerate(cells):
-        taken = (longer // 2 + along * abs(steps[axis])) // max(longer, 1)
-        numbers[:] = taken if steps[axis] > 0 else -taken
-        place(numbers, first[axis], grid_map.start_index[axis], grid_map.size[axis])
-    return cells
+    rows, columns = _taken(steps[0], longer), _taken(steps[1], longer)
+    place(rows, first[0], grid_map.start_index[0], grid_map.size[0])
+    place(columns, first[1], grid_map.start_index[1], grid_map.size[1])
+    return rows, columns
 
 
-def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
+def _taken(steps: int, longer: int) -> Integers:
+    """Return how many of its steps an axis has taken after 0 ... `longer` cells."""
+    direction = -1 if steps < 0 else 1
+    if abs(steps) == longer:
+        return np.arange(0, steps + direction, direction)
+    taken = np.arange(longer + 1)
+    taken *= abs(steps)
+    taken += longer // 2
+    taken //= longer
+    return taken if steps > 0 else -taken
+
+
+def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size]:
     """Return the first and the last cell of a line clipped to the map.
 
     Liang and Barsky: every border of the map cuts off the line before or behind a fraction of it.
@@ -260,16 +285,17 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
     Raises:
         OutOfMapError: there is no such part.
     """
+    on_map = geometry.contains(start), geometry.contains(end)
     enters, leaves = 0.0, 1.0
     lower = (geometry.position - 0.5 * geometry.length).tolist()
     upper = geometry.corner.tolist()
-    for a, b, low, high in zip(*ends.tolist(), lower, upper, strict=True):
+    for a, b, low, high in zip(start, end, lower, upper, strict=True):
         # The difference of two large numbers could overflow; the difference of their halves cannot.
         extent = 0.5 * b - 0.5 * a
         if extent:
             cuts = sorted((0.5 * border - 0.5 * a) / extent for border in (low, high))
             enters, leaves = max(enters, cuts[0]), min(leaves, cuts[1])
-        elif not (low <= a <= high or on_map.any()):
+        elif not (low <= a <= high or any(on_map)):
             enters, leaves = 1.0, 0.0
     # Rounding may put an end that is on the border outside.
     if on_map[0]:
@@ -278,11 +304,12 @@ def _clipped(geometry: GridGeometry, ends: Positions, on_map: Mask) -> Cells:
         enters, leaves = min(enters, 1.0), 1.0
     if enters <= leaves:
         fractions = np.array([[enters], [leaves], [0.5 * (enters + leaves)]])
-        cells, found = geometry.cells_at((1.0 - fractions) * ends[0] + fractions * ends[1])
+        points = (1.0 - fractions) * start + fractions * end
+        (rows, columns), found = geometry.cells_at(points)
         # The borders at -x and -y are outside, and so is the middle of a line along them.
         if found.any():
-            return cells[0][:2], cells[1][:2]
-    start, end = map(as_text, ends)
+            first, last, _ = zip(rows.tolist(), columns.tolist(), strict=True)
+            return first, last
     raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
 
 

@@ -10,8 +10,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Cells, Integers, Positions, Size, as_pair
-from ..map._geometry import BORDER_TOLERANCE, GridGeometry
+from ..arrays._checks import Cells, Integers, Pair, Positions, Size, as_pair
+from ..map._axis import BORDER_TOLERANCE
+from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._ring_buffer import place
 from ._shapes import checked_radius, circle_cells, empty_cells
@@ -55,41 +56,31 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     return cells
 
 
-def _cell_under(geometry: GridGeometry, position: Positions) -> Size:
+def _cell_under(geometry: GridGeometry, position: Pair) -> Size:
     """Return the map cell under a position, which may be beyond the map."""
-    # Plain Python numbers: for a pair, NumPy would take longer than the whole spiral.
-    steps = [
-        (p - 0.5 * length - middle) / -geometry.resolution
-        for p, length, middle in zip(
-            position.tolist(), geometry.length.tolist(), geometry.position.tolist(), strict=True
-        )
-    ]
+    steps = geometry._x.steps(position[0]), geometry._y.steps(position[1])
     row, column = (math.floor(max(min(step, FAR), -FAR)) for step in steps)
     if 0 <= row < geometry.size[0] and 0 <= column < geometry.size[1]:
         return row, column
     # Rounding may put a position that is on the border outside.
-    (i, j), inside = geometry.cells_at(position)
-    if inside:
-        return int(i), int(j)
+    if cell := geometry.cell_at(position):
+        return cell
     tolerance = BORDER_TOLERANCE / geometry.resolution
     row, column = (math.floor(max(min(step + tolerance, FAR), -FAR)) for step in steps)
     return row, column
 
 
-def _cut_out(grid_map: GridMap, center: Positions, middle: Size, limit: float) -> Cells:
+def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cells:
     """Return the part of the cached spiral in a disc; only outer rings are distance-tested."""
     geometry = grid_map.geometry
     to_border = min(*middle, *(n - 1 - cell for n, cell in zip(geometry.size, middle, strict=True)))
     if to_border < -KEPT_RINGS:
         return empty_cells(0)
     # x, y from the center of the disc to the center of its cell [m].
-    off_center = [
-        position + 0.5 * (length - geometry.resolution) - geometry.resolution * cell - origin
-        for position, length, cell, origin in zip(
-            *(geometry.position.tolist(), geometry.length.tolist(), middle, center.tolist()),
-            strict=True,
-        )
-    ]
+    off_center = (
+        geometry._x.center_of(middle[0]) - center[0],
+        geometry._y.center_of(middle[1]) - center[1],
+    )
     off = math.hypot(*off_center)
     reach = math.floor((limit + off) / geometry.resolution)
     # Number of rings that are entirely in the disc and on the map; the center cell always counts.

@@ -1,0 +1,166 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The arithmetic between coordinates and cells, along x or y.
+
+Cells are counted from the border with the largest coordinate, as if the map had never moved.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays._checks import Mask
+
+Coordinate = TypeVar("Coordinate", float, NDArray[Any])
+"""One coordinate [m], or an array of them. NumPy and Python round both alike."""
+
+BORDER_TOLERANCE = 1e-9
+"""Tolerance [m] within which an edge or a rim counts as on a cell border or a cell center."""
+
+
+class Axis:
+    """The cells along x, or along y.
+
+    Not to be changed. All attributes are plain numbers, because a scalar of NumPy takes several
+    times as long in each operation. `both_axes` is the exception.
+
+    Attributes:
+        size: number of cells.
+        resolution: side of a cell [m].
+        center: coordinate of the center of the map [m].
+        length: side of the map [m].
+        half: half the side [m].
+        first: center of cell 0 [m].
+    """
+
+    __slots__ = ("center", "first", "half", "length", "resolution", "size")
+
+    def __init__(self, size: int, resolution: float, center: float) -> None:
+        self.size = size
+        self.resolution = resolution
+        self.center = center
+        self.length = size * resolution
+        self.half = 0.5 * self.length
+        self.first = center + 0.5 * (self.length - resolution)
+
+    def contains(self, x: Coordinate) -> bool | Mask:
+        """Return whether coordinates are on the map; NaN is not.
+
+        The + border belongs to the map, the - border does not. Rounded as in the C++ library, so
+        that a position on a border falls to the same side.
+        """
+        offset = self.offset(x)
+        return (offset >= 0.0) & (offset < self.length)
+
+    def offset(self, x: Coordinate) -> Coordinate:
+        """Return the distances of coordinates from the + border [m], as `contains` rounds them."""
+        return self.half - (x - self.center)
+
+    def steps(self, x: Coordinate) -> Coordinate:
+        """Return the distances of coordinates from the + border [cells].
+
+        Rounded as in the C++ library, in another order than `contains`: the distance of a
+        coordinate on the map may be a rounding error below 0, or reach `size`.
+        """
+        steps = x - self.half
+        steps -= self.center
+        steps /= -self.resolution
+        return steps
+
+    @property
+    def precision(self) -> float:
+        """Distance between neighboring floats of about the size of the coordinates [m]."""
+        return math.ulp(abs(self.center) + self.length)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """About the smallest and the largest coordinate on the map [m].
+
+        They differ from the borders by the rounding error of a sum of center and length. A step
+        smaller than this would not change such a sum.
+        """
+        lower, upper, step = self.center - self.half, self.center + self.half, self.precision
+        while not self.offset(lower) < self.length:
+            lower += step
+        while not self.offset(upper) >= 0.0:
+            upper -= step
+        return lower, upper
+
+    def cell_at(self, x: float) -> int:
+        """Return the cell under a coordinate on the map."""
+        return min(max(int(self.steps(x)), 0), self.size - 1)
+
+    def center_of(self, cell: Coordinate) -> Coordinate:
+        """Return the centers of cells [m]."""
+        return self.first - self.resolution * cell
+
+    def between(
+        self, x: Coordinate, closed_above: bool, rounding: Any = np
+    ) -> tuple[Any, Coordinate]:
+        """Return between which cell centers coordinates are, and where in between.
+
+        Args:
+            x: coordinates on the map [m].
+            closed_above: True if a coordinate on a center belongs to the interval below it, with
+                t = 1, and not to the one above it, with t = 0.
+            rounding: the module with `trunc`, `floor` and `ceil`: `math` for one coordinate.
+
+        Returns:
+            below: the cell with the smaller coordinate, 0 ... `size`; the other is the one before.
+            t: place in between, from 0 at the smaller to 1 at the larger coordinate.
+        """
+        cell = rounding.trunc(self.steps(x))
+        # Rounded like the map's own cell centers, so that t is exactly 0 at a center.
+        t = x - self.center_of(cell)
+        t /= self.resolution
+        above = rounding.ceil(t) - 1 if closed_above else rounding.floor(t)
+        t -= above
+        cell -= above
+        return cell, t
+
+    def overlapped(self, lower: float, upper: float) -> slice:
+        """Return the slice of cells that an interval overlaps; it may be empty.
+
+        An end within `BORDER_TOLERANCE` of a cell border adds no further cell.
+        """
+        size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
+        # For far positions, the number of cells may be infinite.
+        near = min(max(self.steps(upper) + tolerance, -1.0), size)
+        far = min(max(self.steps(lower) - tolerance, -1.0), size)
+        first = math.floor(near)
+        stop = max(math.ceil(far), first + 1)
+        return slice(max(first, 0), min(stop, size))
+
+    def shift_to(self, center: float) -> float:
+        """Return by how many whole cells, towards smaller coordinates, to move nearest to a center.
+
+        Rounded half away from zero; NaN for an infinite number.
+        """
+        cells = (self.center - center) / self.resolution
+        return math.copysign((abs(cells) + 0.5) // 1.0, cells)
+
+    def at(self, center: float) -> Axis:
+        """Return the same cells around another center."""
+        return Axis(self.size, self.resolution, center)
+
+    def shifted(self, shift: int) -> Axis:
+        """Return the axis moved by whole cells, towards smaller coordinates."""
+        return self.at(self.center - self.resolution * shift)
+
+    def block(self, first: int, stop: int) -> Axis:
+        """Return the axis of a block of these cells."""
+        size = stop - first
+        corner = self.center + self.half
+        center = corner - self.resolution * (first + 0.5 * size)
+        return Axis(size, self.resolution, center)
+
+
+def both_axes(x: Axis, y: Axis) -> Axis:
+    """Return an axis whose numbers are arrays (2, 1), for coordinates (2, N)."""
+    size: Any = np.array([[x.size], [y.size]])
+    center: Any = np.array([[x.center], [y.center]])
+    return Axis(size, x.resolution, center)
