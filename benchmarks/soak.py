@@ -448,7 +448,7 @@ class Soak:
             self.problems.append(f"a browser failed: {error!r}")
 
     def _visit(self, viewer: Process) -> None:
-        """Connect to the page, read, stop reading, leave, each for some seconds, and begin again."""
+        """Connect to the page, read, stop reading, leave, each for some seconds; begin again."""
         import viser
         from msgspec import msgpack
         from websockets.sync.client import connect
