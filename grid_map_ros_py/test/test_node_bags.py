@@ -75,6 +75,8 @@ def test_continuous_saver_saves_every_map_and_drops_invalid_messages(tmp_path):
         )
         publisher.publish(TOPIC, to_message(numbered_map(3)))
         wait_until(lambda: saved(bag) == 3, "the third map")
+        wait_until(lambda: "more maps saved: 1\n" in saver.text, "the number of maps")
+        assert saver.text.count("saved GridMap") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 

@@ -8,7 +8,10 @@ from grid_map_core_py.errors import GridMapError
 
 from .. import BagWriter, MessageError, ReceivedMap
 from ..errors import NodeFailedError
-from ..nodes import ConfiguredNode, MapSubscription, read_parameter
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter, steady_timer
+
+LOG_PERIOD = 10.0
+"""Time between two lines in the log on saved maps [s]."""
 
 
 class GridMapSaverNode(ConfiguredNode):
@@ -29,6 +32,8 @@ class GridMapSaverNode(ConfiguredNode):
         self._compression = self.read("compression", "none", about)
         # Fail now rather than when the first map arrives.
         self._bag().check(self._topic)
+        self._saved, self._logged = 0, 1
+        steady_timer(self, LOG_PERIOD, self._log_count)
         self._subscription = MapSubscription(self, topic, self._on_map)
         self.get_logger().info(f"saves maps of {self._subscription.topic_name} to {self._path}")
 
@@ -44,9 +49,16 @@ class GridMapSaverNode(ConfiguredNode):
             if self._continuous or isinstance(error, MessageError):
                 raise
             raise NodeFailedError(str(error)) from error
-        self.get_logger().info(f"saved {grid_map}")
+        self._saved += 1
+        if self._saved == 1:
+            self.get_logger().info(f"saved {grid_map}")
         if not self._continuous:
             try_shutdown()
+
+    def _log_count(self) -> None:
+        if self._saved > self._logged:
+            self.get_logger().info(f"more maps saved: {self._saved - self._logged}")
+            self._logged = self._saved
 
 
 if __name__ == "__main__":
