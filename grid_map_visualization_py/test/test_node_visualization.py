@@ -5,6 +5,7 @@
 import sys
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from messages import RECORDINGS, recorded, recorded_parameters
 from nav_msgs.msg import OccupancyGrid
 from visualization_msgs.msg import Marker
@@ -185,6 +186,28 @@ def test_failing_outputs_are_reported_once_and_others_continue(peer, arguments):
     # Those after it are one line per second.
     assert len(dropped) <= 3
     assert all("info.resolution" in line for line in dropped)
+
+
+def test_diagnostics_have_the_problems_of_single_outputs(peer, arguments):
+    def reported() -> tuple[bytes, str]:
+        statuses = [status for report in peer.received["/diagnostics"] for status in report.status]
+        return (statuses[-1].level, statuses[-1].message) if statuses else (b"", "")
+
+    with running_node(MODULE, *arguments(**two_outputs())):
+        peer.listen("/diagnostics", DiagnosticArray, 10)
+        peer.listen("region", Marker)
+        grid = peer.listen("grid", OccupancyGrid)
+        peer.publish("/grid_map", elevation_map(0.5, layer="height"))
+        text = "0 of 1 maps dropped; visualization 'grid': no layer 'elevation'; available: height"
+        peer.wait_until(lambda: reported() == (DiagnosticStatus.WARN, text), "the problem")
+        peer.publish("/grid_map", elevation_map(0.5))
+        text = "0 of 2 maps dropped"
+        peer.wait_until(lambda: reported() == (DiagnosticStatus.OK, text), "no problem")
+        peer.publish("/grid_map", elevation_map(0.5, layer="height"))
+        peer.wait_until(lambda: reported()[0] == DiagnosticStatus.WARN, "the problem")
+        peer.node.destroy_subscription(grid)
+        text = "0 of 3 maps dropped"
+        peer.wait_until(lambda: reported() == (DiagnosticStatus.OK, text), "no subscriber")
 
 
 def test_resolved_topics_are_logged(peer, arguments):

@@ -17,7 +17,8 @@ from hypothesis import given, strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_ros_py import ReceivedMap, to_serialized_message
+from grid_map_ros_py import MessageError, ReceivedMap, to_message, to_serialized_message
+from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import (
@@ -459,6 +460,27 @@ def test_senseless_choice_of_a_browser_is_a_problem(page, hill, monkeypatch, nam
     assert viewer.update()
     control.value = before
     assert viewer.update() == ""
+
+
+@pytest.mark.parametrize("is_watched", [True, False])
+def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypatch, is_watched):
+    monkeypatch.setattr(Page, "is_watched", is_watched)
+    notes = []
+    monkeypatch.setattr(Page, "tell", lambda _, text: notes.append(text))
+    viewer = Viewer(page, 0)
+    message = to_message(hill)
+    good = serialize(message)
+    # A layer that the page does not show.
+    message.layers = [*message.layers, "hidden"]
+    message.data = [*message.data, type(message.data[0])()]
+    viewer.receive(ReceivedMap(good))
+    assert viewer.update() == ""
+    with pytest.raises(MessageError, match="layer 'hidden'"):
+        viewer.receive(ReceivedMap(serialize(message)))
+    assert viewer.update() == ""
+    viewer.receive(ReceivedMap(good))
+    assert viewer.update() == ""
+    assert ["hidden" in note for note in notes] == [False, True, False] * is_watched
 
 
 @pytest.mark.parametrize("direction", [(0, 0), (0, 0, 0), (math.nan, 0, 0), None, "abc"])

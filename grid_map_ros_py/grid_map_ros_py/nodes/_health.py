@@ -37,6 +37,7 @@ class Health:
         used: number of inputs that the node has processed.
         dropped: number of inputs that it could not use.
         last_error: reason for the last dropped input; empty if there is none.
+        problem: what the node cannot do with the last input that it used; empty if nothing.
         details: returns further values by name.
     """
 
@@ -45,6 +46,7 @@ class Health:
     used: int = 0
     dropped: int = 0
     last_error: str = ""
+    problem: str = ""
     details: Callable[[], Mapping[str, object]] = dict
     _last_was_dropped: bool = False
     _last_time: float = math.nan
@@ -86,8 +88,10 @@ class Health:
         """Publish the state if there are subscribers, and log what was held back."""
         flush_logs()
         if self._publisher.get_subscription_count():
-            level = DiagnosticStatus.WARN if self._last_was_dropped else DiagnosticStatus.OK
-            self._publish(node, level, f"{self.dropped} of {self.received} {self.inputs} dropped")
+            is_impaired = self._last_was_dropped or self.problem
+            level = DiagnosticStatus.WARN if is_impaired else DiagnosticStatus.OK
+            text = f"{self.dropped} of {self.received} {self.inputs} dropped"
+            self._publish(node, level, f"{text}; {self.problem}" if self.problem else text)
 
     def report_failure(self, node: Node, reason: str) -> None:
         """Publish that the node ends, and wait until subscribers have it, at most 2 s."""

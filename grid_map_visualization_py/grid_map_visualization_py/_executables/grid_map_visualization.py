@@ -17,6 +17,7 @@ from grid_map_ros_py.nodes import (
     LogThrottle,
     MapSubscription,
     check_topic,
+    health_of,
     map_qos,
     read_parameter,
     read_parameter_tree,
@@ -108,16 +109,19 @@ class GridMapVisualizationNode(ConfiguredNode):
 
     def _publish_due(self) -> None:
         for output in self._outputs:
+            if not output.subscribers:
+                output.problem = ""
             if self._map is None or not (output.is_due and output.subscribers):
                 continue
-            output.is_due = False
+            output.is_due, output.problem = False, ""
             try:
-                message = output.visualization(self._map)
+                output.publisher.publish(output.visualization(self._map))
             except Exception as error:  # Plugins may raise anything, and the other outputs go on.
                 cause = str(error) if isinstance(error, GridMapError) else repr(error)
-                self._log.warning(f"visualization {output.name!r}: {cause}")
-            else:
-                output.publisher.publish(message)
+                output.problem = f"visualization {output.name!r}: {cause}"
+                self._log.warning(output.problem)
+        problems = (output.problem for output in self._outputs)
+        health_of(self).problem = "; ".join(filter(None, problems))
 
 
 @dataclass
@@ -130,6 +134,7 @@ class Output:
         publisher: publishes them.
         subscribers: number of subscribers of the topic.
         is_due: the last map has not been published for all subscribers yet.
+        problem: why the last map could not be published; empty if it could.
     """
 
     name: str
@@ -137,6 +142,7 @@ class Output:
     publisher: Any = None
     subscribers: int = 0
     is_due: bool = False
+    problem: str = ""
 
 
 if __name__ == "__main__":

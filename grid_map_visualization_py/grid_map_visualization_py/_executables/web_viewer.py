@@ -76,12 +76,12 @@ class WebViewerNode(ConfiguredNode):
         Node.destroy_node(self)
 
     def _receive(self, received: ReceivedMap) -> None:
+        self._viewer.receive(received)
         if not self._has_map:
             # By now all nodes have started, and the address stands at the end of what they log.
             text = f"the first map of {self._maps.topic_name} has come; see\n{self._page.url}"
             self.get_logger().info(text)
         self._has_map = True
-        self._viewer.receive(received)
 
     def _update(self) -> None:
         problem = self._viewer.update()

@@ -44,10 +44,20 @@ class Viewer:
         self._settings: Settings | None = None
         self._drawn: tuple[ReceivedMap, GridMap, Scene] | None = None
         self._selected: Positions | None = None
-        self._problem = ""
+        self._problem = self._refusal = ""
 
     def receive(self, received: ReceivedMap) -> None:
-        """Accept a map, which is shown at the next `update`."""
+        """Accept a map, which is shown at the next `update`.
+
+        Raises:
+            GridMapError: the map contradicts itself. The page says so, and keeps the one it has.
+        """
+        try:
+            received.decode([])
+        except GridMapError as error:
+            self._refusal = str(error)
+            raise
+        self._refusal = ""
         self._latest = received
         self._arrivals.append(time.monotonic())
 
@@ -55,7 +65,7 @@ class Viewer:
         """Update the page.
 
         Returns:
-            The problem with the last map or with the settings, empty if there is none. The page
+            The problem with the shown map or with the settings, empty if there is none. The page
             shows this text as well, and keeps the map that it had.
         """
         page = self._page
@@ -66,8 +76,8 @@ class Viewer:
                 self._answer_click()
             except Exception as error:  # What a page sends must not end the node.
                 self._problem = str(error) if isinstance(error, GridMapError) else repr(error)
-            if self._problem:
-                page.tell(as_note(self._problem))
+            if self._problem or self._refusal:
+                page.tell(as_note(self._problem or self._refusal))
             elif self._drawn is not None:
                 _, grid_map, scene = self._drawn
                 now = time.monotonic()
