@@ -3,8 +3,10 @@
 """GeoTIFF files, against rasterio."""
 
 import contextlib
+import http.server
 import subprocess
 import sys
+import threading
 import warnings
 import zipfile
 from pathlib import Path
@@ -137,6 +139,34 @@ def test_rasters_without_map_are_refused(rasterio):
     write(rasterio, pixels=PIXELS.astype(np.complex64))
     with pytest.raises(GridMapError, match="expected real numbers, got complex64"):
         load("dem.tif")
+
+
+@pytest.mark.parametrize("form", ["EPSG:25832", "to_wkt", "to_proj4", "EPSG:25832+5783"])
+def test_reference_system_has_every_form_that_names_no_file(rasterio, form):
+    crs = rasterio.crs.CRS.from_epsg(25832)
+    save_geotiff(a_map(), "map.tif", crs=form if ":" in form else getattr(crs, form)())
+    with rasterio.open("map.tif") as raster:
+        assert raster.crs.is_projected
+        assert raster.crs.linear_units == "metre"
+
+
+@pytest.mark.usefixtures("rasterio")
+@pytest.mark.parametrize("crs", ["{url}", " {url}", "{file}", "+init={file}:1", "+nadgrids={file}"])
+def test_reference_system_opens_no_address_and_no_file(crs, tmp_path):
+    requests = []
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            requests.append(self.path)
+            self.send_error(404)
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_port}/crs"
+        with pytest.raises(GridMapError, match="'crs': expected a code such as 'EPSG:25832', WKT"):
+            save_geotiff(a_map(), "x.tif", crs=crs.format(url=url, file=tmp_path / "x.wkt"))
+        server.shutdown()
+    assert not requests
 
 
 @pytest.mark.usefixtures("rasterio")

@@ -24,11 +24,20 @@ import numpy.typing as npt
 from ..errors import GridMapError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..plugins import check
 from ._atomic import new_file
 from ._image_files import from_north_up, to_north_up
 from ._shared import StoredMap, check_ending, package_for, storage_errors
 
 _TAG = "GRID_MAP"
+
+_CRS = re.compile(
+    r"(EPSG|ESRI|IAU_\d{4}|IGNF|OGC):[\w+]+"  # a code
+    r"|\s*[A-Z]\w*\s*\[.*"  # WKT
+    r"|\s*\+(?!.*\binit\b)[^/]*",  # a string of PROJ, without files
+    re.IGNORECASE | re.DOTALL,
+)
+"""Reference systems that GDAL knows by itself: it takes others for files and addresses."""
 
 _LARGEST_DIFFERENCE = 1e-6
 """Largest relative difference between the sides of a pixel."""
@@ -44,10 +53,12 @@ def save_geotiff(
     Args:
         grid_map: the map; a moved one is stored in map order.
         path: the file.
-        crs: coordinate reference system of the frame, such as "EPSG:25832"; empty for none.
+        crs: coordinate reference system of the frame: a code such as "EPSG:25832", WKT, or a string
+            of PROJ that names no file; empty for none.
         compress: make the file smaller.
 
     Raises:
+        ConfigError: `crs` is of another form.
         GridMapError: the map has no layers, the file cannot be written or its name ends like
             another kind of file, the reference system is unknown, or rasterio is not installed.
     """
@@ -55,6 +66,8 @@ def save_geotiff(
     rasterio = package_for(path, "GeoTIFF", "rasterio")
     if not grid_map.layers:
         raise GridMapError(f"{path}: cannot be written: the map has no layers")
+    expected = "a code such as 'EPSG:25832', WKT or a string of PROJ without files"
+    check(not crs or bool(_CRS.fullmatch(crs)), "crs", expected, crs)
     rows, columns = grid_map.size
     west, north = (grid_map.position + [-0.5, 0.5] * grid_map.length).tolist()
     step = grid_map.resolution
