@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Mask
+from ..arrays._checks import Mask, Positions
 
 Coordinate = TypeVar("Coordinate", float, NDArray[Any])
 """One coordinate [m], or an array of them. NumPy and Python round both alike."""
@@ -97,6 +97,11 @@ class Axis:
     def center_of(self, cell: Coordinate) -> Coordinate:
         """Return the centers of cells [m]."""
         return self.first - self.resolution * cell
+
+    def centers(self, first: int, stop: int) -> Positions:
+        """Return the centers [m] of the cells `first` ... `stop` - 1."""
+        # Counting in floats saves their conversion.
+        return self.center_of(np.arange(first, stop, dtype=np.float64))
 
     def between(
         self, x: Coordinate, closed_above: bool, rounding: Any = np

@@ -243,14 +243,14 @@ class GridGeometry:
         `GridMap.axes` gives the order of every map.
         """
         rows, columns = self.size
-        return self.axes_of_block(slice(0, rows), slice(0, columns))
+        return self._x.centers(0, rows), self._y.centers(0, columns)
 
-    def axes_of_block(self, rows: slice, columns: slice) -> tuple[Positions, Positions]:
-        """Return the x of rows and the y of columns [m] of a block of cells, both descending."""
-        # Counting in floats saves their conversion.
-        x = np.arange(rows.start, rows.stop, dtype=np.float64)
-        y = np.arange(columns.start, columns.stop, dtype=np.float64)
-        return self._x.center_of(x), self._y.center_of(y)
+    @cached_property
+    def negated_y(self) -> Positions:
+        """(cols,) the negated y of every column [m], ascending; read-only."""
+        negated = -self._y.centers(0, self.size[1])
+        negated.flags.writeable = False
+        return negated
 
     def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.

@@ -46,7 +46,8 @@ def place(numbers: Integers, first: int, start: int, size: int) -> None:
         first: row or column of the map where the block begins.
         start, size: start index and number of cells of the map along this axis.
     """
-    numbers += first + start
+    if first + start:
+        numbers += first + start
     if start:
         # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
         unsigned = numbers.view(np.uint64)

@@ -106,10 +106,9 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     limit, (x, y) = checked_radius(radius), as_pair(center, "center")
     geometry = grid_map.geometry
     rows, _ = geometry.box((x - limit, y - limit), (x + limit, y + limit))
-    x_of_rows, y_of_columns = geometry.axes_of_block(rows, slice(0, geometry.size[1]))
     # The run of a row that misses the disc is empty: its half chord is negative.
-    half = half_chords(limit, x_of_rows - x)
-    ascending = -y_of_columns
+    half = half_chords(limit, geometry._x.centers(rows.start, rows.stop) - x)
+    ascending = geometry.negated_y
     start = ascending.searchsorted(-y - half, side="left")
     stop = ascending.searchsorted(half - y, side="right")
     counts = np.maximum(stop - start, 0)
@@ -165,7 +164,7 @@ def ellipse_cells(
     reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
     reach += BORDER_TOLERANCE
     rows, columns = grid_map.geometry.box(center - reach, center + reach)
-    x, y = grid_map.geometry.axes_of_block(rows, columns)
+    x, y = _centers(grid_map, rows, columns)
     x, y = x[:, None] - center[0], y - center[1]
 
     def is_inside(x: Positions) -> Mask:
@@ -194,16 +193,17 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     if not len(vertices):
         return empty_cells(0)
     rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
-    x, y = grid_map.geometry.axes_of_block(rows, columns)
+    x, y = _centers(grid_map, rows, columns)
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
     # As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
     below = (-y).searchsorted(-vertices[:, 1], side="right")
-    before = below[np.arange(-1, below.size - 1)]
+    before = np.concatenate((below[-1:], below[:-1]))
     counts = np.abs(below - before)
-    edges = np.arange(len(vertices)).repeat(counts)
-    crossed = np.arange(edges.size)
-    crossed += (np.minimum(below, before) + counts - counts.cumsum()).repeat(counts)
-    at = edge_x(vertices[edges], vertices[edges - 1], y[crossed])
+    ends = counts.cumsum()
+    crossed = np.arange(int(ends[-1]))
+    crossed += (np.minimum(below, before) + counts - ends).repeat(counts)
+    starts = np.concatenate((vertices[-1:], vertices[:-1]))
+    at = edge_x(vertices.repeat(counts, axis=0), starts.repeat(counts, axis=0), y.take(crossed))
     first_below = (-x).searchsorted(-at, side="right")
     flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
     np.add.at(flips.reshape(-1), first_below * y.size + crossed, np.uint8(1))
@@ -311,6 +311,12 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
             first, last, _ = zip(rows.tolist(), columns.tolist(), strict=True)
             return first, last
     raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
+
+
+def _centers(grid_map: GridMap, rows: slice, columns: slice) -> tuple[Positions, Positions]:
+    """Return the x of rows and the y of columns of the map [m], both descending."""
+    x, y = grid_map.geometry._x, grid_map.geometry._y
+    return x.centers(rows.start, rows.stop), y.centers(columns.start, columns.stop)
 
 
 def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
