@@ -190,8 +190,9 @@ def targets(folder: Path) -> list[Target]:
         *(Target(*files) for files in fuzz_files.targets(folder)),
     ]
     for target in result:
-        # Let it import what it needs, which is slow.
-        target.read(target.seeds[0])
+        # Let it import and compile what it needs, which is slow.
+        for seed in target.seeds:
+            target.read(seed)
     return result
 
 

@@ -180,20 +180,22 @@ def test_size_is_read_from_the_head_of_images(ending, tmp_path):
 
 @pytest.mark.needs("pypcd4")
 @pytest.mark.parametrize(
-    ("claim", "form"),
+    ("claim", "form", "data"),
     [
-        *product(["COUNT 1 1 1000000000", "POINTS 1000000000"], ["ascii", "binary"]),
-        ("POINTS 1000000000", "binary_compressed"),
-        ("POINTS 1", "binary_compressed"),  # "5678" is the size of the points
+        *product(["COUNT 1 1 1000000000", "POINTS 1000000000"], ["ascii", "binary"], [""]),
+        ("POINTS 1000000000", "binary_compressed", "\0" * 8),
+        # The sizes of the packed and the unpacked points.
+        ("POINTS 1", "binary_compressed", f"1234{chr(0) * 4}"),
+        ("POINTS 1", "binary_compressed", f"{chr(0) * 4}1234"),
     ],
 )
-def test_pcd_claiming_gigabytes_is_refused(claim, form, tmp_path):
+def test_pcd_claiming_gigabytes_is_refused(claim, form, data, tmp_path):
     lines = ["FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", "WIDTH 1", "HEIGHT 1"]
     lines = [*lines, "POINTS 1"]
     name = claim.partition(" ")[0]
     lines = [claim if line.startswith(name) else line for line in lines]
     path = tmp_path / "a.pcd"
-    path.write_text("\n".join([*lines, f"DATA {form}", "12345678", ""]))
+    path.write_text("\n".join([*lines, f"DATA {form}", data, ""]))
     with pytest.raises(GridMapError, match="more than it has"):
         load_points(path)
 

@@ -222,8 +222,8 @@ def _check_claims(file: Path, pypcd4: Any) -> None:
     point = sum(size * count for size, count in zip(head.size, head.count, strict=True))
     claimed = max(head.points, 1) * point
     if head.data.value not in ("ascii", "binary"):
-        # The sizes of the packed and the unpacked points come first.
-        claimed = max(claimed, int.from_bytes(sizes[4:], "little"))
+        # The sizes of the packed and the unpacked points come first; memory for both is taken.
+        claimed = max(claimed, *(int.from_bytes(sizes[k : k + 4], "little") for k in (0, 4)))
     if claimed > _LARGEST_RATIO * file.stat().st_size:
         raise ValueError(f"claims {claimed} bytes, more than it has")
 
