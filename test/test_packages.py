@@ -34,7 +34,7 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-OPTIONAL = {"llvmlite", "nav2_msgs", "numba", "octomap_msgs", "viser"}
+OPTIONAL = {"nav2_msgs", "numba", "octomap_msgs", "viser"}
 """Optional modules, imported on use; if one is missing, an error names the remedy."""
 
 

@@ -11,7 +11,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._shared.colors import FULL, is_none, pack, shares
-from ..parts._cell_function import Value, cell_function, choose
+from ..parts._cell_function import Value, cell_function, choose, helper
 
 _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
@@ -69,15 +69,18 @@ def _soft_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value
     return _blended(below, above, back, (r, g, b), weights)
 
 
+@helper
 def _hard(below: Value, above: Value, is_dark: Value) -> Value:
     screened = _ONE - _TWO * (_ONE - below) * (_ONE - above)
     return choose(is_dark, _TWO * below * above, screened)
 
 
+@helper
 def _soft(below: Value, above: Value) -> Value:
     return (_ONE - _TWO * above) * (below * below) + _TWO * below * above
 
 
+@helper
 def _blended(
     below: Value,
     above: Value,

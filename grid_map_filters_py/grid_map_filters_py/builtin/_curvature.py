@@ -10,7 +10,7 @@ import numpy as np
 from grid_map_core_py.arrays import Layer
 
 from .._shared.layer_filter import LayerFilter
-from ..parts._cell_function import Value, cell_function, choose, is_finite
+from ..parts._cell_function import Value, cell_function, choose, helper, is_finite
 
 _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 
@@ -50,5 +50,6 @@ def _curvature(
     return choose(is_finite(height), curvature, _NAN)
 
 
+@helper
 def _finite_or_zero(value: Value) -> Value:
     return choose(is_finite(value), value, _ZERO)

@@ -9,7 +9,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 
 from .._shared.colors import or_none, pack
-from ..parts._cell_function import Value, cell_function
+from ..parts._cell_function import Value, cell_function, helper
 
 _ONE, _HALF = np.float32(1), np.float32(127.5)
 
@@ -42,6 +42,7 @@ def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
     return or_none(pack(_channel(x), _channel(y), _channel(z)), exists)
 
 
+@helper
 def _channel(normal: Value) -> Value:
     # Gives the same bits as 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

@@ -11,6 +11,7 @@ from ._cell_function import (
     cell_function as cell_function,
     choose as choose,
     clamp as clamp,
+    helper as helper,
     is_finite as is_finite,
 )
 from ._disc import Disc as Disc, Tile as Tile, tiles as tiles, typical_value as typical_value
