@@ -15,6 +15,7 @@ from grid_map_ros_py.testing import Process, wait_until
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # as the first line of executables does
 import grid_map_ros_py._executables
 assert "rclpy" not in sys.modules
 os.kill(os.getpid(), signal.SIGINT)
