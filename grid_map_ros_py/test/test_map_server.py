@@ -3,8 +3,8 @@
 """Requests to the server of maps, without a node."""
 
 import os
-import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from grid_map_core_py.testing import assert_maps_equal
 from grid_map_ros_py import load_from_bag, save_to_bag
 from grid_map_ros_py._mapping.map_server import part, place_to_read, place_to_write
 from grid_map_ros_py.errors import RequestError
+from grid_map_ros_py.testing import Process
 
 # The sample has 3 x 4 cells of 0.5 m around (1, -2) in the frame odom, moved in its buffer.
 
@@ -164,46 +165,56 @@ def test_database_above_the_limit_is_not_copied(directory: Path) -> None:
         load(directory, "bag")
 
 
-EXCHANGE_LINKS = """
+EXCHANGE_FOLDER = """
 import os, sys
-from contextlib import suppress
 
 folder, spare, secret = sys.argv[1:]
-print("ready", flush=True)
-number = 0
 while True:
+    print("exchanged", flush=True)
     os.rename(folder, spare)
     os.symlink(secret, folder)
     os.unlink(folder)
     os.rename(spare, folder)
+"""
+
+EXCHANGE_BAG = """
+import os, sys
+from contextlib import suppress
+
+folder, spare, secret = sys.argv[1:]
+number = 0
+while True:
     for name in os.listdir(folder):
-        if name.endswith(".partial") or name == "bag":
+        if os.path.islink(f"{folder}/{name}"):
+            continue
+        # The folder of the bag: its name ends in .partial while it is written.
+        with suppress(OSError):
+            os.rename(f"{folder}/{name}", f"{spare}.{number}")
+            os.symlink(secret, f"{folder}/{name}")
             number += 1
-            with suppress(OSError):
-                os.rename(f"{folder}/{name}", f"{spare}.{number}")
-                os.symlink(secret, f"{folder}/{name}")
+            if name.endswith(".partial"):
+                print("exchanged", flush=True)
 """
 
 
+@pytest.mark.parametrize("attack", [EXCHANGE_FOLDER, EXCHANGE_BAG], ids=["folder", "bag"])
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_links_exchanged_meanwhile_divert_nothing(directory: Path, storage: str) -> None:
+def test_links_exchanged_meanwhile_divert_nothing(
+    directory: Path, storage: str, attack: str
+) -> None:
     secret = directory.parent / "secret"
     before = contents(secret)
-    command = [sys.executable, "-c", EXCHANGE_LINKS]
     paths = [directory / "inner", directory.parent / "spare", secret]
-    with subprocess.Popen([*command, *paths], stdout=subprocess.PIPE, text=True) as attacker:
-        assert attacker.stdout is not None
-        assert attacker.stdout.readline() == "ready\n"
-        refused = 0
-        for _ in range(200):
-            try:
-                save(directory, "inner/bag", storage=storage)
-            except RequestError:
-                refused += 1
-        assert attacker.poll() is None
+    attacker = Process([sys.executable, "-c", attack, *map(str, paths)])
+    try:
+        for number in range(200):
+            with suppress(RequestError):
+                save(directory, f"inner/bag{number}", storage=storage)
+        assert attacker.is_running, attacker.text
+    finally:
         attacker.kill()
     assert contents(secret) == before
-    assert refused > 0
+    assert len(attacker.lines) > 20
 
 
 @pytest.mark.parametrize("path", ["bag", "/tmp/bag"])
