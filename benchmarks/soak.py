@@ -34,6 +34,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.util import find_spec
 from itertools import count, cycle
 from pathlib import Path
@@ -339,7 +340,8 @@ class Soak:
             stack.callback(self._viewer.kill)
             stack.callback(lambda: [source.kill() for source in self._sources])
             self._restart_source()
-            self._observer.wait_until(self._has_begun, "all nodes")
+            spin = partial(self._observer.spin, 0.1)
+            wait_until(self._has_begun, "all nodes", step=spin, timeout=120)
             # Queues become as long as they can be.
             for number in (signal.SIGSTOP, signal.SIGCONT):
                 for subject in self._subjects:
