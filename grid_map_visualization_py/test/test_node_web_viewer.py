@@ -30,7 +30,8 @@ import {MODULE} as module
 from grid_map_ros_py import ReceivedMap
 decode = ReceivedMap.decode
 def talk(self, layers=None):
-    print("decoded", *sorted(layers or ["everything"]))
+    if layers != []:  # Then it only checks the message.
+        print("decoded", *sorted(["everything"] if layers is None else layers))
     return decode(self, layers)
 ReceivedMap.decode = talk
 sys.exit(module.WebViewerNode.main())
