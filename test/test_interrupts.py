@@ -10,5 +10,9 @@ import interrupts
 def test_signals_end_every_executable_in_order():
     one_round = itertools.islice(interrupts.trials(seed=1), len(interrupts.executables()))
     outcomes = [*interrupts.outcomes(one_round, jobs=4)]
-    assert not [f"{trial}, {phase}: {fault}" for trial, phase, fault in outcomes if fault]
-    assert {"imports", "runs"} <= {phase for _, phase, _ in outcomes}
+    faults = [f"{trial}, {phase}: {fault}" for trial, phase, fault in outcomes if fault]
+    assert not faults, "\n".join(faults)
+    phases = {phase for _, phase, _ in outcomes}
+    # Importing is short.
+    assert "runs" in phases
+    assert phases & {"Python starts", "imports"}
