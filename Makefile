@@ -9,7 +9,7 @@ empty :=
 SOURCES := $(subst $(empty) ,:,$(addprefix $(CURDIR)/,$(wildcard grid_map_*_py)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench soak clean distclean
+.PHONY: help setup build demo test test-fast test-oldest test-shuffled explore fuzz check format tables requirements docs bench bench-check soak clean distclean
 
 help:  ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -75,6 +75,9 @@ docs: build  ## Build the documentation site in build/docs/
 
 bench: build  ## Run the benchmarks
 	@$(ENTER) python3 -m pytest benchmarks --benchmark-only
+
+bench-check: build  ## Run the benchmarks, and fail those that became slower by more than 25 %
+	@$(ENTER) python3 -m pytest benchmarks --benchmark-only -q --reruns 2 --compare-with benchmarks/yardsticks.json
 
 soak: build  ## Run all nodes at 30 Hz for ten minutes, disturb them and look for leaks (FOR=... [s] for longer)
 	@$(ENTER) python3 benchmarks/soak.py --seconds $(or $(FOR),600)

@@ -37,6 +37,16 @@ class Result:
     calm: bool
 
     @property
+    def name(self) -> str:
+        """Row and number of cells."""
+        return f"{self.row}, {self.cells}"
+
+    @property
+    def noise(self) -> str:
+        """A remark if no block was calm."""
+        return "" if self.calm else "  (the machine was busy)"
+
+    @property
     def cpp(self) -> float | None:
         """Expected time of C++ on this machine now [ms]; None if it was not timed."""
         entry = CPP["rows"].get(self.row, {}).get(str(self.cells))
@@ -113,9 +123,8 @@ def to_table(results: list[Result]) -> list[str]:
     for result in results:
         cpp = "-" if result.cpp is None else f"{result.cpp:.4f}"
         ratio = "-" if result.ratio is None else f"{result.ratio:.2f}"
-        noise = "" if result.calm else "  (the machine was busy)"
         lines.append(
             f"{result.row:{width}}  {result.cells:5}  {result.ours:11.4f}  {cpp:>11}  {ratio:>6}"
-            f"  {result.yardsticks:11.4f}{noise}"
+            f"  {result.yardsticks:11.4f}{result.noise}"
         )
     return lines

@@ -14,8 +14,8 @@ and of `ros2 topic hz`.
 The second prints the time from topic to topic, from a map's publishing to the callback with the
 filtered map, through the node `filter_chain` in a third process: for a chain of one cheap filter,
 with 1, 4, 11 and 16 layers, and for the chain of the filters demo, on its terrain. `chain` is the
-time of the filters in it, by the node's diagnostics. Start both where the workspace is set up
-(`. tools/env.sh`).
+time of the filters in it, by the node's diagnostics. The first two seconds do not count: processes
+find each other and take memory. Start both where the workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
@@ -38,7 +38,7 @@ import grid_map_ros_py
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, from_serialized_message, to_serialized_message
-from grid_map_ros_py.nodes import map_qos, run
+from grid_map_ros_py.nodes import keep_memory, map_qos, run
 from grid_map_ros_py.testing import Process, running, start_node, wait_until
 
 TOPIC = "/large_map"
@@ -52,6 +52,8 @@ FILTERED_LOADS += [(1000, 16)]
 """Cells along a side and layers, at `RATE`."""
 
 RATE = 10.0
+WARM_UP = 2.0
+"""Time before the first map that counts [s]."""
 
 CHEAP = {"layer": "layer_0", "lower_threshold": 0.5, "set_to": 0.5}
 DEMO = "demo"
@@ -91,10 +93,14 @@ def share(package: str) -> Path:
 
 
 class Publisher(Node):
-    """Publishes maps when it has a subscriber; their timestamps are the time of publishing."""
+    """Publishes maps when it has a subscriber.
+
+    Their timestamps are the time of publishing, their frames are numbers, counted down to 0.
+    """
 
     def __init__(self, load: str, rate: float, count: int, depth: int) -> None:
         super().__init__("publisher")
+        keep_memory()
         self._map = made_map(load)
         self._publisher = self.create_publisher(GridMapMessage, TOPIC, qos(depth))
         self._left = count
@@ -105,18 +111,21 @@ class Publisher(Node):
         if not self._publisher.get_subscription_count() or not self._left:
             return
         self._cpu = self._cpu or cpu_seconds()
+        self._left -= 1
+        self._map.frame_id = str(self._left)
         self._map.timestamp = time.time_ns()
         self._publisher.publish(to_serialized_message(self._map))
-        self._left -= 1
         if not self._left:
             print(json.dumps({"cpu": cpu_seconds() - self._cpu}), flush=True)
 
 
 class Subscriber(Node):
-    """Decodes maps; prints the number and the delays of the maps so far after each one."""
+    """Decodes maps; prints the number and the delays of the last `count` maps after each one."""
 
-    def __init__(self, topic: str, receiver: str, depth: int) -> None:
+    def __init__(self, topic: str, receiver: str, count: int, depth: int) -> None:
         super().__init__("subscriber")
+        keep_memory()
+        self._count = count
         self._latencies: list[float] = []
         self._chain = 0.0
         self._cpu = 0.0
@@ -135,6 +144,8 @@ class Subscriber(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._note_chain, 10)
 
     def _receive(self, grid_map: GridMap) -> None:
+        if int(grid_map.frame_id) >= self._count:
+            return
         self._cpu = self._cpu or cpu_seconds()
         self._latencies.append(1e-6 * (time.time_ns() - grid_map.timestamp))
         half, most = np.percentile(self._latencies, [50, 95])
@@ -164,7 +175,7 @@ def measure(
     """Return the statistics of a subscriber that listens for a number of seconds."""
     count = max(int(rate * seconds), 2)
     with (
-        running(_process(transport, "subscribe", TOPIC, receiver, depth)) as subscriber,
+        running(_process(transport, "subscribe", TOPIC, receiver, count, depth)) as subscriber,
         running(_process(transport, "publish", load, rate, count, depth)) as publisher,
     ):
         sent, got = _reports(publisher, subscriber, seconds)
@@ -199,10 +210,10 @@ def measure_filtered(load: str, seconds: float) -> dict[str, float]:
         module = "grid_map_filters_py._executables.filter_chain"
         start = [module, "--ros-args", "--params-file", str(path), *words]
         subscriber = stack.enter_context(
-            running(_process("profile", "subscribe", FILTERED, "raw", 1))
+            running(_process("profile", "subscribe", FILTERED, "raw", count, 1))
         )
         stack.enter_context(running(start_node(*start)))
-        publisher = _process("profile", "publish", load, RATE, count, 1)
+        publisher = _process("profile", "publish", load, RATE, count + int(RATE * WARM_UP), 1)
         stack.enter_context(running(publisher))
         _, got = _reports(publisher, subscriber, seconds)
     names = ("p50", "p95", "worst", "chain")
@@ -254,8 +265,8 @@ def main() -> int:
         load, rate, count, depth = sys.argv[2:]
         return run(lambda: Publisher(load, float(rate), int(count), int(depth)), [])
     if sys.argv[1:2] == ["subscribe"]:
-        topic, receiver, depth = sys.argv[2:]
-        return run(lambda: Subscriber(topic, receiver, int(depth)), [])
+        topic, receiver, count, depth = sys.argv[2:]
+        return run(lambda: Subscriber(topic, receiver, int(count), int(depth)), [])
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--depth", type=int, default=1)

@@ -17,14 +17,18 @@ services are called, subscribers and browsers stop reading. A table appears ever
 
 The exit code is 1 if memory grows by more than 1 %, if files or shared memory are left behind, if
 `in` is not the sum of `out` and `dropped`, if `out` is not what the publisher of the node has
-counted, if more is dropped than contradicts itself, or if a node or a request fails. There is no
-octomap_to_grid_map without octomap_msgs, and no web_viewer without viser. Start it where the
-workspace is set up (`. tools/env.sh`).
+counted, if more is dropped than contradicts itself, or if a node ends or a request fails; if a node
+takes less than `--share` of what is sent, which one misses that hangs for 7 seconds per minute; or
+if more than `--gap` seconds pass between two maps of a node, unless its source restarts then. A
+busy machine needs a smaller share and a longer gap. There is no octomap_to_grid_map without
+octomap_msgs, and no web_viewer without viser. Start it where the workspace is set up
+(`. tools/env.sh`).
 """
 
 import argparse
 import array
 import json
+import math
 import re
 import signal
 import struct
@@ -177,6 +181,8 @@ class Subject:
         process: its process.
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
+        last: time of the last message on `output` [s], and its number; 0 before the first one.
+        gap: longest time between two messages on `output` [s].
         samples: times [s], resident memory without shared memory [MB], and numbers of files.
     """
 
@@ -188,6 +194,8 @@ class Subject:
     process: Any = None
     counts: tuple[int, ...] = (0, 0, 0)
     published: int = 0
+    last: tuple[float, int] = (0.0, 0)
+    gap: float = 0.0
     samples: list[tuple[float, float, int]] = field(default_factory=list)
 
     @property
@@ -200,6 +208,14 @@ class Subject:
         path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
         node = ["--ros-args", "--params-file", str(path), "-r", f"__node:={self.name}"]
         self.process = Process([sys.executable, "-m", self.module, *node])
+
+    def note(self, stamp: float, number: int, earliest: float) -> None:
+        """Note a message and the gap before it, unless that began before `earliest` [s]."""
+        before, last = self.last
+        if before > earliest:
+            # The observer may have lost some.
+            self.gap = max(self.gap, (stamp - before) / max(1, number - last))
+        self.last, self.published = (stamp, number), number
 
     def sample(self, time: float) -> None:
         folder = Path("/proc", str(self.process.pid))
@@ -304,20 +320,29 @@ class Soak:
         observer: subscribes to the outputs, and calls services.
         folder: folder of bags and parameters.
         seconds: duration.
+        share: smallest share of the messages sent that a node takes.
+        gap: longest time between two maps of a node [s].
 
     Attributes:
+        subjects: nodes under test.
+        sent: numbers of messages of the sources, by topic.
+        bad: how many of them contradicted themselves.
         problems: figures that were missed.
         segments: segments of shared memory that the processes have used.
     """
 
-    def __init__(self, observer: Peer, folder: Path, seconds: float) -> None:
+    def __init__(
+        self, observer: Peer, folder: Path, seconds: float, *, share: float = 0.9, gap: float = 2.0
+    ) -> None:
         self.problems: list[str] = []
         self.segments: set[Path] = set()
         self._observer, self._folder, self._seconds = observer, folder, seconds
-        self._subjects = subjects(folder)
+        self._share, self._gap = share, gap
+        self.subjects = subjects(folder)
         self._sources: list[Process] = []
-        self._sent: dict[str, int] = {}
-        self._bad: dict[str, int] = {}
+        self.sent: dict[str, int] = {}
+        self.bad: dict[str, int] = {}
+        self._undisturbed = math.inf
         self._answers: dict[str, list[Any]] = {}
         self._browsed = 0
         self._is_over = threading.Event()
@@ -330,7 +355,7 @@ class Soak:
     def run(self, growth: float) -> None:
         """Run all; memory and files may grow by a factor of 1 + `growth`."""
         with ExitStack() as stack:
-            for subject in self._subjects:
+            for subject in self.subjects:
                 subject.start(self._folder)
                 stack.callback(subject.process.kill)
                 self._count(subject)
@@ -344,29 +369,31 @@ class Soak:
             wait_until(self._has_begun, "all nodes", step=spin, timeout=120)
             # Queues become as long as they can be.
             for number in (signal.SIGSTOP, signal.SIGCONT):
-                for subject in self._subjects:
+                for subject in self.subjects:
                     subject.process.send_signal(number)
                 self._observer.spin(1.0)
-            self._begin = time.monotonic()
+            self._begin, self._undisturbed = time.monotonic(), time.time()
             timers = self._disturb()
             self._observer.spin(self._seconds)
+            self.problems += self.gaps(time.time())
             for timer in timers:
                 timer.cancel()
             self._is_over.set()
             self._end_sources()
             with suppress(AssertionError):
-                self._observer.wait_until(lambda: not any(self._miscounts()), "the last counts")
+                self._observer.wait_until(lambda: not any(self.miscounts()), "the last counts")
             print(self.table(), flush=True)
-            self.problems += [*self._miscounts(), *self._leaks(growth)]
+            self.problems += [*self.miscounts(), *self.leaks(growth)]
             self._end_nodes()
 
     def _has_begun(self) -> bool:
-        outputs = (subject.published for subject in self._subjects if subject.output)
+        outputs = (subject.published for subject in self.subjects if subject.output)
         return all(outputs)
 
     def _count(self, subject: Subject) -> None:
         def note(_: bytes, info: dict[str, int]) -> None:
-            subject.published = info["publication_sequence_number"]
+            number, stamp = info["publication_sequence_number"], 1e-9 * info["source_timestamp"]
+            subject.note(stamp, number, self._undisturbed if subject.source else math.inf)
 
         if subject.output:
             node = self._observer.node
@@ -376,7 +403,7 @@ class Soak:
         for status in message.status:
             # Such as "maps in", or "clouds in".
             values = {pair.key.partition(" ")[2]: pair.value for pair in status.values}
-            for subject in self._subjects:
+            for subject in self.subjects:
                 if subject.name == status.name.partition(":")[0]:
                     subject.counts = tuple(int(values[key]) for key in ("in", "out", "dropped"))
 
@@ -386,7 +413,7 @@ class Soak:
         """Start the disturbances, the samples and the tables."""
         every = self._observer.node.create_timer
         clock = self._observer.node.create_publisher(Clock, "/clock", 1)
-        requests = [request for subject in self._subjects for request in self._requests(subject)]
+        requests = [request for subject in self.subjects for request in self._requests(subject)]
         stalls = cycle([signal.SIGSTOP, signal.SIGCONT])
 
         def tick() -> None:
@@ -396,7 +423,7 @@ class Soak:
             message.clock.nanosec = int(1e9 * (now % 1))
             clock.publish(message)
 
-        for subject in self._subjects:
+        for subject in self.subjects:
             if subject.name == "web_viewer":
                 threading.Thread(target=self._browse, args=[subject.process], daemon=True).start()
         return [
@@ -413,6 +440,7 @@ class Soak:
         if all(source.lines for source in self._sources):
             for source in self._sources[-1:]:
                 source.send_signal(signal.SIGINT)
+            self._undisturbed = math.inf
             self._sources.append(Process([sys.executable, __file__, "publish"]))
 
     def _requests(self, subject: Subject) -> Iterator[Callable[[], None]]:
@@ -476,8 +504,11 @@ class Soak:
     # --- figures ----------------------------------------------------------------------------------
 
     def _sample(self) -> None:
-        processes = [subject.process for subject in self._subjects]
-        for subject in self._subjects:
+        if math.isinf(self._undisturbed) and self._sources[-1].lines:
+            # By then subscribers have found the source.
+            self._undisturbed = time.time() + 3
+        processes = [subject.process for subject in self.subjects]
+        for subject in self.subjects:
             subject.sample(self._elapsed)
         for process in (*processes, *self._sources, self._viewer):
             self.segments |= segments(process.pid)
@@ -495,26 +526,28 @@ class Soak:
         for source in self._sources:
             counts = [line for line in source.lines if line.startswith("{")]
             for topic, sent in json.loads(counts[-1]).items():
-                self._sent[topic] = self._sent.get(topic, 0) + sent
-                self._bad[topic] = self._bad.get(topic, 0) + sent // BAD_EVERY
+                self.sent[topic] = self.sent.get(topic, 0) + sent
+                self.bad[topic] = self.bad.get(topic, 0) + sent // BAD_EVERY
 
     def _end_nodes(self) -> None:
-        for subject in self._subjects:
+        for subject in self.subjects:
             if subject.process.is_running:
                 subject.process.send_signal(signal.SIGINT)
-        for subject in self._subjects:
+            else:
+                self.problems.append(f"{subject.name} ended before the soak")
+        for subject in self.subjects:
             code, text = subject.process.wait(), subject.process.text
             if code != 0 or "Traceback" in text:
                 self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
 
-    def _miscounts(self) -> Iterator[str]:
+    def miscounts(self) -> Iterator[str]:
         for name, answers in self._answers.items():
             if not answers or not answers[-1].done():
                 yield f"{name} does not answer"
-        for subject in self._subjects:
+        for subject in self.subjects:
             name, (taken, out, dropped) = subject.name, subject.counts
-            sent, bad = (figures.get(subject.source, 0) for figures in (self._sent, self._bad))
-            if subject.source and not sent >= taken == out + dropped > 0:
+            sent, bad = (figures.get(subject.source, 0) for figures in (self.sent, self.bad))
+            if subject.source and not sent >= taken == out + dropped >= self._share * sent > 0:
                 yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
             if subject.source and subject.output and out != subject.published:
                 yield f"{name}: {out} out, but its publisher counted {subject.published}"
@@ -524,8 +557,19 @@ class Soak:
         if VISER and not self._browsed:
             yield "web_viewer: a browser has got nothing"
 
-    def _leaks(self, growth: float) -> Iterator[str]:
-        for subject in self._subjects:
+    def gaps(self, now: float) -> Iterator[str]:
+        """Yield which nodes were silent for too long, until `now` [s] at last."""
+        for subject in self.subjects:
+            if subject.source and subject.output:
+                if subject.last[0] > self._undisturbed:
+                    subject.gap = max(subject.gap, now - subject.last[0])
+                elif now > self._undisturbed + self._gap:
+                    subject.gap = now - self._undisturbed
+                if subject.gap > self._gap:
+                    yield f"{subject.name}: {subject.gap:.1f} s without a map"
+
+    def leaks(self, growth: float) -> Iterator[str]:
+        for subject in self.subjects:
             (before, files), (after, more_files) = self._ends(subject)
             if after > before * (1 + growth):
                 yield f"{subject.name}: from {before:.1f} to {after:.1f} MB"
@@ -543,10 +587,10 @@ class Soak:
         """Return the figures so far; the sources say at the end how much they have sent."""
         heading = "node                       Hz   sent     in    out dropped    MB   now files now"
         lines = [f"\nafter {self._elapsed:.0f} s", heading]
-        for subject in self._subjects:
+        for subject in self.subjects:
             taken, out, dropped = subject.counts
             rate = (subject.published or out) / min(self._elapsed, self._seconds)
-            sent = self._sent.get(subject.source, "")
+            sent = self.sent.get(subject.source, "")
             (before, files), (after, more_files) = self._ends(subject)
             lines.append(
                 f"{subject.name:23} {rate:5.1f} {sent:6} {taken:6} {out:6} {dropped:7}"
@@ -564,9 +608,14 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
     text = "largest growth of resident memory, and of the number of files [%%] (%(default)s)"
     parser.add_argument("--growth", type=float, default=1.0, help=text)
+    text = "smallest part of the messages that a node takes [%%] (%(default)s)"
+    parser.add_argument("--share", type=float, default=90.0, help=text)
+    text = "longest time between two maps of a node [s] (%(default)s)"
+    parser.add_argument("--gap", type=float, default=2.0, help=text)
     options = parser.parse_args()
     with TemporaryDirectory() as folder, peer() as observer:
-        soak = Soak(observer, Path(folder), options.seconds)
+        limits = {"share": options.share / 100, "gap": options.gap}
+        soak = Soak(observer, Path(folder), options.seconds, **limits)
         soak.run(options.growth / 100)
     left = sorted(map(str, filter(Path.exists, soak.segments)))
     problems = [*soak.problems, *(f"left behind: {name}" for name in left)]

@@ -28,6 +28,7 @@ import time
 import tracemalloc
 import warnings
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -69,6 +70,9 @@ from grid_map_ros_py.messages import serialize, view
 LONGEST = 2.0
 """CPU time that a reader may take [s]."""
 
+LONGEST_WAIT = 10.0
+"""Time that a reader may take [s], without that for which other processes have the processor."""
+
 PATIENCE = 60.0
 """Time after which a reader hangs [s], on a busy machine; its process ends with a traceback."""
 
@@ -76,7 +80,7 @@ MOST_MEMORY = 32e6
 """Bytes that Python may allocate, besides a few times the map that a reader returns."""
 
 MOST_RESIDENT = 500e6
-"""Bytes by which the process may grow."""
+"""Bytes by which the process may grow while it reads one input."""
 
 HEAP = 2**32
 """Bytes of memory of the process, so that a reader that takes more fails alone."""
@@ -84,7 +88,8 @@ HEAP = 2**32
 FLOATS = [0.0, -0.0, -1.0, 1e-320, 1e-30, 0.1, 3.0, 1e9, 1e300, np.inf, -np.inf, np.nan]
 TEXTS = ["", "x", "y", "elevation", "rgb", "mono16", "32FC1", "OcTree", "row_index", "é" * 40]
 WORDS = (
-    b"0 -1 1e300 nan .inf 2024-13-45 null true [] {a: b} &a *a <<: ' # / .. ( : 99999999".split()
+    b"0 -1 1e300 nan .inf 2024-13-45 null true [] {a: b} &a *a <<: ' # / .. ( : 99999999 "
+    b"1:59:59.5 !!int !!float !!bool !!timestamp !!binary !!set".split()
 )
 """Words that mean something in YAML, expressions and command lines."""
 
@@ -324,6 +329,29 @@ class Progress(ctypes.Structure):
     )
 
 
+@cache
+def _open(name: str, mode: int) -> int:
+    return os.open(f"/proc/thread-self/{name}", mode)
+
+
+def _reset_peak() -> int:
+    """Forget the peak of resident memory; return the memory [bytes]."""
+    os.pwrite(_open("clear_refs", os.O_WRONLY), b"5", 0)
+    return _resident_peak()
+
+
+def _resident_peak() -> int:
+    # That of `getrusage` includes what the parent had when it made this process.
+    status = os.pread(_open("status", os.O_RDONLY), 4000, 0)
+    return 1024 * int(status.partition(b"VmHWM:")[2].split()[0])
+
+
+def _own_time() -> float:
+    """Return the time [s], without that for which this thread has waited for a processor."""
+    delay = int(os.pread(_open("schedstat", os.O_RDONLY), 100, 0).split()[1])
+    return time.monotonic() - 1e-9 * delay
+
+
 def attempt(target: Target, seed: int, number: int) -> tuple[bool, float, float]:
     """Read one damaged input.
 
@@ -335,9 +363,9 @@ def attempt(target: Target, seed: int, number: int) -> tuple[bool, float, float]
     """
     generator = random.Random(f"{seed} {target.name} {number}")
     value = damaged(generator.choice(target.seeds), generator)
-    resident = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    resident = _reset_peak()
     tracemalloc.start()
-    begin = time.process_time()
+    begin, wait_begin = time.process_time(), _own_time()
     result, is_read = None, True
     try:
         with warnings.catch_warnings():
@@ -348,13 +376,14 @@ def attempt(target: Target, seed: int, number: int) -> tuple[bool, float, float]
     except Exception as error:
         raise AssertionError(f"{type(error).__name__}: {error}") from error
     finally:
-        duration = time.process_time() - begin
+        duration, waited = time.process_time() - begin, _own_time() - wait_begin
         _, peak = tracemalloc.get_traced_memory()
         tracemalloc.stop()
     assert duration < LONGEST, f"{duration:.1f} s"
+    assert waited < LONGEST_WAIT, f"waited until {waited:.1f} s"
     assert peak < MOST_MEMORY + 6 * _size(result), f"{peak} bytes for a result of {_size(result)}"
     # Libraries in C have their own memory.
-    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - resident)
+    grown = _resident_peak() - resident
     assert grown < MOST_RESIDENT, f"{grown} bytes resident"
     return is_read, duration, max(peak, grown)
 

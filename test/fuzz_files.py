@@ -35,7 +35,7 @@ from grid_map_core_py.files import (
     save_map_server,
     save_npz,
 )
-from grid_map_core_py.plugins import check, node_sections
+from grid_map_core_py.plugins import check, nested, node_sections
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py.expression import Expression
 from grid_map_ros_py import bag_maps, load_octomap, save_to_bag
@@ -61,6 +61,16 @@ EXPRESSIONS = (
     b"0.5 * (1.0 - (slope / 0.6)) + abs(elevation - mean) .^ 2",
     b"sqrt(sumOfFinites(square(slope - meanOfFinites(slope))) ./ numberOfFinites(slope))",
 )
+SETTINGS = b"""filter1.name=mean
+filter1.type=gridMapFilters/MeanInRadiusFilter
+filter1.params.input_layer=elevation
+filter1.params.output_layer=mean
+filter1.params.radius=0.06
+filter2.name=delete
+filter2.type=gridMapFilters/DeletionFilter
+filter2.params.layers=color,tint,"""
+"""Parameters of the node `filter_chain`."""
+
 WINDOW_EXPRESSIONS = (
     b"sumOfFinites([0, -1, 0; -1, 5, -1; 0, -1, 0] .* elevation)",
     b"maxOfFinites(elevation) - minOfFinites(elevation)",
@@ -98,6 +108,7 @@ def targets(folder: Path) -> list[tuple[str, Sequence[bytes], Callable[[bytes], 
     ]
     texts: list[tuple[str, Sequence[bytes], Callable[[Path], Any]]] = [
         ("filter chain", chains, partial(_filtered, world)),
+        ("settings of filter_chain", [SETTINGS], partial(_set, world)),
         ("visualizations", [PARAMETERS.read_bytes()], partial(_visualized, world)),
         ("expression", EXPRESSIONS, lambda file: Expression(_text(file))(world)),
         ("expression of windows", WINDOW_EXPRESSIONS, partial(_over_windows, values)),
@@ -158,6 +169,23 @@ def _maps(file: Path, *, recover: bool = False) -> tuple[GridMap, ...]:
 
 def _filtered(world: GridMap, file: Path) -> GridMap:
     return FilterChain.from_yaml(file)(world, warnings=[])
+
+
+def _set(world: GridMap, file: Path) -> GridMap:
+    """Make a chain from names and values, as the service `set_parameters` passes them."""
+    pairs = (line.partition("=") for line in _text(file).split("\n"))
+    return FilterChain.from_config(nested({name: _value(text) for name, _, text in pairs}))(
+        world, warnings=[]
+    )
+
+
+def _value(text: str) -> Any:
+    if text.endswith(","):
+        return [_value(part) for part in text[:-1].split(",")]
+    for kind in (int, float):
+        with contextlib.suppress(ValueError):
+            return kind(text)
+    return {"true": True, "null": None}.get(text, text)
 
 
 def _visualized(world: GridMap, file: Path) -> tuple[Any, ...]:

@@ -44,12 +44,12 @@ import grid_map_filters_py
 import grid_map_ros_py
 from grid_map_core_py._commands.doctor import PACKAGES as PACKAGES_OF_DOCTOR
 from grid_map_core_py.errors import cut
-from grid_map_core_py.files import _npz, _yaml, formats, options_of
+from grid_map_core_py.files import _clouds, _image_files, _npz, _yaml, formats, options_of
+from grid_map_core_py.plugins import DEEPEST
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN
 from grid_map_filters_py.expression import _interpreter
 from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
-from grid_map_ros_py.messages._octree import MOST_VOXELS
 from grid_map_ros_py.nodes import LogThrottle
 from grid_map_ros_py.testing import (
     Peer,
@@ -622,10 +622,14 @@ def test_the_page_of_security_has_the_limits_of_the_code():
     throttle = inspect.signature(LogThrottle).parameters
     limits = [
         f"{_yaml.LARGEST // 2**20} MB",
-        _yaml._DEEPEST,
-        _yaml._MOST_ALIASED,
+        DEEPEST,
+        _yaml._LONGEST_NUMBER,
+        _yaml._BITS,
+        _yaml.MOST_VALUES,
         f"{_npz._LARGEST_METADATA // 2**20} MB",
-        MOST_VOXELS,
+        _npz._LARGEST_RATIO,
+        _clouds._LARGEST_RATIO,
+        _image_files.MOST_SCANS,
         _interpreter._DEEPEST,
         len(cut("x" * 10**6)),
         f"{throttle['period'].default:g} s",

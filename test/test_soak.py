@@ -4,13 +4,72 @@
 
 import os
 import sys
+from pathlib import Path
+
+import pytest
 
 from scratch import ROOT, run
+
+sys.path.append(str(ROOT / "benchmarks"))
+
+import soak
+
+LOOSE = ("--growth", "100", "--share", "5", "--gap", "60")
+"""Limits for some seconds on a busy machine."""
 
 
 def test_soak_of_some_seconds_meets_its_figures():
     program = ROOT / "benchmarks" / "soak.py"
-    done = run(sys.executable, program, "--seconds", "6", "--growth", "100", environ=os.environ)
+    done = run(sys.executable, program, "--seconds", "6", *LOOSE, environ=os.environ)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "filter_chain" in done.stdout
     assert done.stdout.endswith("all figures are met\n")
+
+
+@pytest.fixture
+def finished(tmp_path: Path) -> soak.Soak:
+    """Return a soak of 100 s with one node that has met its figures."""
+    run_of_one = soak.Soak(None, tmp_path, 100.0)
+    subject = soak.Subject("a.node", {}, "/in", "/out", counts=(95, 93, 2))
+    for second in range(100):
+        subject.samples.append((float(second), 50.0, 9))
+    for number in range(1, 94):
+        subject.note(1000.0 + number, number, 0.0)
+    run_of_one.subjects[:] = [subject]
+    run_of_one.sent, run_of_one.bad = {"/in": 100}, {"/in": 2}
+    run_of_one._undisturbed = 0.0
+    run_of_one._begin -= 100
+    return run_of_one
+
+
+def problems(finished: soak.Soak) -> list[str]:
+    found = [*finished.miscounts(), *finished.leaks(0.01), *finished.gaps(1094.0)]
+    return [text for text in found if "browser" not in text]
+
+
+def test_good_figures_of_a_soak_are_no_problem(finished):
+    assert problems(finished) == []
+
+
+def test_leaks_of_a_soak_are_problems(finished):
+    (subject,) = finished.subjects
+    subject.samples[30:] = [(time, 51.0, 10) for time, *_ in subject.samples[30:]]
+    subject.samples[70:] = [(time, 52.0, 12) for time, *_ in subject.samples[70:]]
+    assert problems(finished) == ["node: from 50.0 to 51.0 MB", "node: from 9 to 10 files"]
+
+
+@pytest.mark.parametrize("counts", [(95, 92, 2), (80, 78, 2), (1, 1, 0), (101, 99, 2), (0, 0, 0)])
+def test_miscounts_of_a_soak_are_problems(finished, counts):
+    (subject,) = finished.subjects
+    subject.counts, subject.published = counts, counts[1]
+    assert any("sent" in text for text in problems(finished))
+
+
+def test_gaps_between_maps_of_a_soak_are_problems(finished):
+    (subject,) = finished.subjects
+    subject.note(1096.5, 94, earliest=1094.0)
+    subject.note(1097.0, 95, earliest=0.0)
+    assert not [*finished.gaps(1097.0)]
+    assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map"]
+    subject.note(1101.0, 96, earliest=0.0)
+    assert [*finished.gaps(1101.0)] == ["node: 4.0 s without a map"]

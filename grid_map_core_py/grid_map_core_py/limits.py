@@ -11,13 +11,16 @@ have no limit. Set limits for the process, or for a block::
     with changed_limits(max_bytes=1e10):
         grid_map = load("site.npz")
 
-Limits hold for the whole process, all threads included.
+`set_limits` holds for the whole process, all threads included. A block changes the limits of its
+own thread only, or of its own task of asyncio; threads that it starts have those of the process.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from .errors import LimitError
 from .plugins import check
@@ -31,7 +34,6 @@ __all__ = [
     "check_visits",
     "current_limits",
     "most_bytes",
-    "most_visits",
     "set_limits",
 ]
 
@@ -39,8 +41,8 @@ FREE_BYTES = 100_000_000
 """Unpacked bytes for which `max_ratio` does not count: maps of one value pack extremely well."""
 
 
-VISITS = 30
-"""Factor of `max_cells` that limits how often cells are visited: half a minute for triangles."""
+VISITS = 4
+"""Factor of `max_cells` that limits how often cells are visited: two seconds for triangles."""
 
 
 @dataclass(frozen=True)
@@ -67,38 +69,43 @@ class Limits:
             check(is_limit, name, "a finite number of at least 1", value)
 
 
-_current = Limits()
+_process = Limits()
+_block: ContextVar[Mapping[str, float]] = ContextVar("_block", default=MappingProxyType({}))
+"""Limits that blocks of this thread have changed."""
 
 
 def current_limits() -> Limits:
-    """Return the limits that hold now."""
-    return _current
+    """Return the limits that hold now in this thread."""
+    return replace(_process, **_block.get())
 
 
 def set_limits(limits: Limits | None = None, /, **changes: float) -> Limits:
-    """Set limits and return those that held before.
+    """Set the limits of the process and return those that it had before.
+
+    Within a block of `changed_limits`, the limits that the block names stay as they are.
 
     Args:
-        limits: the new ones; None takes the current ones.
+        limits: the new ones; None takes those of the process.
         changes: `max_cells`, `max_bytes` or `max_ratio`, in place of those.
 
     Raises:
         ConfigError: a limit is no number of at least 1.
     """
-    global _current
-    before = _current
-    _current = replace(limits or before, **changes)
+    global _process
+    before = _process
+    _process = replace(limits or before, **changes)
     return before
 
 
 @contextmanager
 def changed_limits(**changes: float) -> Iterator[None]:
-    """Change limits within a `with` block; arguments and errors: see `set_limits`."""
-    before = set_limits(**changes)
+    """Change limits within a `with` block, in this thread; arguments, errors: see `set_limits`."""
+    replace(_process, **changes)  # raises for invalid ones
+    token = _block.set({**_block.get(), **changes})
     try:
         yield
     finally:
-        set_limits(before)
+        _block.reset(token)
 
 
 def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
@@ -110,16 +117,11 @@ def check_cells(name: str, size: Sequence[float], layers: int = 0) -> None:
         layers: number of layers that will be made; 0 if each one takes bytes of the input.
     """
     cells = size[0] * size[1]
-    if not cells <= _current.max_cells:
+    if not cells <= current_limits().max_cells:
         rows, columns = (f"{count:.15g}" for count in size)
         _refuse("max_cells", name, "cells", f"{rows} x {columns}")
-    if cells * layers * 4 > _current.max_bytes:
+    if cells * layers * 4 > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{layers} layers of {cells * 4:.15g} bytes")
-
-
-def most_visits() -> float:
-    """Return the limit of how many cells may be visited in all, each as often as it is."""
-    return VISITS * _current.max_cells
 
 
 def check_visits(name: str, visits: float) -> None:
@@ -129,13 +131,13 @@ def check_visits(name: str, visits: float) -> None:
         name: name of what has the parts, for the message.
         visits: sum of the cells of all parts.
     """
-    if visits > most_visits():
+    if visits > VISITS * current_limits().max_cells:
         _refuse("max_cells", name, f"times {VISITS} cells under all of them", f"{visits:.0f}")
 
 
 def most_bytes(packed: float) -> float:
     """Return the limit of the size of data that is unpacked from `packed` bytes."""
-    return min(_current.max_bytes, _most_by_ratio(packed))
+    return min(current_limits().max_bytes, _most_by_ratio(packed))
 
 
 def check_bytes(name: str, unpacked: int, packed: float) -> None:
@@ -145,7 +147,7 @@ def check_bytes(name: str, unpacked: int, packed: float) -> None:
         name: name of the data, for the message.
         unpacked, packed: numbers of bytes.
     """
-    if unpacked > _current.max_bytes:
+    if unpacked > current_limits().max_bytes:
         _refuse("max_bytes", name, "bytes", f"{unpacked}")
     check_ratio(name, unpacked, packed)
 
@@ -160,13 +162,13 @@ def check_ratio(name: str, unpacked: int, packed: float) -> None:
 
 
 def _most_by_ratio(packed: float) -> float:
-    return max(FREE_BYTES, _current.max_ratio * packed)
+    return max(FREE_BYTES, current_limits().max_ratio * packed)
 
 
 def _refuse(limit: str, name: str, unit: str, found: str) -> None:
-    node = "the parameter max_cells of a node, " if limit == "max_cells" else ""
     raise LimitError(
-        f"{name}: expected at most {getattr(_current, limit):.15g} {unit}, got {found}. "
-        f"To raise the limit: {node}--{limit.replace('_', '-')} of grid-map, "
+        f"{name}: expected at most {getattr(current_limits(), limit):.15g} {unit}, got {found}. "
+        f"To raise the limit: the parameter {limit} of a node, "
+        f"--{limit.replace('_', '-')} of grid-map, "
         f"set_limits({limit}=...) in Python"
     )

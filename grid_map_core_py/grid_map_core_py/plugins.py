@@ -35,6 +35,9 @@ __all__ = [
 
 T = TypeVar("T")
 
+DEEPEST = 50
+"""Maximum number of nested levels of parameters and of YAML: functions that follow them recurse."""
+
 
 def build(cls: type[T], parameters: Mapping[str, object]) -> T:
     """Return the dataclass `cls` with the parameters as its fields.
@@ -80,25 +83,32 @@ def node_sections(content: Mapping[str, Any], path: str = "") -> Iterator[tuple[
             yield from node_sections(value, f"{path}/{key}".replace("//", "/"))
 
 
-def nested(parameters: Mapping[str, object]) -> dict[str, Any]:
+def nested(parameters: Mapping[str, object], above: int = 0) -> dict[str, Any]:
     """Return parameters with dots in their names, `a.b: 1`, as mappings, `a: {b: 1}`.
 
     ROS reads an empty mapping in a parameter file as None; a mapping replaces it.
 
+    Args:
+        parameters: values by name.
+        above: number of levels above them.
+
     Raises:
-        ConfigError: a parameter has both a value and parameters below it.
+        ConfigError: a parameter has both a value and parameters below it, or is nested more than
+            `DEEPEST` times.
     """
     result: dict[str, Any] = {}
     expected = "no value, as there are parameters below it"
     for name, value in parameters.items():
         *parents, last = path = str(name).split(".")
+        level = above + len(path)
+        check(level <= DEEPEST, str(name), f"at most {DEEPEST} nested levels", level)
         place = result
         for depth, parent in enumerate(path if isinstance(value, Mapping) else parents, start=1):
             inner = place.get(parent)
             check(isinstance(inner, dict | None), ".".join(path[:depth]), expected, inner)
             place[parent] = place = inner or {}
         if isinstance(value, Mapping):
-            place.update(nested(value))
+            place.update(nested(value, level))
         elif not isinstance(place.get(last), dict):
             place[last] = value
         else:

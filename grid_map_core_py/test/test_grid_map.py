@@ -441,6 +441,31 @@ def test_a_submap_is_the_same_moved_or_not(grid_map, data):
     np.testing.assert_array_equal(submap["elevation"].ravel("F"), grid_map["elevation"][cells])
 
 
+@given(grid_maps(), st.data())
+def test_a_block_is_a_submap_in_map_order(grid_map, data):
+    rows, columns = (
+        data.draw(st.builds(slice, st.integers(0, n - 1), st.integers(n, n + 2)))
+        for n in grid_map.size
+    )
+    block = grid_map.get_block(rows, columns)
+    expected = grid_map.unwrapped("elevation")[rows, columns]
+    np.testing.assert_array_equal(block["elevation"], expected)
+    assert block.start_index == (0, 0)
+    assert block.basic_layers == grid_map.basic_layers
+    assert_maps_equal(block, grid_map.get_submap(block.position, 0.999 * block.length))
+
+
+def test_a_block_shares_the_layers_of_an_unmoved_map(terrain):
+    block = terrain.get_block(slice(1, 3), slice(None))
+    assert np.shares_memory(block["elevation"], terrain["elevation"])
+
+
+@pytest.mark.parametrize("rows", [slice(2, 2), slice(3, 1), slice(0, 4, 2), slice(10**6, None)])
+def test_a_block_needs_cells_without_steps(terrain, rows):
+    with pytest.raises(OutOfMapError, match="expected a slice of the"):
+        terrain.get_block(rows, slice(None))
+
+
 def test_submap_keeps_metadata_and_shares_no_data(terrain):
     terrain.basic_layers = ["variance"]
     terrain.timestamp = 123

@@ -3,11 +3,13 @@
 """Small inputs that claim much are refused before they take memory; limits can be raised."""
 
 import struct
+import threading
 import time
 import tracemalloc
 import zipfile
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -51,13 +53,13 @@ def png(path: Path, side: int = 30_000) -> Path:
     return path
 
 
-def tiff(path: Path, order: str, *, big: bool) -> Path:
+def tiff(path: Path, order: str, *, big: bool, kind: int = 4) -> Path:
     """Write the head of an image of 30,000 x 30,000 pixels, in one of the four forms of TIFF."""
     mark = {"<": b"II", ">": b"MM"}[order]
     form = (43, 8, 0, 16, 2) if big else (42, 8, 2)
     head = mark + struct.pack(order + ("HHHQQ" if big else "HIH"), *form)
     entry = "HHQI4x" if big else "HHII"
-    sides = [struct.pack(order + entry, tag, 4, 1, 30_000) for tag in (256, 257)]
+    sides = [struct.pack(order + entry, tag, kind, 1, 30_000) for tag in (256, 257)]
     path.write_bytes(head + b"".join(sides) + bytes(8))
     return path
 
@@ -95,7 +97,12 @@ def npz_without_layers(folder: Path) -> Path:
     return folder / "large.npz"
 
 
-def sparse_geotiff(folder: Path, **shape: int) -> Path:
+def tiled_geotiff(folder: Path, side: int, **shape: Any) -> Path:
+    """Write a small raster whose only tiles are large."""
+    return sparse_geotiff(folder, **{"width": side, "height": side, "blockysize": 16, **shape})
+
+
+def sparse_geotiff(folder: Path, **shape: Any) -> Path:
     rasterio = pytest.importorskip("rasterio")
 
     profile = {"driver": "GTiff", "dtype": "float32", "tiled": True, "SPARSE_OK": True}
@@ -119,6 +126,10 @@ BOMBS: dict[str, tuple[Bomb, str]] = {
     "PNG": (lambda folder: load(png(folder / "a.png"), resolution=1.0), SQUARE),
     "TIFF": (lambda folder: load(tiff(folder / "a.tif", "<", big=False), resolution=1.0), SQUARE),
     "TIFF >": (lambda folder: load(tiff(folder / "a.tif", ">", big=False), resolution=1.0), SQUARE),
+    "signed TIFF": (
+        lambda folder: load(tiff(folder / "a.tif", "<", big=False, kind=9), resolution=1.0),
+        SQUARE,
+    ),
     "BigTIFF": (lambda folder: load(tiff(folder / "a.tif", ">", big=True), resolution=1.0), SQUARE),
     "BMP": (
         lambda folder: load(
@@ -148,6 +159,26 @@ BOMBS: dict[str, tuple[Bomb, str]] = {
         lambda folder: load(sparse_geotiff(folder, width=4000, height=4000, count=9)),
         "expected at most 1100 bytes from one byte, got 576000000 unpacked from",
     ),
+    "tile of a GeoTIFF": (
+        lambda folder: load(tiled_geotiff(folder, 16, blockxsize=16384, blockysize=32752)),
+        "tile: " + CELLS + "32752 x 16384",
+    ),
+    "tile of a TIFF": (
+        lambda folder: load_height_image(
+            tiled_geotiff(folder, 16, blockxsize=16384, blockysize=32752), resolution=1.0
+        ),
+        "tile: " + CELLS + "32752 x 16384",
+    ),
+    "tiles of a GeoTIFF": (
+        lambda folder: load(tiled_geotiff(folder, 500, width=16, blockxsize=1_000_000)),
+        "tiles: expected at most 16000000 times ",
+    ),
+    "bands in the tile of a GeoTIFF": (
+        lambda folder: load(
+            tiled_geotiff(folder, 16, count=9, interleave="pixel", blockxsize=4000, blockysize=4000)
+        ),
+        "block: expected at most 1100 bytes from one byte, got 576000000 unpacked from",
+    ),
 }
 
 
@@ -155,7 +186,8 @@ NEEDS = [pytest.mark.needs("rasterio")]
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=NEEDS * ("GeoTIFF" in kind)) for kind in BOMBS]
+    "kind",
+    [pytest.param(kind, marks=NEEDS * ("tile" in kind or "GeoTIFF" in kind)) for kind in BOMBS],
 )
 def test_small_input_cannot_claim_much(kind, tmp_path):
     read, text = BOMBS[kind]
@@ -176,6 +208,32 @@ def test_size_is_read_from_the_head_of_images(ending, tmp_path):
         assert load_height_image(path, resolution=1.0).size == (30, 20)
     with changed_limits(max_cells=599), pytest.raises(LimitError, match="got 20 x 30"):
         load_height_image(path, resolution=1.0)
+
+
+def test_jpeg_of_many_scans_is_refused(tmp_path):
+    path, options = tmp_path / "a.jpg", [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
+    cv2.imwrite(str(path), np.eye(40, dtype=np.uint8) * 255, options)
+    assert load_height_image(path, resolution=1.0).size == (40, 40)
+    data = path.read_bytes()
+    begin = data.rindex(b"\xff\xda")
+    path.write_bytes(data[:begin] + data[begin:-2] * 100 + data[-2:])
+    with pytest.raises(GridMapError, match="a JPEG image of more than 100 scans"):
+        load_height_image(path, resolution=1.0)
+
+
+@pytest.mark.needs("rasterio")
+def test_small_map_in_large_tile_of_mask_is_refused(tmp_path):
+    path = tiled_geotiff(tmp_path, 16, blockxsize=16)
+    data = bytearray(path.read_bytes())
+    # A second directory: a mask of the same size, whose tile is large.
+    (start,) = struct.unpack_from("<I", data, 4)
+    (count,) = struct.unpack_from("<H", data, start)
+    struct.pack_into("<I", data, start + 2 + 12 * count, len(data))
+    tags = {254: 4, 256: 16, 257: 16, 322: 16384, 323: 32752}
+    entries = [struct.pack("<HHII", tag, 4, 1, value) for tag, value in tags.items()]
+    path.write_bytes(bytes(data) + struct.pack("<H", len(tags)) + b"".join(entries) + bytes(4))
+    with pytest.raises(LimitError, match=f"tile: {CELLS}32752 x 16384"):
+        load(path)
 
 
 @pytest.mark.needs("pypcd4")
@@ -212,32 +270,77 @@ def test_mesh_of_many_large_triangles_is_refused_at_once():
     corners = [(-9, -9, 0), (9, -9, 0), (0, 9, 1)]
     many = np.zeros((5_000_000, 3), np.int32) + np.arange(3)
     grid_map = GridMap((10, 10), 0.1)
-    text = "faces: expected at most 16000000 times 30 cells under all of them, got 50000000000"
+    text = "faces: expected at most 16000000 times 4 cells under all of them, got 81920000"
     with pytest.raises(LimitError, match=text):
         rasterize_triangles(corners, many, grid_map)
-    with changed_limits(max_cells=1000):
+    with changed_limits(max_cells=10_000):
         # Those beside the map, and those of no size, cost nothing.
         beside = np.add(corners, (50, 0, 0))
         faces = np.vstack([many[:9] + 3, many[:9] * 0])
         rasterize_triangles([*corners, *beside], faces, grid_map)
-        rasterize_triangles(corners, many[:3], grid_map)
-        with pytest.raises(LimitError, match="got 40000"):
-            rasterize_triangles(corners, many[:4], grid_map)
+        rasterize_triangles(corners, many[:4], grid_map)
+        with pytest.raises(LimitError, match="got 50000"):
+            rasterize_triangles(corners, many[:5], grid_map)
+
+
+def test_many_needles_of_little_area_are_refused():
+    corners = [(-5, 0.05, 0), (5, 0.05, 0), (5, 0.0500001, 1)]
+    many = np.zeros((1000, 3), np.int32) + np.arange(3)
+    with changed_limits(max_cells=10_000), pytest.raises(LimitError, match="got 100000"):
+        rasterize_triangles(corners, many, GridMap((10, 10), 0.1))
 
 
 def test_limits_are_raised_for_a_block_or_for_good():
     with changed_limits(max_cells=80001**2, max_bytes=1e9):
         with pytest.raises(LimitError, match="expected at most 1000000000 bytes"):
             from_points(CORNERS, 0.1)
-        assert set_limits(max_ratio=3) == Limits(80001**2, 1e9)
-        assert current_limits() == Limits(80001**2, 1e9, 3)
+        before = set_limits(max_ratio=3, max_bytes=2e9)
+        try:
+            assert before == Limits()
+            assert current_limits() == Limits(80001**2, 1e9, 3)
+            with changed_limits(max_bytes=5):
+                assert current_limits() == Limits(80001**2, 5, 3)
+        finally:
+            assert set_limits(before) == Limits(max_bytes=2e9, max_ratio=3)
     assert current_limits() == Limits()
+
+
+def test_overlapping_blocks_change_their_own_thread_only():
+    first, second = threading.Event(), threading.Event()
+
+    def leave_while_the_other_is_inside() -> Limits:
+        with changed_limits(max_cells=1e12):
+            first.set()
+            assert second.wait(60)
+        return current_limits()
+
+    with ThreadPoolExecutor(1) as pool:
+        leaving = pool.submit(leave_while_the_other_is_inside)
+        assert first.wait(60)
+        assert current_limits() == Limits()
+        with changed_limits(max_cells=10):
+            second.set()
+            assert leaving.result() == Limits()
+            assert current_limits() == Limits(10)
+            assert pool.submit(current_limits).result() == Limits()
+    assert current_limits() == Limits()
+
+
+def test_limits_of_the_process_hold_in_all_threads():
+    before = set_limits(max_cells=7)
+    try:
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(current_limits).result() == Limits(7)
+    finally:
+        set_limits(before)
 
 
 @pytest.mark.parametrize("value", [0, -1, np.nan, np.inf, "many", None])
 def test_invalid_limit_is_refused(value):
     with pytest.raises(ConfigError, match="'max_cells': expected a finite number of at least 1"):
         set_limits(max_cells=value)
+    with pytest.raises(ConfigError), changed_limits(max_cells=value):
+        pass
     assert current_limits() == Limits()
 
 

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as arrays
 from memory import peak_of
 
 from grid_map_core_py import GeometryError, GridMap, GridMapError
-from grid_map_core_py.conversions import from_mesh, rasterize_triangles
+from grid_map_core_py.conversions import _mesh, from_mesh, rasterize_triangles
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], float)
@@ -134,6 +134,21 @@ def test_one_huge_triangle_covers_every_cell():
     vertices = [(-1e7, -1e7, 1), (1e7, -1e7, 1), (0, 2e7, 1)]
     result = rasterize_triangles(vertices, [(0, 1, 2)], GridMap((20, 30), 0.1))
     assert (result["elevation"] == 1).all()
+
+
+def test_large_triangles_have_the_bits_of_small_ones(monkeypatch):
+    generator = np.random.default_rng(5)
+    corners = generator.uniform(-8, 8, (60, 3))
+    corners[::7, :2] = np.round(corners[::7, :2])
+    faces = generator.permutation(60).reshape(20, 3)
+    grid_map = GridMap((12, 10), 0.1)
+    grid_map.move((1.0, -0.5))
+    layers = []
+    for pairs in (1, 100, 1 << 13, 1 << 30):
+        monkeypatch.setattr(_mesh, "_PAIRS", pairs)
+        layers.append(rasterize_triangles(corners, faces, grid_map)["elevation"].tobytes())
+    assert len({*layers}) == 1
+    assert np.frombuffer(layers[0], np.float32).size > 10_000
 
 
 def test_the_input_is_not_changed_and_other_layers_are_shared():

@@ -3,6 +3,8 @@
 """Layers made of point clouds."""
 
 import statistics
+from collections.abc import Callable
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -18,8 +20,10 @@ from grid_map_core_py import (
     color_value_to_vector,
     color_vector_to_value,
 )
-from grid_map_core_py.conversions import fitting_geometry, from_points, rasterize
+from grid_map_core_py.conversions import _point_loops, fitting_geometry, from_points, rasterize
 from grid_map_core_py.conversions._point_layers import as_points
+from grid_map_core_py.elevation import RollingMap
+from grid_map_core_py.loops import Loop
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 
 ORACLES = {
@@ -39,7 +43,7 @@ SPECIAL = st.sampled_from([np.nan, np.inf, -np.inf])
 
 def clouds(reach: float = 1.25) -> st.SearchStrategy[np.ndarray]:
     """Points around the origin, some at the same place, some not finite."""
-    numbers = st.floats(-reach, reach, width=32) | st.sampled_from([0.0, 0.5, -0.5]) | SPECIAL
+    numbers = st.floats(-reach, reach, width=32) | st.sampled_from([0.0, -0.0, 0.5, -0.5]) | SPECIAL
     shapes = st.tuples(st.integers(0, 40), st.just(3))
     return arrays.arrays(np.float64, shapes, elements=numbers)
 
@@ -74,6 +78,84 @@ def test_heights_equal_sorting_by_hand(grid_map, cloud):
         np.testing.assert_allclose(result[name], expected, rtol=1e-6, atol=1e-12, err_msg=name)
         assert result[name].dtype == np.float32
         assert result[name].flags.f_contiguous
+
+
+def unaligned(points: np.ndarray) -> np.ndarray:
+    memory = np.zeros(points.nbytes + 1, np.uint8)[1:]
+    copy = memory.view(points.dtype).reshape(points.shape)
+    copy[...] = points
+    return copy
+
+
+LAYOUTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "rows": np.ascontiguousarray,
+    "columns": np.asfortranarray,
+    "wide": lambda points: np.column_stack([points, points, points])[:, 3:],
+    "every second": lambda points: np.repeat(points, 2, axis=0)[::2],
+    "backwards": lambda points: np.ascontiguousarray(points[::-1])[::-1],
+    "float32": lambda points: points.astype(np.float32),
+    "unaligned": unaligned,
+}
+
+
+def with_loops(count: int, *arguments, **options) -> GridMap:
+    """Return the result of `rasterize` in a process that has handled so many points."""
+    with patch.object(_point_loops, "_handled", count):
+        return rasterize(*arguments, **options)
+
+
+def assert_same_bits(*arguments, **options) -> None:
+    slow, fast = (with_loops(count, *arguments, **options) for count in (-(10**9), 10**9))
+    for name in ALL:
+        np.testing.assert_array_equal(fast[name].view(np.uint32), slow[name].view(np.uint32), name)
+
+
+@pytest.fixture(scope="module")
+def compiled_loops() -> None:
+    named = {made for made in vars(_point_loops).values() if isinstance(made, Loop)}
+    assert {*_point_loops.FIND.values(), *named} == {*_point_loops.LOOPS}
+    assert all(made.compiled(always=True) for made in _point_loops.LOOPS)
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.usefixtures("compiled_loops")
+@given(
+    grid_maps(),
+    clouds(),
+    st.sampled_from([*LAYOUTS]),
+    st.tuples(st.floats(-1, 0), st.floats(0, 1)) | st.just((-np.inf, np.inf)),
+)
+def test_compiled_loops_give_the_bits_of_numpy(grid_map, cloud, layout, limits):
+    points = LAYOUTS[layout](around(grid_map, cloud))
+    assert_same_bits(points, grid_map, ALL, min_height=limits[0], max_height=limits[1])
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.usefixtures("compiled_loops")
+def test_loops_are_loaded_after_a_million_points():
+    with patch.object(_point_loops, "_handled", 0):
+        rasterize(np.zeros((999_999, 3)), GridMap((1, 1), 0.5))
+        assert _point_loops.ready(_point_loops.add_up) is None
+        rasterize(np.zeros((2, 3)), GridMap((1, 1), 0.5))
+        assert _point_loops.ready(_point_loops.add_up) is not None
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.usefixtures("compiled_loops")
+def test_rolling_map_prepares_loops():
+    with patch.object(_point_loops, "_handled", 0):
+        RollingMap(GridMap((1, 1), 0.5).geometry)
+        assert _point_loops.ready(_point_loops.add_up) is not None
+
+
+@pytest.mark.needs("numba")
+@pytest.mark.usefixtures("compiled_loops")
+@pytest.mark.parametrize("count", [1, 64, 65, 70_000, 200_000])
+def test_compiled_loops_give_the_bits_of_numpy_for_many_points(count):
+    points = np.random.default_rng(1).normal(0, 0.3, (count, 3))
+    points[::5, 2] = np.copysign(0.0, points[::5, 0])
+    for resolution in (1.0, 0.5, 0.01):
+        assert_same_bits(points, GridMap((1.0, 0.5), resolution, position=(0.1, 0.05)), ALL)
 
 
 @given(grid_maps(max_side=4), clouds(), st.data())

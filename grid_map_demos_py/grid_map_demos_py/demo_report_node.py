@@ -25,7 +25,7 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import NodeFailedError
-from grid_map_ros_py.nodes import MapSubscription, map_qos
+from grid_map_ros_py.nodes import MapSubscription, map_qos, steady_timer
 from grid_map_visualization_py.pictures import save_picture
 
 from .demo import Demo
@@ -72,7 +72,7 @@ class DemoReportNode(Demo):
         self._filtered_maps = MapSubscription(self, OUTPUT, self._on_filtered)
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, 10)
         self._timeout = self.read_positive("timeout", 60.0, "maximum time to wait [s]")
-        self.create_timer(self._timeout, self._give_up)
+        steady_timer(self, self._timeout, self._give_up)
 
     def _on_filtered(self, received: ReceivedMap) -> None:
         self._filtered = received.decode()

@@ -17,7 +17,7 @@ from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_octomap, load_octomap, to_serialized_message
 from grid_map_ros_py.errors import DROPPED, reason
-from grid_map_ros_py.nodes import map_qos
+from grid_map_ros_py.nodes import map_qos, steady_timer
 
 from .demo import Demo
 
@@ -68,7 +68,7 @@ class OctomapToGridmapDemoNode(Demo):
         self._request = kind.Request()
         self._octomap_publisher = self.create_publisher(messages.Octomap, "octomap", map_qos())
         self._client = self.create_client(kind, service)
-        self._timer = self.create_timer(PATIENCE, self._ask)
+        self._timer = steady_timer(self, PATIENCE, self._ask)
 
     def _ask(self) -> None:
         is_there = self._client.service_is_ready()

@@ -12,7 +12,7 @@ from grid_map_core_py.commands import ProgressBar
 
 from ._chain import FilterChain, Step, StepTimes
 from ._config import StepConfig
-from ._filter import Filter, FilterWarning, in_map_order, warn
+from ._filter import WHOLE_MAP, Filter, FilterWarning, in_map_order, warn
 from ._offline import Failure, Filtered, filter_maps
 from ._registry import FILTERS
 from .errors import ExpressionError, FilterConfigError, FilterError
@@ -22,6 +22,7 @@ __version__ = "0.2.0"
 
 __all__ = [
     "FILTERS",
+    "WHOLE_MAP",
     "Expression",
     "ExpressionError",
     "Failure",

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A sequence of filters, and the durations of its steps."""
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -14,14 +15,18 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, Size
 from grid_map_core_py.commands import table
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.plugins import build, check, descriptions
 
 from ._config import StepConfig, field_name, parse_steps, read_chain
-from ._filter import Filter, running
+from ._filter import Filter, reach_of, running
 from ._registry import FILTERS
 from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError, FilterError
+from .parts._side_by_side import use_threads
+
+_FEWEST_CELLS = 300**2
+"""Cells of the smallest map for which several threads are worth their start."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,17 @@ class Step:
 
     config: StepConfig
     filter: Filter
+
+    def reach(self, resolution: float) -> float:
+        """Return how far the filter looks: a number of cells, or `WHOLE_MAP`.
+
+        Raises:
+            FilterError: the filter gives neither; the message names it.
+        """
+        try:
+            return reach_of(self.filter, resolution)
+        except Exception as error:
+            raise FilterError(f"{self.config}: {message_of(error)}") from error
 
 
 StepObserver = Callable[[Step, float], None]
@@ -119,6 +135,14 @@ class FilterChain:
 
     Filters get maps whose layers are read-only: one that writes into a layer fails.
 
+    Args:
+        steps: the filters in their order.
+        threads: number of threads that the filters may use, 1 or more. Results do not depend on it;
+            small maps take one.
+
+    Raises:
+        FilterConfigError: `threads` is no positive integer.
+
     Example:
         >>> chain = FilterChain.from_config([{
         ...     "name": "roughness", "type": "gridMapFilters/MathExpressionFilter",
@@ -128,31 +152,38 @@ class FilterChain:
         0.5
     """
 
-    def __init__(self, steps: Iterable[Step]) -> None:
+    def __init__(self, steps: Iterable[Step], *, threads: int = 1) -> None:
+        """Make a chain; the arguments are described at the class."""
+        if not isinstance(threads, int) or isinstance(threads, bool) or threads < 1:
+            raise FilterConfigError(f"threads: expected an integer >= 1, got {short(threads)}")
         self.steps = tuple(steps)
+        self.threads = threads
 
     @classmethod
-    def from_config(cls, config: object) -> "FilterChain":
+    def from_config(cls, config: object, *, threads: int = 1) -> "FilterChain":
         """Build a chain from the mapping under `filters:`, or from a list of {name, type, params}.
 
         Raises:
             FilterConfigError: naming the filter, its type and the parameter.
         """
-        return cls(Step(step, _build(step)) for step in parse_steps(config))
+        return cls((Step(step, _build(step)) for step in parse_steps(config)), threads=threads)
 
     @classmethod
-    def from_yaml(cls, path: str | Path, name: str = "filters") -> "FilterChain":
+    def from_yaml(
+        cls, path: str | Path, name: str = "filters", *, threads: int = 1
+    ) -> "FilterChain":
         """Build a chain from a ROS 2 parameter file, a ROS 1 file, or a file with only the list.
 
         Args:
             path: the file.
             name: parameter that holds the chain.
+            threads: see the class.
 
         Raises:
             FilterConfigError: naming the filter, its type and the parameter.
             OSError: the file cannot be read.
         """
-        return cls.from_config(read_chain(path, name))
+        return cls.from_config(read_chain(path, name), threads=threads)
 
     def __call__(
         self,
@@ -197,16 +228,33 @@ class FilterChain:
         result = grid_map
         if grid_map.start_index != (0, 0):
             result = grid_map.with_start_index((0, 0))
-        for step in self.steps:
-            given = _read_only(result)
-            begin = time.perf_counter()
-            result = _filtered(step, given, warnings)
-            if observer is not None:
-                observer(step, time.perf_counter() - begin)
+        threads = self.threads if math.prod(grid_map.size) >= _FEWEST_CELLS else 1
+        with use_threads(threads):
+            for step in self.steps:
+                given = _read_only(result)
+                begin = time.perf_counter()
+                result = _filtered(step, given, warnings)
+                if observer is not None:
+                    observer(step, time.perf_counter() - begin)
         keeps_start = result.size == grid_map.size and not any(
             isinstance(step.filter, BufferNormalizer) for step in self.steps
         )
         return _read_only(result), grid_map.start_index if keeps_start else (0, 0)
+
+    def reach(self, resolution: float) -> float:
+        """Return how far the chain looks: the sum of the reaches of its filters [cells].
+
+        A cell of the result depends on the cells of the input that are at most this number of rows
+        and columns away, and on quantities of whole layers of some filters, such as an offset
+        against rounding. It is `WHOLE_MAP` if a filter looks at the whole map.
+
+        Args:
+            resolution: side of a cell [m].
+
+        Raises:
+            FilterError: a filter gives no number of cells; the message names it.
+        """
+        return sum(step.reach(resolution) for step in self.steps)
 
     def __len__(self) -> int:
         return len(self.steps)

@@ -127,7 +127,7 @@ def _numbered(config: Mapping[object, object]) -> list[object]:
     """Return the entries filter1 .. filterN in numeric order."""
     numbers = {}
     for key, entry in config.items():
-        match = re.fullmatch("filter([1-9][0-9]*)", str(key))
+        match = re.fullmatch("filter([1-9][0-9]{0,5})", str(key))
         if not match:
             raise FilterConfigError(f"filters: expected filter1 .. filterN, got {key!r}")
         numbers[int(match[1])] = entry

@@ -7,16 +7,26 @@ A filter is a frozen dataclass that can be called. Its fields are its YAML param
 takes a map whose start index is (0, 0), and returns a new map that shares the unchanged layers. It
 never writes into its input. A filter raises an error if it cannot do its work, and calls `warn` if
 the user should know something about the result.
+
+A filter may say how far it looks, by a method `reach(resolution)`: a cell of its output depends on
+the cells of its input that are at most this number of rows and columns away. Other filters look at
+the whole map.
 """
 
 import functools
+import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol, TypeVar, cast
 
+import numpy as np
+
 from grid_map_core_py import GridMap
+from grid_map_core_py.errors import short
+
+from .errors import FilterError
 
 
 class Filter(Protocol):
@@ -24,6 +34,42 @@ class Filter(Protocol):
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map; the input stays unchanged."""
+
+
+WHOLE_MAP = math.inf
+"""Reach of a filter that may look at all cells; the reach of filters that declare none."""
+
+
+def reach_of(function: Filter, resolution: float) -> float:
+    """Return how far a filter looks: a whole number of cells, or `WHOLE_MAP`.
+
+    Args:
+        function: any filter.
+        resolution: side of a cell [m].
+
+    Raises:
+        FilterError: the filter gives neither.
+    """
+    reach = getattr(function, "reach", None)
+    # A filter may have a parameter of this name.
+    cells = reach(resolution) if callable(reach) else WHOLE_MAP
+    is_number = isinstance(cells, int | float | np.integer | np.floating)
+    if not (is_number and cells >= 0 and (cells == WHOLE_MAP or float(cells).is_integer())):
+        raise FilterError(f"reach: expected a number of cells or WHOLE_MAP, got {short(cells)}")
+    return float(cells)
+
+
+def for_tiles_of(function: Filter, grid_map: GridMap) -> Filter | None:
+    """Return the filter for the tiles of a map; None if it needs the whole map.
+
+    Args:
+        function: a filter with a reach. Its method of the same name, if any, returns the filter
+            with the quantities of the whole map put in that it needs.
+        grid_map: the whole map, without the layers that are not computed yet.
+    """
+    bind = getattr(function, "for_tiles_of", None)
+    bound: Filter | None = bind(grid_map) if callable(bind) else function
+    return bound
 
 
 class FilterWarning(UserWarning):
@@ -52,10 +98,16 @@ def warn(message: str) -> None:
     `FilterWarning`.
     """
     step, collected = _running.get()
-    if collected is None:
-        warnings.warn(step + message, FilterWarning, stacklevel=2)
-    else:
-        collected.append(step + message)
+    pass_on([step + message], collected, stacklevel=3)
+
+
+def pass_on(texts: Iterable[str], collected: list[str] | None, stacklevel: int = 2) -> None:
+    """Append warnings to a list; without one, issue them."""
+    if collected is not None:
+        collected.extend(texts)
+        return
+    for text in texts:
+        warnings.warn(text, FilterWarning, stacklevel=stacklevel)
 
 
 C = TypeVar("C", bound=Callable[..., GridMap])

@@ -414,6 +414,18 @@ def test_parameters_below_replace_an_empty_value(parameters):
     assert nested(parameters) == {"filter1": {"params": {"radius": 1}}}
 
 
+@pytest.mark.parametrize("parts", [1, 2, 7, 50])
+def test_depth_of_parameters_is_limited(parts):
+    def tree(levels: int) -> dict[str, object]:
+        name = ".".join("x" * min(parts, levels))
+        return {name: tree(levels - parts) if levels > parts else 1}
+
+    assert nested(tree(50)) == nested({".".join("x" * 50): 1})
+    for levels in (51, 3000):
+        with pytest.raises(ConfigError, match=r"'x.*': expected at most 50 nested levels, got"):
+            nested(tree(levels) if parts > 3 or levels < 100 else {"x." * levels: 1})
+
+
 A = """{name: a, type: gridMapFilters/MathExpressionFilter,
                  params: {expression: elevation + 1, output_layer: elevation}}"""
 B = """{name: b, type: gridMapFilters/ThresholdFilter,

@@ -64,7 +64,7 @@ def test_chain_runs_over_a_bag_with_progress_and_times(command):
 
 
 def test_chain_runs_over_one_map(command):
-    assert command("filter chain.yaml site.npz out.npz")[0] == 0
+    assert command("filter chain.yaml site.npz out.npz --threads 2")[0] == 0
     assert (load("out.npz")["double"] == 8).all()
     assert command("filter chain.yaml survey one --index 0 --output-topic /one")[0] == 0
     assert [grid_map.timestamp for grid_map in bag_maps("one", "/one")] == [SECOND]
@@ -114,6 +114,7 @@ def test_warnings_of_filters_are_shown_once(command):
         ("chain.yaml survey/survey_0.mcap survey --force", 1, "is the source, too"),
         ("- - out.npz", 2, "cannot both come from standard input"),
         ("chain.yaml site.npz out.npz --json", 2, "--timing"),
+        ("chain.yaml site.npz out.npz --threads 0", 1, "threads: expected an integer >= 1, got 0"),
     ],
 )
 def test_mistakes_are_one_line(line, code, text, refused):

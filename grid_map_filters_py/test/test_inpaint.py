@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 from filter_cases import filtered, ground
-from hypothesis import given, settings, strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
@@ -44,6 +44,27 @@ def test_ramp_continues_across_a_hole_without_quantization():
 def test_extreme_ranges_stay_finite():
     heights = np.array([[-3e38, np.nan], [np.nan, 3e38], [1.0, np.inf]], dtype=np.float32)
     assert np.isfinite(inpaint(ground(heights))).all()
+
+
+@given(
+    st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    st.sampled_from([0.02, 0.1, 0.3]),
+    st.sampled_from([0.0, 0.1, 0.2, 0.45]),
+    st.integers(3, 12),
+    st.integers(0, 2**32),
+)
+def test_inpainting_by_blocks_gives_the_same_bits(size, share, radius, side, seed):
+    random = np.random.default_rng(seed)
+    heights = np.cumsum(random.normal(size=size), axis=0)
+    heights[random.random(size) < share] = np.nan
+    row, column = random.integers(0, size)
+    heights[row : row + 9, column : column + 5] = random.choice([np.nan, np.inf])
+    assume(np.isfinite(heights).any())
+    expected = inpaint(ground(heights), radius)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("grid_map_filters_py.builtin._inpaint._SIDE", side)
+        found = inpaint(ground(heights), radius)
+    np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
 
 
 # --- limits ---------------------------------------------------------------------------------------

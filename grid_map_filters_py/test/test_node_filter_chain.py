@@ -4,6 +4,7 @@
 
 import copy
 import sys
+import time
 import tracemalloc
 
 import numpy as np
@@ -325,12 +326,15 @@ WRONG = {
     "filters.filter3.params.input_layer": (None, "missing parameter 'input_layer'"),
     "filters.filter5.name": ("last", "filter 5: type: expected a string, got nothing"),
     "filters.filter3": (1, "filter3"),
+    f"filters.filter1.params.{'x.' * 3000}y": (1, "expected at most 50 nested levels, got 3003"),
+    f"filters.filter{'1' * 5000}.name": ("a", "filters: expected filter1 .. filterN, got 'filter1"),
     "filters.fliter3.name": ("a", "filters: expected filter1 .. filterN, got 'fliter3'"),
     "filters": ("x", "unknown parameter 'filters'; those that can be set begin with 'filters.'"),
     "inptu_topic": ("/a", "unknown parameter 'inptu_topic'"),
     "input_topic": ("/a", "read-only parameter: input_topic"),
     "output_topic": ("/a", "read-only parameter: output_topic"),
     "filter_chain_parameter_name": ("b", "read-only parameter: filter_chain_parameter_name"),
+    "threads": (2, "read-only parameter: threads"),
 }
 
 
@@ -347,23 +351,36 @@ def test_wrong_value_is_refused_and_the_old_chain_stays(parameters, other_side):
         assert "now FilterChain" not in node.text
 
 
-CROWDED = """
+FAILING = """
 from grid_map_filters_py._executables.filter_chain import FilterChainNode
 
-class Crowded(FilterChainNode):
+class Failing(FilterChainNode):
     def _changed_config(self, changes):
-        raise MemoryError
+        raise {error}
 
-raise SystemExit(Crowded.main())
+raise SystemExit(Failing.main())
 """
 
 
-def test_parameter_is_refused_when_memory_runs_out(parameters, other_side):
-    with running(Process([sys.executable, "-c", CROWDED, *parameters()])) as node:
-        refused = False, "out of memory"
-        assert set_one(other_side, "filters.filter3.params.radius", 2.25) == refused
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [("MemoryError", "out of memory"), ("KeyError('of a plug-in')", "KeyError('of a plug-in')")],
+)
+def test_parameter_is_refused_whatever_its_chain_raises(parameters, other_side, error, reason):
+    program = FAILING.format(error=error)
+    with running(Process([sys.executable, "-c", program, *parameters()])) as node:
+        assert set_one(other_side, "filters.filter3.params.radius", 2.25) == (False, reason)
         assert filtered(other_side, to_message(terrain()), 1).layers
-        other_side.wait_until(lambda: "set_parameters: out of memory" in node.text, "a line")
+        other_side.wait_until(lambda: f"set_parameters: {reason}" in node.text, "a line")
+
+
+def test_changes_are_logged_at_most_once_per_second(parameters, other_side):
+    with running_node(MODULE, *parameters()) as node:
+        begin = time.monotonic()
+        for k in range(30):
+            assert set_one(other_side, "filters.filter3.params.radius", 1 + k / 10) == OK
+        other_side.wait_until(lambda: "now FilterChain" in node.text, "a line")
+        assert node.text.count("now FilterChain") <= 2 + time.monotonic() - begin
 
 
 def test_parameters_are_set_one_by_one_or_atomically(parameters, other_side):
@@ -460,6 +477,7 @@ def test_topics_and_the_name_of_the_chain_are_parameters(tmp_path, other_side):
         "output_topic": "/out",
         "filter_chain_parameter_name": "my_filters",
         "my_filters": FILTERS,
+        "threads": 2,
     }
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": content}}))
     other_side.listen("/out", GridMapMessage)

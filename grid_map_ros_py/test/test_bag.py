@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reading and writing bags, compared with the library rosbags and with C++ recordings."""
 
+import gc
 import shutil
 import sqlite3
 import sys
@@ -157,6 +158,21 @@ def test_maps_are_written_and_read_one_at_a_time(tmp_path):
     reading = bag_maps(tmp_path / "bag")
     assert number_of(next(reading)) == 0
     reading.close()
+
+
+def test_writing_leaves_nothing_to_the_garbage_collector(tmp_path):
+    def write() -> None:
+        with BagWriter(tmp_path / "bag") as bag:
+            bag.write(TOPIC, numbered_map(1))
+
+    write()
+    gc.collect()
+    gc.disable()
+    try:
+        write()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 def test_message_may_have_another_time_than_its_map(tmp_path):

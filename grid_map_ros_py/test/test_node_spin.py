@@ -103,6 +103,15 @@ def test_further_interrupts_end_stuck_callbacks_and_change_nothing_else(
     assert process.lines == ["alive\n", "destroyed\n"]
 
 
+def test_second_signal_that_hits_a_finalizer_is_not_lost(start: Start) -> None:
+    process = start("living.py", "deleting")
+    wait_until(lambda: "deleted\n" in process.lines, "a finalizer")
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait() == 0
+    assert process.lines == ["alive\n", "deleted\n", "destroyed\n"]
+
+
 def test_interrupt_during_imports_leaves_no_traceback() -> None:
     process = Process([sys.executable, "-c", INTERRUPTED_IMPORT])
     assert process.wait() == -signal.SIGINT

@@ -149,9 +149,11 @@ def test_flat_cloud_leaves_out_cells_that_are_not_valid() -> None:
     assert points(to_flat_point_cloud(grid_map))["elevation"].tolist() == [1.0, 2.0]
 
 
-def test_flat_cloud_needs_a_finite_height() -> None:
-    with pytest.raises(MessageError, match="height: expected a finite number, got nan"):
-        to_flat_point_cloud(GridMap((1, 1), 1.0), math.nan)
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("height", [math.nan, -math.inf, 1e39])
+def test_flat_cloud_needs_a_finite_height(height: float) -> None:
+    with pytest.raises(MessageError, match="height: expected a finite number, got"):
+        to_flat_point_cloud(GridMap((1, 1), 1.0), height)
 
 
 @pytest.mark.filterwarnings("error")

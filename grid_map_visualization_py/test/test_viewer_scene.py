@@ -9,7 +9,6 @@ import re
 import socket
 import struct
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,13 +16,13 @@ from hypothesis import given, strategies as st
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.testing import grid_maps, moved_in_buffer
-from grid_map_ros_py import MessageError, ReceivedMap, to_message, to_serialized_message
+from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
+from grid_map_visualization_py._viewer.gate import is_allowed
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import (
     Page,
-    is_allowed,
     is_loopback,
     url_of,
     vector_prefixes,
@@ -437,31 +436,6 @@ def test_map_is_hidden_while_it_is_loaded(page, hill):
     assert visible() == [3]
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("mode", "none"),
-        ("color_map", "none"),
-        ("layer", "none"),
-        ("lower", math.nan),
-        ("color", (1, 2)),
-    ],
-)
-def test_senseless_choice_of_a_browser_is_a_problem(page, hill, monkeypatch, name, value):
-    monkeypatch.setattr(Page, "is_watched", True)
-    viewer = Viewer(page, 0)
-    viewer.receive(ReceivedMap(to_serialized_message(hill)))
-    assert viewer.update() == ""
-    page._automatic.value = False
-    control = page._colors[name]._impl
-    before = control.value
-    # viser checks the type at most.
-    control.value = value
-    assert viewer.update()
-    control.value = before
-    assert viewer.update() == ""
-
-
 @pytest.mark.parametrize("is_watched", [True, False])
 def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypatch, is_watched):
     monkeypatch.setattr(Page, "is_watched", is_watched)
@@ -481,9 +455,3 @@ def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypat
     viewer.receive(ReceivedMap(good))
     assert viewer.update() == ""
     assert ["hidden" in note for note in notes] == [False, True, False] * is_watched
-
-
-@pytest.mark.parametrize("direction", [(0, 0), (0, 0, 0), (math.nan, 0, 0), None, "abc"])
-def test_senseless_ray_of_a_browser_is_ignored(page, direction):
-    page._remember_click(SimpleNamespace(ray_origin=(0, 0, 0), ray_direction=direction))
-    assert page.take_click() is None

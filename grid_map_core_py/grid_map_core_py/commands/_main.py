@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 from .. import __version__
 from .._unfinished import remove_all
 from ..errors import GridMapError
-from ..limits import Limits, changed_limits
+from ..limits import Limits, set_limits
 from ._output import CommandError, UsageError, message, shown
 from ._signals import on_end
 
@@ -138,8 +138,12 @@ def _run(arguments: Sequence[str]) -> int:
         if unknown:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         limits = {field.name: getattr(options, field.name, None) for field in fields(Limits)}
-        with changed_limits(**{name: value for name, value in limits.items() if value is not None}):
+        # For all threads of the command.
+        before = set_limits(**{name: value for name, value in limits.items() if value is not None})
+        try:
             code: int = options.run(options)
+        finally:
+            set_limits(before)
         return code
     except BrokenPipeError:
         raise

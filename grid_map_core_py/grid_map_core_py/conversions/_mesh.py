@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays._checks import Integers, Positions, Size
 from ..arrays._pieces import expanded, slices
 from ..errors import GeometryError, GridMapError, short
-from ..limits import check_visits, most_visits
+from ..limits import check_visits
 from ..map._axis import BORDER_TOLERANCE
-from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._point_layers import as_points, fitting_geometry
 
@@ -45,7 +44,7 @@ def rasterize_triangles(
 
     Raises:
         GeometryError: an array has the wrong shape or type, or a face names no vertex.
-        LimitError: the rectangles around the triangles have more than 30 times `max_cells` cells
+        LimitError: the rectangles around the triangles have more than 4 times `max_cells` cells
             together.
     """
     corners = as_points(vertices, "vertices")
@@ -55,13 +54,16 @@ def rasterize_triangles(
     first_center = geometry.corner - 0.5 * geometry.resolution
     tolerance = BORDER_TOLERANCE / geometry.resolution + _ROUNDING
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        _check_work(corners, triangles, geometry)
+        visits = 0
         for part in slices(len(triangles), _TRIANGLES):
             chosen = corners[triangles[part].T]
             x, y, z = (chosen[..., axis].astype(np.float64, order="C") for axis in (0, 1, 2))
             rows = (first_center[0] - x) / geometry.resolution
             columns = (first_center[1] - y) / geometry.resolution
-            for cells, heights in _hits(rows, columns, z, geometry.size, tolerance):
+            prepared = _prepared(rows, columns, z, geometry.size, tolerance)
+            visits += int(prepared.counts.sum())
+            check_visits("faces", visits)
+            for cells, heights in _hits(prepared, geometry.size):
                 np.fmax.at(highest, cells, heights.astype(np.float32))
     made = {layer: highest.reshape(geometry.size, order="F")}
     return grid_map.with_layers(GridMap.from_geometry(geometry).with_layers(made))
@@ -129,24 +131,35 @@ def as_triangles(faces: ArrayLike, vertices: int) -> NDArray[Any]:
     return np.concatenate([given[:, [0, n, n + 1]] for n in range(1, given.shape[1] - 1)])
 
 
-def _check_work(corners: Positions, triangles: NDArray[Any], geometry: GridGeometry) -> None:
-    """Raise `LimitError` if the rectangles around the triangles have too many cells together."""
-    if len(triangles) * geometry.size[0] * geometry.size[1] <= most_visits():
-        return
-    cells = (geometry.corner - corners[:, :2]) / geometry.resolution
-    np.clip(cells, 0, geometry.size, out=cells)
-    visits = 0.0
-    for part in slices(len(triangles), _TRIANGLES):
-        chosen = cells[triangles[part].T]
-        sides = chosen.max(axis=0) - chosen.min(axis=0)
-        visits += float(np.nansum(sides[:, 0] * sides[:, 1]))
-    check_visits("faces", visits)
+class _Triangles(NamedTuple):
+    """Triangles that may hit a cell, in cells.
+
+    Attributes:
+        row, column: (T,) place of the first corner.
+        by_row, by_column: (3, T) slopes of the barycentric coordinates.
+        slacks: (3, T) smallest barycentric coordinates of a hit, without the sign.
+        heights: (3, T) of the corners [m].
+        first_row, row_count, first_column, column_count: (T,) rectangles around the triangles.
+        counts: (T,) cells in the rectangles.
+    """
+
+    row: Positions
+    column: Positions
+    by_row: Positions
+    by_column: Positions
+    slacks: Positions
+    heights: Positions
+    first_row: Integers
+    row_count: Integers
+    first_column: Integers
+    column_count: Integers
+    counts: Integers
 
 
-def _hits(
+def _prepared(
     rows: Positions, columns: Positions, z: Positions, size: Size, tolerance: float
-) -> Iterator[tuple[Integers, Positions]]:
-    """Yield the numbers (n,) of cells, column after column, and the heights (n,) of hits there.
+) -> _Triangles:
+    """Return the triangles that are neither vertical, nor of no area, nor infinite.
 
     Args:
         rows, columns, z: (3, T) of the corners of triangles; cell centers have whole numbers as
@@ -163,30 +176,92 @@ def _hits(
         np.compress(kept, values, axis=-1)
         for values in (rows, columns, z, along_rows, along_columns, lengths, area)
     )
-    by_row, by_column = -along_columns / area, along_rows / area
-    slacks = tolerance * lengths / np.abs(area)
     first_row, row_count = _range(rows, size[0], tolerance)
     first_column, column_count = _range(columns, size[1], tolerance)
-    for triangles, numbers in expanded(row_count * column_count, _PAIRS):
-        strides = row_count[triangles]
-        beside = numbers // strides
-        cell_rows = first_row[triangles] + numbers - beside * strides
-        cell_columns = first_column[triangles] + beside
+    return _Triangles(
+        rows[0],
+        columns[0],
+        -along_columns / area,
+        along_rows / area,
+        tolerance * lengths / np.abs(area),
+        z,
+        *(first_row, row_count, first_column, column_count, row_count * column_count),
+    )
+
+
+def _hits(triangles: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
+    """Yield the numbers (n,) of cells, column after column, and the heights (n,) of hits there."""
+    # Numbers of large triangles end the runs of small ones; order matters for zeros with signs.
+    begin = 0
+    for large in [*np.flatnonzero(triangles.counts > _PAIRS).tolist(), len(triangles.counts)]:
+        if begin < large:
+            yield from _hits_of_small(
+                _Triangles._make(a[..., begin:large] for a in triangles), size
+            )
+        if large < len(triangles.counts):
+            yield from _hits_of_large(_Triangles._make(a[..., large] for a in triangles), size)
+        begin = large + 1
+
+
+def _hits_of_small(triangles: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
+    for numbers, members in expanded(triangles.counts, _PAIRS):
+        strides = triangles.row_count[numbers]
+        beside = members // strides
+        cell_rows = triangles.first_row[numbers] + members - beside * strides
+        cell_columns = triangles.first_column[numbers] + beside
         # Offsets from a corner keep their precision far from the first cell.
-        row, column = cell_rows - rows[0][triangles], cell_columns - columns[0][triangles]
-        # Barycentric coordinates: linear over the triangle, 1 at one corner and 0 along the edge
-        # opposite.
-        weights = [row * by_row[n][triangles] + column * by_column[n][triangles] for n in (1, 2)]
-        weights.insert(0, 1.0 - weights[0] - weights[1])
-        hit = np.ones(len(triangles), np.bool_)
-        heights, total = np.zeros(len(triangles)), np.zeros(len(triangles))
-        for weight, slack, height in zip(weights, slacks, z, strict=True):
-            hit &= weight >= -slack[triangles]
-            # Extrapolation of a steep triangle beyond its edge would be far off.
-            np.maximum(weight, 0.0, out=weight)
-            heights += weight * height[triangles]
-            total += weight
-        yield (cell_rows + size[0] * cell_columns)[hit], (heights / total)[hit]
+        row, column = cell_rows - triangles.row[numbers], cell_columns - triangles.column[numbers]
+        first, second = (
+            row * triangles.by_row[n][numbers] + column * triangles.by_column[n][numbers]
+            for n in (1, 2)
+        )
+        weights, hits = _inside(first, second, [slack[numbers] for slack in triangles.slacks])
+        found = numbers.take(hits)
+        corners = [height[found] for height in triangles.heights]
+        yield (cell_rows + size[0] * cell_columns).take(hits), _heights(weights, hits, corners)
+
+
+def _hits_of_large(triangle: _Triangles, size: Size) -> Iterator[tuple[Integers, Positions]]:
+    """Yield the hits of one triangle, as `_hits`, without a copy of its numbers for each cell."""
+    cell_rows = triangle.first_row + np.arange(int(triangle.row_count))
+    cell_columns = triangle.first_column + np.arange(int(triangle.column_count))
+    rows, columns = cell_rows - triangle.row, cell_columns - triangle.column
+    for part in slices(len(columns), _PAIRS // len(rows)):
+        first, second = (
+            rows * triangle.by_row[n] + (columns[part] * triangle.by_column[n])[:, None]
+            for n in (1, 2)
+        )
+        weights, hits = _inside(first, second, triangle.slacks)
+        if len(hits):
+            cells = (cell_rows + size[0] * cell_columns[part, None]).take(hits)
+            yield cells, _heights(weights, hits, triangle.heights)
+
+
+def _inside(
+    first: Positions, second: Positions, slacks: Sequence[Positions] | Positions
+) -> tuple[tuple[Positions, ...], Integers]:
+    """Return three barycentric coordinates of cells, and the numbers (n,) of the cells that hit.
+
+    They are linear over the triangle, 1 at one corner and 0 along the edge opposite.
+    """
+    weights = 1.0 - first - second, first, second
+    hit = weights[0] >= -slacks[0]
+    hit &= first >= -slacks[1]
+    hit &= second >= -slacks[2]
+    return weights, np.flatnonzero(hit)
+
+
+def _heights(
+    weights: Iterable[Positions], hits: Integers, corners: Iterable[Positions]
+) -> Positions:
+    """Return the heights (n,) of hits on triangles with the heights `corners`, (n,) or one."""
+    heights, total = np.zeros(len(hits)), np.zeros(len(hits))
+    for weight, height in zip(weights, corners, strict=True):
+        # Extrapolation of a steep triangle beyond its edge would be far off.
+        inside = np.maximum(weight.take(hits), 0.0)
+        heights += inside * height
+        total += inside
+    return heights / total
 
 
 def _range(corners: Positions, cells: int, tolerance: float) -> tuple[Integers, Integers]:

@@ -21,9 +21,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Mask, Positions, as_finite, as_number, as_numbers, as_pair
+from ..arrays._checks import Integers, Mask, Positions, as_finite, as_number, as_numbers, as_pair
 from ..arrays._pieces import slices
 from ..errors import ConfigError, GeometryError, GridMapError, short
 from ..limits import check_cells
@@ -31,6 +32,7 @@ from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
+from . import _point_loops as point_loops
 from ._point_reductions import COLOR_REDUCERS, REDUCERS, MakeReducer
 
 HIGHEST: Mapping[str, str] = MappingProxyType({"elevation": "max"})
@@ -80,14 +82,12 @@ def rasterize(
     sources = _sources(cloud, layers, fields or {}, field_reductions or {})
     geometry = grid_map.geometry
     rows, cols = geometry.size
+    point_loops.count(len(cloud))
     reducers = {name: make(rows * cols, len(cloud)) for name, (_, make) in sources.items()}
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        for part, counts in _chunks(cloud, min_height, max_height):
-            (cell_rows, cell_cols), inside = geometry.cells_at(cloud[part, :2])
-            counts &= inside
-            flat = (cell_rows + rows * cell_cols)[counts]
+        for part, counted, flat in _located(cloud, geometry, min_height, max_height):
             for name, (source, _) in sources.items():
-                cells, values = flat, source[part][counts].astype(np.float64)
+                cells, values = flat, source[part][counted].astype(np.float64)
                 # Heights that count are finite.
                 if name not in layers and not (finite := np.isfinite(values)).all():
                     cells, values = cells[finite], values[finite]
@@ -243,21 +243,72 @@ def fitting_geometry(
     return geometry
 
 
-def _chunks(
-    points: NDArray[Any], min_height: float, max_height: float
-) -> Iterator[tuple[slice, Mask]]:
-    """Yield slices of points, and which of them have a finite height within the limits."""
+def _limits(min_height: float, max_height: float) -> tuple[float, float]:
     lowest, highest = as_number(min_height, "min_height"), as_number(max_height, "max_height")
     if not lowest <= highest:
         raise ConfigError(
             f"min_height, max_height: expected ascending limits, got {lowest}, {highest}"
         )
+    return lowest, highest
+
+
+def _chunks(
+    points: NDArray[Any], min_height: float, max_height: float
+) -> Iterator[tuple[slice, Mask]]:
+    """Yield slices of points, and which of them have a finite height within the limits."""
+    lowest, highest = _limits(min_height, max_height)
     for part in slices(len(points), _CHUNK):
         z = np.ascontiguousarray(points[part, 2])
         counts = np.isfinite(z)
         counts &= z >= lowest
         counts &= z <= highest
         yield part, counts
+
+
+def _located(
+    points: NDArray[Any], geometry: GridGeometry, min_height: float, max_height: float
+) -> Iterator[tuple[slice, Mask | Integers, Integers]]:
+    """Yield slices of points, which of them count (a mask or their places), and their cells."""
+    find, keep = map(point_loops.ready, (point_loops.FIND[points.dtype], point_loops.keep_found))
+    if find is None or keep is None:
+        for part, counts in _chunks(points, min_height, max_height):
+            cells, inside = _flat_cells(points[part], geometry)
+            counts &= inside
+            yield part, counts, cells[counts]
+        return
+    # NumPy rounds a limit like the heights when it compares them.
+    limits = points.dtype.type(_limits(min_height, max_height)).tolist()
+    x, y = zip((0.5 * geometry.length).tolist(), geometry.position.tolist(), strict=True)
+    frame = *x, *y, -geometry.resolution, geometry._rounding
+    found = np.empty(1, np.int64)
+    for part in slices(len(points), _CHUNK):
+        chunk = points[part]
+        memory, steps = _memory(chunk)
+        cells, places = np.empty((2, len(chunk)), np.int64)
+        find(memory, steps, len(chunk), frame, geometry.size, limits, cells, found)
+        if found[0]:
+            doubtful = np.flatnonzero(cells == point_loops.DOUBTFUL)
+            exact, inside = _flat_cells(chunk[doubtful], geometry)
+            cells[doubtful] = np.where(inside, exact, point_loops.OUTSIDE)
+        keep(cells, len(chunk), places, found)
+        kept = int(found[0])
+        yield part, places[:kept], cells[:kept]
+
+
+def _flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
+    """Return the numbers of the cells of points, and which points are on the map."""
+    (rows, columns), inside = geometry.cells_at(points[:, :2])
+    return rows + geometry.size[0] * columns, inside
+
+
+def _memory(points: NDArray[Any]) -> tuple[NDArray[Any], tuple[int, int]]:
+    """Return the memory of points (flat), and the steps from point to point and along it."""
+    size = points.itemsize
+    if any(step < 0 or step % size for step in points.strides) or not points.flags.aligned:
+        points = np.ascontiguousarray(points[:, :3])
+    row, column = (step // size for step in points.strides)
+    length = 1 + (len(points) - 1) * row + 2 * column
+    return as_strided(points, (length,), (size,), writeable=False), (row, column)
 
 
 def _extent(

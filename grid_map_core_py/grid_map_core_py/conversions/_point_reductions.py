@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from ..arrays._checks import Integers
 from ._packed_colors import color_value_to_bytes, join_channels
+from ._point_loops import add_up, keep_largest, keep_smallest, make_keys, middles, ready
 
 Flat = npt.NDArray[np.float32]
 """(cells,) one value per cell."""
@@ -43,10 +44,14 @@ class Extreme:
 
     def __init__(self, cells: int, choose: np.ufunc) -> None:
         self._choose = choose
+        self._loop = ready(keep_largest if choose is np.fmax else keep_smallest)
         self._layer = np.full(cells, np.nan, np.float32)
 
     def add(self, cells: Integers, values: Values) -> None:
         # Rounding to float32 keeps the order of values.
+        if self._loop:
+            self._loop(cells, values, len(cells), self._layer)
+            return
         self._choose.at(self._layer, cells, values.astype(np.float32))
 
     def result(self) -> Flat:
@@ -99,8 +104,12 @@ class Mean:
     def __init__(self, cells: int) -> None:
         self._sums = np.zeros(cells)
         self._count = Count(cells)
+        self._loop = ready(add_up)
 
     def add(self, cells: Integers, values: Values) -> None:
+        if self._loop:
+            self._loop(cells, values, len(cells), self._sums, self._count.numbers)
+            return
         np.add.at(self._sums, cells, values)
         self._count.add(cells, values)
 
@@ -156,24 +165,34 @@ class Median:
     def add(self, cells: Integers, values: Values) -> None:
         keys = self._keys[self._seen : self._seen + len(cells)]
         self._seen += len(cells)
+        bits = values.astype(np.float32).view(np.uint32)
+        if make := ready(make_keys):
+            make(cells, bits, len(cells), keys, self._count.numbers)
+            return
         keys[...] = cells
         keys <<= np.uint64(32)
-        bits = values.astype(np.float32).view(np.uint32)
         # Integers that sort like the values.
         keys |= np.where(bits & _SIGN, ~bits, bits | _SIGN)
         self._count.add(cells, values)
 
     def result(self) -> Flat:
         keys = self._keys[: self._seen]
-        keys.sort()
         numbers = self._count.numbers
         occupied = np.flatnonzero(numbers)
         counts = numbers[occupied].astype(np.int64)
         ends = np.cumsum(counts)
-        upper = _unsortable(keys[ends - counts + counts // 2])
-        lower = _unsortable(keys[ends - (counts + 2) // 2])
+        find = ready(middles)
+        if find and counts.max(initial=0) <= _FEW:
+            lower, upper = np.empty((2, counts.size), np.uint32)
+            dealt, places = np.empty(keys.size, np.uint32), np.empty(numbers.size, np.int64)
+            places[occupied] = ends - counts
+            find(keys, keys.size, places, counts.size, ends, dealt, lower, upper)
+        else:
+            keys.sort()
+            upper = keys[ends - counts + counts // 2].astype(np.uint32)
+            lower = keys[ends - (counts + 2) // 2].astype(np.uint32)
         layer = np.full(numbers.size, np.nan, np.float32)
-        layer[occupied] = 0.5 * (lower.astype(np.float64) + upper)
+        layer[occupied] = 0.5 * (_unsortable(lower).astype(np.float64) + _unsortable(upper))
         return layer
 
 
@@ -202,9 +221,12 @@ class MeanColor:
 _SIGN = np.uint32(1 << 31)
 
 
-def _unsortable(keys: npt.NDArray[np.uint64]) -> npt.NDArray[np.float32]:
-    """Return the values in the lower half of keys."""
-    bits = keys.astype(np.uint32)
+_FEW = 64
+"""Points in a cell that are sorted by insertion, whose time grows with the square."""
+
+
+def _unsortable(bits: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
+    """Return the values of integers that sort like them."""
     return np.where(bits & _SIGN, bits ^ _SIGN, ~bits).view(np.float32)
 
 

@@ -13,6 +13,7 @@ import os
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from os import PathLike
 from pathlib import Path
 
@@ -139,7 +140,7 @@ def _replace(temporary: Path, target: Path) -> None:
 def _exchange(one: Path, other: Path) -> bool:
     """Swap the names of two folders atomically; return False if the system cannot."""
     try:
-        rename = ctypes.CDLL(None, use_errno=True).renameat2
+        rename = _c_library().renameat2
     except AttributeError:
         return False
     if rename(_AT_FDCWD, bytes(one), _AT_FDCWD, bytes(other), _RENAME_EXCHANGE) == 0:
@@ -148,6 +149,12 @@ def _exchange(one: Path, other: Path) -> bool:
     if number in _NOT_SUPPORTED:
         return False
     raise OSError(number, os.strerror(number), str(other))
+
+
+@cache
+def _c_library() -> ctypes.CDLL:
+    """Return the C library, which is a new class for Python each time it is opened."""
+    return ctypes.CDLL(None, use_errno=True)
 
 
 def _hidden(target: Path, kind: str) -> Path:

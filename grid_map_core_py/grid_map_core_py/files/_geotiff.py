@@ -8,12 +8,14 @@ of the map. The position comes from the raster, so a raster that was cropped els
 
 import json
 import math
+import os
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
+from mmap import ACCESS_READ, mmap
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -21,13 +23,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import GridMapError
+from ..errors import GridMapError, LimitError
+from ..limits import check_bytes, check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._atomic import new_file
 from ._image_files import from_north_up, to_north_up
 from ._shared import StoredMap, check_ending, package_for, storage_errors
+from ._tiff import HEADS, check_tiff
 
 _TAG = "GRID_MAP"
 
@@ -156,6 +160,7 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
     name = str(path if virtual else Path(path).absolute())
     if name.startswith("/vsi") and not virtual:
         raise ValueError("expected the path of a file; 'virtual=True' takes those of GDAL")
+    packed = math.inf if virtual else _checked_length(Path(name))
     _check_beside(Path(f"{name}.msk"), b"")
     _check_beside(Path(f"{name}.aux.xml"), rb"<(NoDataValue|Offset|Scale)\b")
     alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR", GDAL_PAM_ENABLED=False)
@@ -164,7 +169,31 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
     if "OVERVIEW_FILE" in raster.tags(ns="OVERVIEWS"):
         raster.close()
         raise ValueError("expected overviews in the same file")
+    try:
+        _check_block(raster, f"{path}: block", packed)
+    except LimitError:
+        raster.close()
+        raise
     return raster
+
+
+def _check_block(raster: Any, name: str, packed: float) -> None:
+    """Raise `LimitError` if GDAL would unpack too much at once."""
+    rows, columns = raster.block_shapes[0]
+    check_cells(name, (rows, columns))
+    together = raster.count if raster.profile.get("interleave") == "pixel" else 1
+    size = 16 if "complex" in raster.dtypes[0] else np.dtype(raster.dtypes[0]).itemsize
+    check_bytes(name, rows * columns * together * size, packed)
+
+
+def _checked_length(file: Path) -> int:
+    """Return the length of a file [bytes] after a check of the tiles that it claims."""
+    with file.open("rb") as stream:
+        length = os.fstat(stream.fileno()).st_size
+        if length and stream.read(4) in HEADS:
+            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+                check_tiff(f"{file}", data)
+    return length
 
 
 def _check_beside(file: Path, pattern: bytes) -> None:

@@ -28,6 +28,7 @@ from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ._atomic import new_file
 from ._shared import naming, storage_errors
+from ._tiff import HEADS, check_tiff
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
 """Endings of height maps that are written."""
@@ -41,17 +42,14 @@ _PGM_WHITE = re.compile(rb"P[25]\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*\d+\s+(?:#.*\s+)*
 """Value of white."""
 _OLD_BMP = 12
 """Bytes of the oldest head, which has sides of 16 bits."""
-_TIFF_HEADS = {
-    b"II*\0": ("<", 4, "H", "I"),
-    b"MM\0*": (">", 4, "H", "I"),
-    b"II+\0": ("<", 8, "Q", "Q"),
-    b"MM\0+": (">", 8, "Q", "Q"),
-}
-"""Byte order, place and size of the first directory's offset, types of a count and of an offset."""
-_TIFF_KINDS = {3: "H", 4: "I", 16: "Q"}
-"""Types of sides by their numbers."""
 _JPEG_MAGIC = b"\xff\xd8\xff"
-_JPEG_FRAMES = {*range(0xFFC0, 0xFFD0)} - {0xFFC4, 0xFFC8, 0xFFCC}
+_JPEG_MARKER = re.compile(rb"\xff+([^\x00\x01\xd0-\xd7\xff])", re.DOTALL)
+"""Markers that a length follows, or the end. The bytes of a scan contain none."""
+_JPEG_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+_JPEG_END, _JPEG_SCAN = 0xD9, 0xDA
+
+MOST_SCANS = 100
+"""Maximum number of scans of a JPEG image; a progressive one has some ten."""
 
 
 def load_height_image(
@@ -212,7 +210,7 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
     is_png = data.startswith(_PNG_MAGIC)
     if size is not None and not is_png:
         raise ValueError("no PNG image")
-    claimed = _claimed_size(data)
+    claimed = check_tiff(f"{file}", data) if data[:4] in HEADS else _claimed_size(data)
     if size not in (None, claimed):
         expected, found = (f"{columns} x {rows}" for rows, columns in (size, claimed))
         raise ValueError(f"expected {expected} pixels, got {found}")
@@ -243,36 +241,29 @@ def _claimed_size(data: bytes) -> tuple[int, int]:
             return abs(rows), columns
         if head := _PNM_HEAD.match(data):
             return int(head[2]), int(head[1])
-        if data[:4] in _TIFF_HEADS:
-            return _tiff_size(data)
         if data.startswith(_JPEG_MAGIC):
             return _jpeg_size(data)
     raise ValueError("no image, or a damaged one")
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:
-    """Return rows and columns from the frame of a JPEG image."""
-    start = 2
-    while True:
-        marker, length, rows, columns = struct.unpack_from(">HHxHH", data, start)
-        if marker in _JPEG_FRAMES:
-            return rows, columns
-        start += 2 + length
-
-
-def _tiff_size(data: bytes) -> tuple[int, int]:
-    """Return rows and columns from the first directory of a TIFF or BigTIFF image."""
-    order, place, count_type, offset_type = _TIFF_HEADS[data[:4]]
-    (start,) = struct.unpack_from(order + offset_type, data, place)
-    (count,) = struct.unpack_from(order + count_type, data, start)
-    start += struct.calcsize(count_type)
-    size = {256: 0, 257: 0}
-    for entry in range(start, start + (4 + 2 * place) * count, 4 + 2 * place):
-        tag, kind = struct.unpack_from(order + "HH", data, entry)
-        if tag in size and kind in _TIFF_KINDS:
-            (number,) = struct.unpack_from(order + _TIFF_KINDS[kind], data, entry + 4 + place)
-            size[tag] = max(size[tag], number)
-    return size[257], size[256]
+    """Return rows and columns from the frame of a JPEG image; refuse it if it has many scans."""
+    size, scans, start = None, 0, 2
+    while marker := _JPEG_MARKER.search(data, start):
+        kind, start = marker[1][0], marker.end()
+        if kind == _JPEG_END:
+            break
+        if kind in _JPEG_FRAMES and size is None:
+            rows, columns = struct.unpack_from(">HH", data, start + 3)
+            size = rows, columns
+        # Each scan goes over the whole image.
+        scans += kind == _JPEG_SCAN
+        if scans > MOST_SCANS:
+            raise ValueError(f"a JPEG image of more than {MOST_SCANS} scans")
+        start += struct.unpack_from(">H", data, start)[0]
+    if size is None:
+        raise ValueError("no image, or a damaged one")
+    return size
 
 
 def _check_png(data: bytes) -> None:

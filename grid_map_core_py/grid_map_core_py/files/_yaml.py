@@ -3,6 +3,7 @@
 """The loader of all YAML files: as ROS reads them, and safe against files that grow in memory."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -11,20 +12,61 @@ from typing import Any
 import yaml
 
 from ..errors import GridMapError
+from ..plugins import DEEPEST
 
 LARGEST = 4 * 2**20
 """Maximum size of a YAML file [bytes]."""
 
-_DEEPEST = 50
-"""Maximum number of nested levels; the fast loader crashes on very many."""
+MOST_VALUES = 100_000
+"""Maximum number of values and keys; an alias counts as the values that it stands for."""
 
-_MOST_ALIASED = 100_000
-"""Maximum number of values that all aliases of a file stand for."""
+_MOST_TAGS = 100
+"""Maximum number of `%TAG` directives, for which libyaml takes quadratic time."""
+
+_LONGEST_NUMBER = 100
+"""Maximum number of characters of a number."""
+
+_BITS = 64
+"""Maximum number of bits of an integer. A mapping takes quadratic time for chosen larger keys."""
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
     """YAML as ROS reads it: `1e-3` is a number."""
 
+
+def _naming_place(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a constructor that raises YAMLError with the place for all that a value can raise."""
+
+    def construct_or_refuse(loader: Any, node: Any) -> Any:
+        try:
+            return construct(loader, node)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            problem = f"{node.value!r:.100} is no {node.tag.rpartition(':')[2]}"
+            # Others tell of the code, not of the value.
+            problem += f": {error}" if isinstance(error, ValueError) else ""
+            raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark) from error
+
+    return construct_or_refuse
+
+
+def _number(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a constructor of numbers that refuses long ones at once."""
+
+    def construct_short(loader: Any, node: Any) -> Any:
+        if len(node.value) > _LONGEST_NUMBER:
+            raise ValueError(f"expected at most {_LONGEST_NUMBER} characters")
+        number = construct(loader, node)
+        if isinstance(number, int) and number.bit_length() > _BITS:
+            raise ValueError(f"expected at most {_BITS} bits")
+        return number
+
+    return construct_short
+
+
+for _tag, _construct in _Loader.yaml_constructors.items():
+    _is_number = _tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+    _limited = _number(_construct) if _is_number else _construct
+    _Loader.add_constructor(_tag, _naming_place(_limited))
 
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
@@ -33,41 +75,44 @@ _Loader.add_implicit_resolver(
 )
 
 
-def load_yaml(path: str | PathLike[str], largest: int = LARGEST) -> Any:
+def load_yaml(path: str | PathLike[str]) -> Any:
     """Return the content of a YAML file.
 
     Numbers such as `1e-3` are read as ROS reads them, and keys are unique.
 
     Args:
         path: the file; it may be a pipe.
-        largest: maximum size [bytes].
 
     Raises:
         GridMapError: the file is missing, or see `parse_yaml`.
     """
     try:
         with Path(path).open("rb") as file:
-            text = file.read(largest + 1)
+            text = file.read(LARGEST + 1)
     except OSError as error:
         raise GridMapError(f"{path}: cannot be read: {error.strerror}") from error
-    return parse_yaml(text, path, largest)
+    return parse_yaml(text, path)
 
 
-def parse_yaml(text: str | bytes, name: object, largest: int = LARGEST) -> Any:
+def parse_yaml(text: str | bytes, name: object) -> Any:
     """Return the content of a YAML text; `name` names it in errors.
 
     Raises:
-        GridMapError: the text is too large, nested too deeply, or no YAML, a key occurs twice, or
-            aliases stand for too many values.
+        GridMapError: the text is too large, has too many values, is nested too deeply, or is no
+            YAML, or a key occurs twice.
     """
-    if len(text) > largest:
-        raise GridMapError(f"{name}: larger than {largest} bytes")
+    if len(text) > LARGEST:
+        raise GridMapError(f"{name}: larger than {LARGEST} bytes")
+    # Without NUL, UTF-16 has the bytes of ASCII.
+    plain = text if isinstance(text, str) else text.replace(b"\0", b"").decode("latin-1")
+    if plain.count("%TAG") > _MOST_TAGS:
+        raise GridMapError(f"{name}: more than {_MOST_TAGS} times %TAG")
     try:
         _check(text)
         return yaml.load(text, _Loader)
     except _RefusedError as error:
         raise GridMapError(f"{name}: {error}") from None
-    # PyYAML raises ValueError for a date that does not exist.
+    # Characters that are no Unicode raise ValueError.
     except (yaml.YAMLError, ValueError) as error:
         problem = " ".join(str(error).split())
         raise GridMapError(f"{name}: no valid YAML: {problem:.300}") from error
@@ -77,7 +122,7 @@ class _RefusedError(Exception):
     """A YAML text that would take too much memory, or repeats a key."""
 
 
-@dataclass
+@dataclass(slots=True)
 class _Level:
     """A list or mapping while it is parsed.
 
@@ -100,7 +145,13 @@ class _Check:
 
     levels: list[_Level] = field(default_factory=lambda: [_Level()])
     counts: dict[str, int] = field(default_factory=dict)
-    aliased: int = 0
+    total: int = 0
+
+    def add(self, count: int) -> None:
+        """Add to the number of all values."""
+        self.total += count
+        if self.total > MOST_VALUES:
+            raise _RefusedError(f"more than {MOST_VALUES} values")
 
     def value(self, event: Any, anchor: str | None, count: int) -> None:
         """Count a complete value, and remember the key of a mapping."""
@@ -120,24 +171,25 @@ class _Check:
         if event.anchor in [level.anchor for level in self.levels]:
             raise _RefusedError(f"the alias {event.anchor!r:.100} stands for itself")
         count = self.counts.get(event.anchor, 1)
-        self.aliased += count
-        if self.aliased > _MOST_ALIASED:
-            raise _RefusedError(f"aliases stand for more than {_MOST_ALIASED} values")
+        self.add(count)
         self.value(event, None, count)
 
 
 def _check(text: str | bytes) -> None:
     check = _Check()
     for event in yaml.parse(text, _Loader):
-        if isinstance(event, yaml.ScalarEvent):
-            check.value(event, event.anchor, 1)
-        elif isinstance(event, yaml.AliasEvent):
-            check.alias(event)
-        elif isinstance(event, yaml.CollectionStartEvent):
-            is_mapping = isinstance(event, yaml.MappingStartEvent)
-            check.levels.append(_Level(event.anchor, set() if is_mapping else None, is_mapping))
-            if len(check.levels) > _DEEPEST + 1:
-                raise _RefusedError(f"nested more than {_DEEPEST} times")
-        elif isinstance(event, yaml.CollectionEndEvent):
-            level = check.levels.pop()
-            check.value(event, level.anchor, level.count)
+        match event:
+            case yaml.ScalarEvent():
+                check.add(1)
+                check.value(event, event.anchor, 1)
+            case yaml.AliasEvent():
+                check.alias(event)
+            case yaml.CollectionStartEvent():
+                check.add(1)
+                is_mapping = isinstance(event, yaml.MappingStartEvent)
+                check.levels.append(_Level(event.anchor, set() if is_mapping else None, is_mapping))
+                if len(check.levels) > DEEPEST + 1:
+                    raise _RefusedError(f"nested more than {DEEPEST} times")
+            case yaml.CollectionEndEvent():
+                level = check.levels.pop()
+                check.value(event, level.anchor, level.count)

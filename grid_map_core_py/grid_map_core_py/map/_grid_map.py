@@ -631,6 +631,30 @@ class GridMap(MutableMapping[str, Layer]):
         layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 
+    def get_block(self, rows: slice, columns: slice) -> GridMap:
+        """Return the block of cells in some rows and columns; its layers are not copied.
+
+        This is for work on a large map tile by tile.
+
+        Args:
+            rows, columns: slices of the map in map order: without a step, and not empty.
+
+        Returns:
+            A map with the same layers, basic layers, frame and time, and start index (0, 0). Its
+            layers are views, which are not contiguous; those of a map that has moved are copies.
+
+        Raises:
+            OutOfMapError: a slice has a step, or no cell of the map.
+        """
+        rows, columns = (
+            _block_side(part, count) for part, count in zip((rows, columns), self.size, strict=True)
+        )
+        if self._start == (0, 0):
+            layers = {name: data[rows, columns] for name, data in self._layers.items()}
+        else:
+            layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
+        return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
+
     def extend_to_include(self, other: GridMap) -> None:
         """Grow so that the map covers another one, by whole cells at the borders.
 
@@ -787,6 +811,14 @@ def _as_time(timestamp: int) -> int:
 def _wrong_name(layer: object) -> GridMapError:
     expected = "a name, a non-empty string without control characters"
     return GridMapError(f"layer: expected {expected}, got {short(layer)}")
+
+
+def _block_side(part: slice, count: int) -> slice:
+    """Return a slice of rows or columns with the numbers of its first cell and behind its last."""
+    start, stop, step = part.indices(count)
+    if step != 1 or start >= stop:
+        raise OutOfMapError(f"block: expected a slice of the {count} cells of a side, got {part}")
+    return slice(start, stop)
 
 
 def _finite_or_nan(*vector: float) -> Positions:

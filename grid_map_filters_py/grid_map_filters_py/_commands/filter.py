@@ -36,6 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--name", default="filters", help="parameter that holds the chain (%(default)s)"
     )
+    about = "number of threads that the filters may use (%(default)s)"
+    parser.add_argument("--threads", type=int, default=1, help=about)
     parser.add_argument("--timing", action="store_true", help="print how long each filter took")
     add_json(parser)
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
@@ -51,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json and not options.timing:
         raise UsageError("--json is for what --timing prints")
     path = "/dev/stdin" if options.chain == "-" else options.chain
-    chain = FilterChain.from_yaml(path, options.name)
+    chain = FilterChain.from_yaml(path, options.name, threads=options.threads)
     destination = Destination(options, usual_topic="/filtered_map")
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()

@@ -14,7 +14,7 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 
-from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.errors import ConfigError, GridMapError, cut
 from grid_map_core_py.plugins import nested
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
@@ -45,7 +45,8 @@ class FilterChainNode(ConfiguredNode):
         tree = read_parameter_tree(
             self, self._chain_name, read_only=False, description=about, describe=describe_parameters
         )
-        self._chain = FilterChain.from_config(tree)
+        self._threads = self.read("threads", 1, "number of threads that the filters may use")
+        self._chain = FilterChain.from_config(tree, threads=self._threads)
         self._next_chain: FilterChain | None = None
         self._times = StepTimes()
         health_of(self).details = self._milliseconds
@@ -78,12 +79,14 @@ class FilterChainNode(ConfiguredNode):
                     )
             of_chain = [change for change in changes if self._is_of_chain(change.name)]
             if of_chain:
-                self._next_chain = FilterChain.from_config(self._changed_config(of_chain))
+                config = self._changed_config(of_chain)
+                self._next_chain = FilterChain.from_config(config, threads=self._threads)
         except GridMapError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        except MemoryError as error:
-            self._log.error(f"set_parameters: {reason(error)}")
-            return SetParametersResult(successful=False, reason=reason(error))
+        except Exception as error:  # A request, or a filter of another package, may cause any.
+            text = reason(error) if isinstance(error, MemoryError) else repr(error)
+            self._log.error(f"set_parameters: {text}")
+            return SetParametersResult(successful=False, reason=cut(text))
         return SetParametersResult(successful=True)
 
     def _replace_chain(self, _changes: list[Parameter]) -> None:
@@ -91,7 +94,7 @@ class FilterChainNode(ConfiguredNode):
         if self._next_chain is not None:
             self._chain, self._next_chain = self._next_chain, None
             self._times = StepTimes()
-            self.get_logger().info(f"now {self._chain}")
+            self._log.info(f"now {self._chain}")
 
     def _changed_config(self, changes: list[Parameter]) -> dict[str, Any]:
         """Return the configuration with the changes; those without a type delete parameters."""

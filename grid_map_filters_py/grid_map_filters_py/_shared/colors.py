@@ -10,7 +10,7 @@ import numpy as np
 from grid_map_core_py.conversions import NO_COLOR, join_channels, split_channels
 from grid_map_core_py.plugins import check
 
-from ..parts._cell_function import Value, choose, clamp, helper
+from ..parts._cell_function import Value, choose, clamp
 
 FULL = np.float32(255)
 """Brightness of a channel whose share is 1."""
@@ -19,9 +19,6 @@ _NONE = np.float32(0)
 _INFINITY, _MAGNITUDE = np.uint32(0x7F800000), np.uint32(0x7FFFFFFF)
 _CHANNEL = np.uint32(255)
 
-helper(join_channels)
-helper(split_channels)
-
 
 def check_color(name: str, color: tuple[float, ...]) -> None:
     """Check a parameter that is a color."""
@@ -29,7 +26,6 @@ def check_color(name: str, color: tuple[float, ...]) -> None:
     check(finite, name, "three finite numbers: red, green, blue", list(color))
 
 
-@helper
 def pack(r: Value, g: Value, b: Value) -> Value:
     """Return the bits 0x00RRGGBB of a color.
 
@@ -40,31 +36,26 @@ def pack(r: Value, g: Value, b: Value) -> Value:
     return join_channels(_byte(r), _byte(g), _byte(b))
 
 
-@helper
 def _byte(channel: Value) -> Value:
     return np.uint32(np.int32(clamp(channel, _NONE, FULL)))
 
 
-@helper
 def or_none(color: Value, exists: Value) -> Value:
     """Return the bits of a color, or of NaN where there is none."""
     return choose(exists, color, NO_COLOR)
 
 
-@helper
 def is_none(color: Value) -> Value:
     """Return a mask of the colors whose bits are a NaN."""
     return color & _MAGNITUDE > _INFINITY
 
 
-@helper
 def shares(color: Value) -> tuple[Value, Value, Value]:
     """Return red, green and blue of a color's bits, each in [0, 1]."""
     red, green, blue = split_channels(color)
     return _share(red), _share(green), _share(blue)
 
 
-@helper
 def _share(channel: Value) -> Value:
     """Return the lowest byte of a channel, scaled to [0, 1]."""
     # Signed integers have faster conversions.

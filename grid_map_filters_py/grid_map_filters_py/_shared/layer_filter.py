@@ -4,6 +4,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +16,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
-from ..parts._disc import Disc
+from .._filter import Filter, in_map_order
+from ..parts._disc import Disc, disc_reach, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +38,36 @@ class LayerFilter(ABC):
         return grid_map.with_layers({self.output_layer: result})
 
     @abstractmethod
+    def reach(self, resolution: float) -> float:
+        """Return the cells that the filter looks far; see `Filter`."""
+
+    @abstractmethod
     def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.floating[Any]]:
         """Return the result for a layer in map order, which stays unchanged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AroundTypicalValue(LayerFilter):
+    """Base class of filters that compute with differences to the typical value of the layer.
+
+    The typical value is that of the whole layer, so that tiles give the same bits.
+    """
+
+    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
+        def apply(tile: GridMap, offset: float) -> GridMap:
+            result = self._filter_around(offset, tile[self.input_layer], tile.resolution)
+            return tile.with_layers({self.output_layer: result})
+
+        return with_typical_value(apply, grid_map, self.input_layer)
+
+    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.floating[Any]]:
+        return self._filter_around(typical_value(layer), layer, resolution)
+
+    @abstractmethod
+    def _filter_around(
+        self, offset: float, layer: Layer, resolution: float
+    ) -> npt.NDArray[np.floating[Any]]:
+        """Return the result for a layer from its differences to `offset`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +83,9 @@ class DiscFilter(LayerFilter):
     def __post_init__(self) -> None:
         check_radius(self.radius)
 
+    def reach(self, resolution: float) -> float:
+        return disc_reach(self.radius, resolution)
+
 
 @dataclass(frozen=True, kw_only=True)
 class FillingDiscFilter(DiscFilter):
@@ -65,6 +97,16 @@ class FillingDiscFilter(DiscFilter):
     """
 
     compute_empty_cells: bool = False
+
+
+def with_typical_value(
+    apply: Callable[[GridMap, float], GridMap], grid_map: GridMap, name: str
+) -> Filter | None:
+    """Return the filter `apply` with the typical value of a layer; None without the layer."""
+    if name not in grid_map:
+        return None
+    offset = typical_value(grid_map[name])
+    return lambda tile: apply(tile, offset)
 
 
 def check_radius(radius: float, name: str = "radius") -> None:

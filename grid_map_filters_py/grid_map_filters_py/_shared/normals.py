@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Surface normals of a layer.
 
-A layer is (rows, cols) heights [m] in map order, not finite where unknown. The radius of the discs
-and the resolution, which is the side of a cell, are in m. Normals are the x, y and z components
-(rows, cols) of unit vectors; those of planes are NaN where the layer is not finite.
+A layer is (rows, cols) heights [m] in map order, not finite where unknown; `offset` is its typical
+value. The radius of the discs and the resolution, which is the side of a cell, are in m. Normals
+are the x, y and z components (rows, cols) of unit vectors; those of planes are NaN where the layer
+is not finite.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,8 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask
+from grid_map_core_py.loops import Compiled
 
-from ..parts._disc import Disc, Flat, Tile, tiles, typical_value
+from ..parts._disc import Disc, Flat, Tile, tiles
+from ..parts._side_by_side import side_by_side
+from .plane_loops import SMALLEST_GAP, SMALLEST_Z, to_cosines, to_normals, work_memory
 
 Normals = tuple[Layer, ...]
 Field = npt.NDArray[np.float64]
@@ -26,20 +30,19 @@ Symmetric = tuple[Field, ...]
 _SMALLEST_SPREAD = 1e-8
 """Variance [m^2] of points across a line; below this they define no plane."""
 
-_SMALLEST_GAP = 0.03
-"""Product of the relative gaps between eigenvalues; below this the formula loses digits."""
 
-_SMALLEST_Z = 0.01
-"""z component of a normal; below this the formula loses digits."""
+def prepare_normals() -> tuple[Compiled, ...]:
+    """Return the compiled loops, from disk or compiled now; none where there is no compiler."""
+    first, second = to_cosines.compiled(), to_normals.compiled()
+    return (first, second) if first and second else ()
 
 
-def area_normals(layer: Layer, radius: float, resolution: float) -> Normals:
+def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Normals:
     """Return the normals of least-squares planes through the points in a disc around each cell.
 
     The normal is the eigenvector of the smallest eigenvalue of the covariance of the points. Where
     fewer than three points are finite, or they are on a line, it is the z axis.
     """
-    offset = typical_value(layer)
     disc = Disc(radius, resolution, layer.shape)
     return _by_tiles(disc, 3, lambda tile: _planes(layer, offset, tile)[0])
 
@@ -60,12 +63,11 @@ def raster_normals(layer: Layer, resolution: float) -> Normals:
     return normals
 
 
-def plane_deviations(layer: Layer, radius: float, resolution: float) -> Layer:
+def plane_deviations(layer: Layer, offset: float, radius: float, resolution: float) -> Layer:
     """Return the standard deviation [m] of the points in a disc from the plane of `area_normals`.
 
     It is that of a sample (n - 1 in the denominator); NaN also where the disc has one point.
     """
-    offset = typical_value(layer)
     disc = Disc(radius, resolution, layer.shape)
     return _by_tiles(
         disc, 1, lambda tile: (resolution * _deviations(*_planes(layer, offset, tile)),)
@@ -76,11 +78,15 @@ def _by_tiles(disc: Disc, count: int, values_of: Callable[[Tile], Components]) -
     """Return `count` layers; `values_of` gives their flat values in a tile."""
     layers = tuple(np.empty(disc.size, np.float32, order="F") for _ in range(count))
     # About twenty arrays of a tile fit into the cache.
-    for tile in tiles(disc, max(128, min(256, max(disc.size) // 5))):
+    side = max(128, min(256, max(disc.size) // 5))
+
+    def compute(tile: Tile) -> None:
         for layer, values in zip(layers, values_of(tile), strict=True):
             # Differences of very large floats may overflow.
             with np.errstate(over="ignore"):
                 layer[tile.rows, tile.columns] = tile.cells(values)
+
+    side_by_side(compute, tiles(disc, side))
     return layers
 
 
@@ -126,14 +132,14 @@ def _planes(layer: Layer, offset: float, tile: Tile) -> tuple[Components, Symmet
     # In cells, all coordinates but the heights are integers. Rows run towards -x and columns
     # towards -y: with negative heights all signs are right.
     heights *= -1.0 / tile.disc.resolution
-    covariances, count = _covariances(known, heights, tile)
+    moments, sums = _moments(known, heights, tile)
     smallest_spread = _SMALLEST_SPREAD / tile.disc.resolution**2
-    normals = _normals_of(covariances, count, tile.neighbors(known), smallest_spread)
-    return normals, covariances, count
+    normals = _normals_of(moments, sums, tile.neighbors(known), smallest_spread)
+    return normals, moments, sums[0]
 
 
-def _covariances(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Field]:
-    """Return the covariances of the points, times the square of their number, and that number.
+def _moments(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Components]:
+    """Return the second moments of the points; their number, and the sums of their coordinates.
 
     Coordinates are in cells from the center of the disc, along rows, along columns and downwards.
     """
@@ -145,18 +151,13 @@ def _covariances(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Field]:
     sum_x, xx = _moments_across(tile, one, 1, (1, 2))
     sum_y, yy = _moments_across(tile, one, 0, (1, 2))
     (xy,) = _moments_across(tile, one, 0, (1,), moments=True)
-    products = xx, xy, xz, yy, yz, tile.sums(z * z)
-    count, *sums = (
-        values.astype(np.float64) for values in (tile.counts(known), sum_x, sum_y, sum_z)
-    )
-    elements = []
-    pairs = combinations_with_replacement(sums, 2)
-    for (first, second), moment in zip(pairs, products, strict=True):
-        element = moment.astype(np.float64)
-        element *= count
-        element -= first * second
-        elements.append(element)
-    return tuple(elements), count
+    moments = xx, xy, xz, yy, yz, tile.sums(z * z)
+    sums = tile.counts(known), sum_x, sum_y, sum_z
+    return _as_floats(moments), _as_floats(sums)
+
+
+def _as_floats(fields: Sequence[Flat]) -> tuple[Field, ...]:
+    return tuple(field.astype(np.float64, copy=False) for field in fields)
 
 
 def _moments_across(
@@ -185,37 +186,69 @@ def _moments_across(
 
 
 def _normals_of(
-    matrices: Symmetric, count: Field, known: Mask, smallest_spread: float
+    moments: Symmetric, sums: Components, known: Mask, smallest_spread: float
 ) -> Components:
     """Return unit vectors, NaN where not `known`.
 
     Args:
-        matrices: covariances of the points in the discs.
-        count: number of points.
+        moments: second moments of the points in the discs; they become their covariances, times
+            the square of their number.
+        sums: number of points, and sums of their coordinates.
         known: cells that get a normal.
         smallest_spread: smallest variance of points that define a plane [cells^2].
     """
-    spread = smallest_spread * count * count
+    fit = _planes_by_loops if prepare_normals() else _planes_by_numpy
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        vectors, doubtful = _smallest_eigenvectors(matrices)
-    xx, xy, _, yy, _, _ = matrices
+        vectors, doubtful = fit(moments, sums, known, smallest_spread)
+    places = np.flatnonzero(doubtful)
+    # Calling LAPACK is slow even for an empty array.
+    if places.size:
+        xx, xy, xz, yy, yz, zz = (field[places] for field in moments)
+        full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+        spread = smallest_spread * sums[0][places] * sums[0][places]
+        exact = _eigenvectors_or_upright(full, spread)
+        for component, values in zip(vectors, exact, strict=True):
+            component[places] = values
+    return vectors
+
+
+def _planes_by_loops(
+    moments: Symmetric, sums: Components, known: Mask, smallest_spread: float
+) -> tuple[Components, Mask]:
+    """Do what `_planes_by_numpy` does, to the bit, with compiled loops."""
+    size, work = known.size, work_memory()
+    mean, radius, cosine, x, y, z = np.empty((6, size))
+    doubtful = np.empty(size, np.bool_)
+    for_cosines, for_normals = prepare_normals()
+    for_cosines(moments, sums, (mean, radius, cosine), size, work)
+    fields, roots = (sums[0], mean, radius, cosine), _first_roots(cosine)
+    flags = known.view(np.uint8), doubtful.view(np.uint8)
+    for_normals(moments, fields, roots, *flags, smallest_spread, (x, y, z), size, work)
+    return (x, y, z), doubtful
+
+
+def _planes_by_numpy(
+    moments: Symmetric, sums: Components, known: Mask, smallest_spread: float
+) -> tuple[Components, Mask]:
+    """Return normals, and a mask of known ones that lost digits; see `_normals_of`."""
+    count = sums[0]
+    for element, (first, second) in zip(
+        moments, combinations_with_replacement(sums[1:], 2), strict=True
+    ):
+        element *= count
+        element -= first * second
+    spread = smallest_spread * count * count
+    vectors, doubtful = _smallest_eigenvectors(moments)
+    xx, xy, _, yy, _, _ = moments
     # The second eigenvalue is at least the smaller one of the horizontal 2 x 2 part. That exceeds
     # the spread where diagonal and determinant of xx - spread, xy, yy - spread are positive.
     doubtful |= (xx <= spread) | ((xx - spread) * (yy - spread) <= xy * xy)
     lone = count < 3
     doubtful &= known & ~lone
-    places = np.flatnonzero(doubtful)
-    # Calling LAPACK is slow even for an empty array.
-    if places.size:
-        xx, xy, xz, yy, yz, zz = (field[places] for field in matrices)
-        full = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
-        exact = _eigenvectors_or_upright(full, spread[places])
-        for component, values in zip(vectors, exact, strict=True):
-            component[places] = values
     for component, upright in zip(vectors, (0.0, 0.0, 1.0), strict=True):
         component[lone] = upright
         component[~known] = np.nan
-    return vectors
+    return vectors, doubtful
 
 
 def _deviations(normals: Components, covariances: Symmetric, count: Field) -> Field:
@@ -268,7 +301,7 @@ def _smallest_eigenvectors(matrices: Symmetric) -> tuple[Components, Mask]:
     scale += y * y
     scale += z * z
     np.sqrt(scale, out=scale)
-    doubtful |= ~(scale > _SMALLEST_Z * factor)
+    doubtful |= ~(scale > SMALLEST_Z * factor)
     np.divide(1.0, scale, out=scale)
     for component in (x, y, z):
         component *= scale
@@ -322,12 +355,7 @@ def _smallest_roots(cosine: Field) -> tuple[Field, Mask]:
     Returns:
         t, and a mask of the inexact ones.
     """
-    angle = cosine.astype(np.float32)
-    np.clip(angle, -1.0, 1.0, out=angle)
-    np.arccos(angle, out=angle)
-    angle += np.float32(2.0 * np.pi)
-    angle *= np.float32(1.0 / 3.0)
-    roots = np.cos(angle, out=angle).astype(np.float64)
+    roots = _first_roots(cosine).astype(np.float64)
     slope = roots * roots
     roots *= slope
     roots *= 8.0
@@ -335,4 +363,14 @@ def _smallest_roots(cosine: Field) -> tuple[Field, Mask]:
     slope *= 12.0
     slope -= 3.0
     roots /= slope
-    return roots, ~(slope > _SMALLEST_GAP)
+    return roots, ~(slope > SMALLEST_GAP)
+
+
+def _first_roots(cosine: Field) -> npt.NDArray[np.float32]:
+    """Return the roots of `_smallest_roots` in single precision."""
+    angle = cosine.astype(np.float32)
+    np.clip(angle, -1.0, 1.0, out=angle)
+    np.arccos(angle, out=angle)
+    angle += np.float32(2.0 * np.pi)
+    angle *= np.float32(1.0 / 3.0)
+    return np.asarray(np.cos(angle, out=angle))

@@ -10,7 +10,8 @@ from grid_map_core_py.arrays import Layer, slices
 from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import LayerFilter, check_radius
-from ..parts._disc import Disc
+from ..parts._disc import Disc, disc_reach
+from ..parts._side_by_side import side_by_side
 
 # OpenCV's bilateral filter spreads NaN. Its table of weights divides the range of the layer into
 # equal steps, so that one outlier makes the steps too coarse for edges.
@@ -52,19 +53,24 @@ class Bilateral(LayerFilter):
             check(in_range, name, "a number > 0", sigma)
         check_radius(self.radius or 0.0)
 
+    def reach(self, resolution: float) -> float:
+        return disc_reach(self._radius, resolution)
+
     def _filter(self, layer: Layer, resolution: float) -> Layer:
-        reach = 3 * self.sigma_space if self.radius is None else self.radius
-        disc = Disc(reach, resolution, layer.shape)
+        disc = Disc(self._radius, resolution, layer.shape)
         # A missing value is infinitely far away from all others, so that its weight is 0.
         known = np.where(np.isfinite(layer), layer, np.float32(np.inf))
         margins = [(side // 2, side // 2) for side in disc.kernel.shape]
         padded = np.pad(known, margins, constant_values=np.inf)
         result = np.full_like(layer, np.nan)
         (rows, columns), (_, width) = layer.shape, disc.kernel.shape
+
+        def smooth(part: slice) -> None:
+            around = padded[:, part.start : part.stop + width - 1]
+            result[:, part] = self._smooth(known[:, part], around, disc)
+
         with np.errstate(over="ignore", invalid="ignore"):
-            for part in slices(columns, _PIECE // rows):
-                around = padded[:, part.start : part.stop + width - 1]
-                result[:, part] = self._smooth(known[:, part], around, disc)
+            side_by_side(smooth, slices(columns, _PIECE // rows))
         result[~np.isfinite(layer)] = np.nan
         return result
 
@@ -82,3 +88,7 @@ class Bilateral(LayerFilter):
             total += weight * difference
         total[np.abs(total) < _NOTHING * weights] = 0.0
         return center + sigma * total / weights
+
+    @property
+    def _radius(self) -> float:
+        return 3 * self.sigma_space if self.radius is None else self.radius

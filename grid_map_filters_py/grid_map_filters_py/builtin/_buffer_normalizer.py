@@ -15,5 +15,8 @@ class BufferNormalizer:
     not get the start index of the input again.
     """
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         return grid_map if grid_map.start_index == (0, 0) else grid_map.with_start_index((0, 0))

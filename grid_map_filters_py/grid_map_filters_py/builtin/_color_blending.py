@@ -11,7 +11,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
 from .._shared.colors import FULL, is_none, pack, shares
-from ..parts._cell_function import Value, cell_function, choose, helper
+from ..parts._cell_function import Value, cell_function, choose
 
 _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
@@ -41,6 +41,9 @@ class ColorBlending:
         check(0 <= self.opacity <= 1, "opacity", "a number in [0, 1]", self.opacity)
         _MODES[self.blend_mode].prepare()
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[self.background_layer], grid_map[self.foreground_layer]]
         blended = _MODES[self.blend_mode](layers, (self.opacity, 1 - self.opacity))
@@ -69,18 +72,15 @@ def _soft_light(below: Value, above: Value, weights: tuple[Value, ...]) -> Value
     return _blended(below, above, back, (r, g, b), weights)
 
 
-@helper
 def _hard(below: Value, above: Value, is_dark: Value) -> Value:
     screened = _ONE - _TWO * (_ONE - below) * (_ONE - above)
     return choose(is_dark, _TWO * below * above, screened)
 
 
-@helper
 def _soft(below: Value, above: Value) -> Value:
     return (_ONE - _TWO * above) * (below * below) + _TWO * below * above
 
 
-@helper
 def _blended(
     below: Value,
     above: Value,

@@ -39,6 +39,9 @@ class ColorFill:
         object.__setattr__(self, "_value", np.float32(value))
         _where_finite.prepare()
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.mask_layer:
             filled = _where_finite([grid_map[self.mask_layer]], (self._value,))

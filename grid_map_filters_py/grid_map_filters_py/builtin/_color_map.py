@@ -47,6 +47,9 @@ class ColorMap(LayerFilter):
         check(in_range, "max/value", f"a ramp of at most {longest:g}", self.max_value)
         _color.prepare()
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def _filter(self, layer: Layer, _resolution: float) -> Layer:
         first, last = (255 * np.clip(color, 0, 1) for color in (self.min_color, self.max_color))
         width = np.float32(self.max_value) - np.float32(self.min_value)

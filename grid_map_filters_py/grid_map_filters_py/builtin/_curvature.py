@@ -10,7 +10,7 @@ import numpy as np
 from grid_map_core_py.arrays import Layer
 
 from .._shared.layer_filter import LayerFilter
-from ..parts._cell_function import Value, cell_function, choose, helper, is_finite
+from ..parts._cell_function import Value, cell_function, choose, is_finite
 
 _TWO, _ZERO, _NAN = np.float32(2), np.float32(0), np.float32(np.nan)
 
@@ -28,6 +28,9 @@ class Curvature(LayerFilter):
 
     def __post_init__(self) -> None:
         _curvature.prepare()
+
+    def reach(self, _resolution: float) -> float:
+        return 1
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         # A margin of one cell repeats the border.
@@ -50,6 +53,5 @@ def _curvature(
     return choose(is_finite(height), curvature, _NAN)
 
 
-@helper
 def _finite_or_zero(value: Value) -> Value:
     return choose(is_finite(value), value, _ZERO)

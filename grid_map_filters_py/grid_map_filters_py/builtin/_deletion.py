@@ -19,6 +19,9 @@ class Deletion:
 
     layers: tuple[str, ...]
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         missing = [name for name in self.layers if name not in grid_map]
         if missing:

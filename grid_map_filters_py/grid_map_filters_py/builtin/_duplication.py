@@ -18,5 +18,8 @@ class Duplication(LayerFilter):
         output_layer: layer for the copy.
     """
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def _filter(self, layer: Layer, _resolution: float) -> Layer:
         return layer.copy("F")

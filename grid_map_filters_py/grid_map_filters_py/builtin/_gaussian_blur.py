@@ -13,12 +13,12 @@ import numpy.typing as npt
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._shared.layer_filter import LayerFilter, check_radius
-from ..parts._disc import Disc, typical_value
+from .._shared.layer_filter import AroundTypicalValue, check_radius
+from ..parts._disc import Disc, disc_reach
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaussianBlur(LayerFilter):
+class GaussianBlur(AroundTypicalValue):
     """Smooth a layer by the mean of the finite values around each cell, weighted by a Gaussian.
 
     In every cell, the weights of the finite values are scaled to a sum of 1 (normalized
@@ -39,12 +39,16 @@ class GaussianBlur(LayerFilter):
         check(math.isfinite(self.sigma) and self.sigma > 0, "sigma", "a length > 0 [m]", self.sigma)
         check_radius(self.radius or 0.0)
 
-    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.float64]:
-        mask, offset = np.isfinite(layer), typical_value(layer)
+    def reach(self, resolution: float) -> float:
+        return disc_reach(self._radius, resolution)
+
+    def _filter_around(
+        self, offset: float, layer: Layer, resolution: float
+    ) -> npt.NDArray[np.float64]:
+        mask = np.isfinite(layer)
         values = np.subtract(layer, offset, dtype=np.float64)
         np.copyto(values, 0.0, where=~mask)
-        reach = 3 * self.sigma if self.radius is None else self.radius
-        disc = Disc(reach, resolution, layer.shape)
+        disc = Disc(self._radius, resolution, layer.shape)
         mean = self._blur(values, disc)
         del values
         with np.errstate(invalid="ignore"):
@@ -53,6 +57,10 @@ class GaussianBlur(LayerFilter):
         if not self.compute_empty_cells:
             mean[~mask] = np.nan
         return mean
+
+    @property
+    def _radius(self) -> float:
+        return 3 * self.sigma if self.radius is None else self.radius
 
     def _blur(self, image: npt.NDArray[Any], disc: Disc) -> npt.NDArray[np.float64]:
         with np.errstate(over="ignore"):

@@ -3,16 +3,30 @@
 """`gridMapCv/InpaintFilter`"""
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
 from grid_map_core_py.plugins import check
 
-from .._filter import warn
+from .._filter import WHOLE_MAP, warn
 from .._shared.layer_filter import LayerFilter, check_radius
+from ..parts._side_by_side import side_by_side
+
+Block = tuple[slice, ...]
+Own = Callable[[], Mask]
+
+_SIDE = 500
+"""Usual side of a block of cells that is inpainted at once, so that images fit the cache."""
+
+_LARGEST_RADIUS = 100.0
+"""OpenCV's limit [cells]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +52,10 @@ class Inpaint(LayerFilter):
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
 
+    def reach(self, _resolution: float) -> float:
+        # A hole may be as large as the map, and gray values depend on all heights.
+        return WHOLE_MAP
+
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         filled, holes = layer.copy("F"), ~np.isfinite(layer)
         if holes.all():
@@ -45,8 +63,7 @@ class Inpaint(LayerFilter):
             return filled
         chosen = self._choose(holes, resolution)
         if chosen.any():
-            with np.errstate(invalid="ignore"):
-                filled[chosen] = _fill(layer, holes, self.radius / resolution)[chosen]
+            _fill(filled, holes, chosen, self.radius / resolution)
         return filled
 
     def _choose(self, holes: Mask, resolution: float) -> Mask:
@@ -65,27 +82,81 @@ class Inpaint(LayerFilter):
         return np.asarray(wanted[labels].T)
 
 
-def _fill(layer: Layer, holes: Mask, radius: float) -> Layer:
-    """Return the inpainted layer; `radius` in cells."""
+def _fill(layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
+    """Inpaint a layer in place; `radius` in cells.
+
+    Args:
+        layer: heights, not finite in holes.
+        holes: mask of all holes.
+        chosen: mask of the holes to fill.
+    """
     lowest, highest = min_of_finites(layer), max_of_finites(layer)
     if lowest == highest:
-        return np.full_like(layer, lowest)
+        layer[chosen] = lowest
+        return
     # OpenCV weights by gradients, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
+
+    def fill(part: tuple[Block, Own]) -> None:
+        block, own = part
+        # Column after column, as the layers are stored.
+        columns, rows = np.nonzero(own().T)
+        grays = _inpainted(layer[block], holes[block], radius, lowest, scale)[rows, columns]
+        heights = np.clip(grays, 0.0, 255.0, dtype=np.float64) / scale + lowest
+        layer[block][rows, columns] = heights
+
+    side_by_side(fill, _parts(holes, chosen, radius))
+
+
+def _parts(holes: Mask, chosen: Mask, radius: float) -> Iterator[tuple[Block, Own]]:
+    """Yield blocks of cells that are inpainted at once, and functions that return their own cells.
+
+    OpenCV fills a cell from cells within `radius` and their neighbors. Holes that are further apart
+    know nothing of each other, so that a block with all cells of a group of holes, and the cells
+    around them, gives the bits of the whole layer.
+    """
+    if holes.size < 2 * _SIDE**2:
+        yield (slice(None), slice(None)), lambda: chosen
+        return
+    near = math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
+    # Two cells in reach of each other touch when each becomes a block of this side.
+    grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(grown, connectivity=8)
+    # Rows of the map are along x of the image. The label 0 marks all cells outside of holes.
+    rows, columns, heights, widths = boxes[:, : cv2.CC_STAT_AREA].T
+    ends = rows + heights, columns + widths
+    tiles = 1 + rows // _SIDE + math.ceil(holes.shape[0] / _SIDE) * (columns // _SIDE)
+    # Large groups share a block, which may be the whole layer.
+    tiles[np.maximum(heights, widths) > _SIDE] = 0
+    tiles[0] = -1
+    for tile in np.unique(tiles[1:]):
+        group = tiles == tile
+        block = tuple(
+            slice(max(first[group].min() - near - 1, 0), end[group].max() + near + 1)
+            for first, end in zip((rows, columns), ends, strict=True)
+        )
+        yield block, partial(_own_cells, chosen[block], labels.T[block], group)
+
+
+def _own_cells(chosen: Mask, labels: npt.NDArray[Any], group: Mask) -> Mask:
+    own: Mask = group[labels]
+    return own & chosen
+
+
+def _inpainted(
+    heights: Layer, holes: Mask, radius: float, lowest: float, scale: float
+) -> npt.NDArray[np.float32]:
+    """Return gray values, inpainted where there are holes."""
     gray = elementwise(
-        lambda heights: np.subtract(heights, lowest, dtype=np.float64) * scale, np.float32, layer
+        lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
+        np.float32,
+        np.ascontiguousarray(heights),
     )
     gray[holes] = 0.0
     # OpenCV reads beyond the border of images with sides of one or two pixels.
-    margins = [(1, 1) if side < 3 else (0, 0) for side in layer.shape]
-    image, mask = (
-        np.ascontiguousarray(np.pad(values, margins, mode="edge"))
-        for values in (gray, holes.astype(np.uint8))
-    )
+    margins = [(1, 1) if side < 3 else (0, 0) for side in heights.shape]
+    image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(holes, dtype=np.uint8)
+    if any(map(any, margins)):
+        image, mask = (np.pad(values, margins, mode="edge") for values in (image, mask))
     filled = cv2.inpaint(image, mask, radius, cv2.INPAINT_NS)
-    inner = tuple(slice(before, -after or None) for before, after in margins)
-    return elementwise(
-        lambda grays: np.clip(grays, 0.0, 255.0, dtype=np.float64) / scale + lowest,
-        np.float32,
-        np.asarray(filled[inner], dtype=np.float32),
-    )
+    return np.asarray(filled[tuple(slice(before, -after or None) for before, after in margins)])

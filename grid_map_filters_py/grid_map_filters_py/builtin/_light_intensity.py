@@ -36,6 +36,9 @@ class LightIntensity:
         check(usable, "light_direction", "three finite numbers, not all 0", list(direction))
         _shade.prepare()
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         towards = -np.asarray(self.light_direction) / math.hypot(*self.light_direction)
         normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]

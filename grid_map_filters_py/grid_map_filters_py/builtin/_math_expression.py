@@ -8,7 +8,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 
-from .._filter import in_map_order
+from .._filter import WHOLE_MAP, Filter, in_map_order
 from ..errors import ExpressionError
 from ..expression import Expression
 
@@ -30,6 +30,13 @@ class MathExpression:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_parsed", Expression(self.expression))
+
+    def reach(self, _resolution: float) -> float:
+        return 0 if self._parsed.is_cellwise else WHOLE_MAP
+
+    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
+        # A layer may hide a function or a constant, and make the expression a different one.
+        return None if self._parsed.is_changed_by(grid_map) else self
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:

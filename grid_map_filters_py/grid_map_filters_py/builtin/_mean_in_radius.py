@@ -9,27 +9,31 @@ import numpy as np
 
 from grid_map_core_py.arrays import Layer
 
-from .._shared.layer_filter import DiscFilter
-from ..parts._disc import Disc, Tile, tiles, typical_value
+from .._shared.layer_filter import AroundTypicalValue, DiscFilter
+from ..parts._disc import Disc, Tile, tiles
+from ..parts._side_by_side import side_by_side
 
 _FEW = 4
 """Largest reach of a small disc, in cells."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeanInRadius(DiscFilter):
+class MeanInRadius(AroundTypicalValue, DiscFilter):
     """Give every cell the mean of the finite values in the disc of `radius` [m] around it.
 
     Cells without a finite value in their disc become NaN.
     """
 
-    def _filter(self, layer: Layer, resolution: float) -> Layer:
-        offset, disc = typical_value(layer), Disc(self.radius, resolution, layer.shape)
+    def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
+        disc = Disc(self.radius, resolution, layer.shape)
         # For a few values, sums in single precision are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean = np.empty_like(layer, order="F")
-        for tile in tiles(disc):
+
+        def compute(tile: Tile) -> None:
             mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
+
+        side_by_side(compute, tiles(disc))
         return mean
 
 
@@ -38,8 +42,12 @@ def _mean(layer: Layer, tile: Tile, offset: float, dtype: type[np.floating[Any]]
     with np.errstate(invalid="ignore", over="ignore"):
         known, values = tile.finite(layer, offset, dtype)
         total = tile.sums(values)
-        if not np.isfinite(total).all():
-            return _mean(layer, tile, offset, np.float64)
+        too_large = ~np.isfinite(total)
         total /= tile.counts(known).astype(dtype)
     total += offset
-    return tile.cells(total)
+    mean = tile.cells(total)
+    # Only these cells, so that the others are the same in any tile.
+    if dtype == np.float32 and too_large.any():
+        exact = _mean(layer, tile, offset, np.float64).astype(np.float32)
+        np.copyto(mean, exact, where=tile.cells(too_large))
+    return mean

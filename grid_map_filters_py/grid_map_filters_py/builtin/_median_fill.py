@@ -17,7 +17,8 @@ from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
 from .._shared.layer_filter import check_radius
-from .._shared.medians import put_window_medians
+from .._shared.medians import prepare_medians, put_window_medians
+from ..parts._disc import disc_reach
 
 _BLOCK = np.ones((3, 3), np.uint8)
 _TOLERANCE = 1e-9
@@ -73,6 +74,15 @@ class MedianFill:
             )
         iterations = self.num_erode_dilation_iterations
         check(iterations >= 0, "num_erode_dilation_iterations", "an integer >= 0", iterations)
+        prepare_medians()
+
+    def reach(self, resolution: float) -> float:
+        radii = [self.fill_hole_radius]
+        if self.filter_existing_values and self.existing_value_radius is not None:
+            radii.append(self.existing_value_radius)
+        # The opening looks two cells far; the closing dilates and erodes.
+        of_mask = 2 + 2 * self.num_erode_dilation_iterations
+        return max(of_mask, *(disc_reach(radius, resolution) for radius in radii))
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:

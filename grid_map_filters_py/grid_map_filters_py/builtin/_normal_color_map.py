@@ -9,7 +9,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 
 from .._shared.colors import or_none, pack
-from ..parts._cell_function import Value, cell_function, helper
+from ..parts._cell_function import Value, cell_function
 
 _ONE, _HALF = np.float32(1), np.float32(127.5)
 
@@ -31,6 +31,9 @@ class NormalColorMap:
     def __post_init__(self) -> None:
         _color.prepare()
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]
         return grid_map.with_layers({self.output_layer: _color(normals)})
@@ -42,7 +45,6 @@ def _color(x: Value, y: Value, z: Value, _: tuple[Value, ...]) -> Value:
     return or_none(pack(_channel(x), _channel(y), _channel(z)), exists)
 
 
-@helper
 def _channel(normal: Value) -> Value:
     # Gives the same bits as 255 * (0.5 * normal + 0.5).
     return (normal + _ONE) * _HALF

@@ -11,8 +11,10 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._filter import in_map_order
-from .._shared.normals import area_normals, raster_normals
+from .._filter import Filter, in_map_order
+from .._shared.layer_filter import with_typical_value
+from .._shared.normals import area_normals, prepare_normals, raster_normals
+from ..parts._disc import disc_reach, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,14 +42,32 @@ class NormalVectors:
 
     def __post_init__(self) -> None:
         check(math.isfinite(self.radius), "radius", "a finite length [m]", self.radius)
+        if not self._is_raster:
+            prepare_normals()
+
+    def reach(self, resolution: float) -> float:
+        return 1 if self._is_raster else disc_reach(self.radius, resolution)
+
+    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
+        if self._is_raster:
+            return self
+        return with_typical_value(self._with_normals, grid_map, self.input_layer)
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         heights = grid_map[self.input_layer]
-        if self.algorithm == "raster" or self.radius <= 0:
+        return self._with_normals(grid_map, 0.0 if self._is_raster else typical_value(heights))
+
+    @property
+    def _is_raster(self) -> bool:
+        return self.algorithm == "raster" or self.radius <= 0
+
+    def _with_normals(self, grid_map: GridMap, offset: float) -> GridMap:
+        heights = grid_map[self.input_layer]
+        if self._is_raster:
             normals = raster_normals(heights, grid_map.resolution)
         else:
-            normals = area_normals(heights, self.radius, grid_map.resolution)
+            normals = area_normals(heights, offset, self.radius, grid_map.resolution)
         away = normals["xyz".index(self.normal_vector_positive_axis)] < 0
         if away.any():
             for component in normals:

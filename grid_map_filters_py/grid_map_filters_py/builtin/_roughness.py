@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 from grid_map_core_py.arrays import Layer
 
-from .._shared.layer_filter import DiscFilter
-from .._shared.normals import plane_deviations
+from .._shared.layer_filter import AroundTypicalValue, DiscFilter
+from .._shared.normals import plane_deviations, prepare_normals
 
 
 @dataclass(frozen=True, kw_only=True)
-class Roughness(DiscFilter):
+class Roughness(AroundTypicalValue, DiscFilter):
     """Compute the standard deviation of the points around a cell from their plane [m].
 
     It is sqrt(sum d^2 / (n - 1)), with the distances d of the n finite points in the disc to the
@@ -24,5 +24,9 @@ class Roughness(DiscFilter):
         input_layer: heights [m].
     """
 
-    def _filter(self, layer: Layer, resolution: float) -> Layer:
-        return plane_deviations(layer, self.radius, resolution)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        prepare_normals()
+
+    def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Layer:
+        return plane_deviations(layer, offset, self.radius, resolution)

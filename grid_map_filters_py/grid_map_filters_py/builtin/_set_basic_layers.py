@@ -26,6 +26,9 @@ class SetBasicLayers:
         if (self.layers is None) == (self.layer is None):
             raise ConfigError("expected either 'layers' or 'layer'")
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         wanted = (self.layers or ()) + (self.layer or ())
         missing = [name for name in wanted if name not in grid_map]

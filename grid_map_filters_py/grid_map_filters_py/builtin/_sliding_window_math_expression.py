@@ -11,6 +11,7 @@ from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import LayerFilter
 from ..expression import Expression
+from ..expression._window_loops import sum_squares
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,16 +47,23 @@ class SlidingWindowMathExpression(LayerFilter):
         expected = f"no layer but the input layer {self.input_layer!r}"
         check(known, "expression", expected, self.expression)
         object.__setattr__(self, "_parsed", parsed)
+        sum_squares.compiled()
+
+    def reach(self, resolution: float) -> float:
+        return self._cells(resolution) // 2
+
+    def _cells(self, resolution: float) -> int:
+        """Return the side of the window in cells."""
+        if self.window_length is None:
+            return self.window_size
+        cells = math.floor(self.window_length / resolution + 0.5)
+        return cells + 1 - cells % 2
 
     def _filter(self, layer: Layer, resolution: float) -> Layer:
-        cells = self.window_size
-        if self.window_length is not None:
-            cells = math.floor(self.window_length / resolution + 0.5)
-            cells += 1 - cells % 2
         return self._parsed.over_windows(
             self.input_layer,
             layer,
-            cells,
+            self._cells(resolution),
             self.edge_handling,
             compute_empty_cells=self.compute_empty_cells,
         )

@@ -10,9 +10,10 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer, elementwise
 from grid_map_core_py.errors import ConfigError
 
-from .._filter import in_map_order
-from .._shared.layer_filter import check_radius
-from .._shared.normals import area_normals, raster_normals
+from .._filter import Filter, in_map_order
+from .._shared.layer_filter import check_radius, with_typical_value
+from .._shared.normals import area_normals, prepare_normals, raster_normals
+from ..parts._disc import disc_reach, typical_value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,20 +43,36 @@ class Slope:
         if self.input_layers_prefix is not None and self.radius:
             raise ConfigError("expected no 'radius' beside 'input_layers_prefix'")
         check_radius(self.radius)
+        if self.radius:
+            prepare_normals()
+
+    def reach(self, resolution: float) -> float:
+        if self.input_layer is None:
+            return 0
+        return disc_reach(self.radius, resolution) if self.radius else 1
+
+    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
+        if not self.radius:
+            return self
+        return with_typical_value(self._with_slope, grid_map, self.input_layer or "")
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
+        heights = grid_map[self.input_layer or ""] if self.radius else None
+        return self._with_slope(grid_map, 0.0 if heights is None else typical_value(heights))
+
+    def _with_slope(self, grid_map: GridMap, offset: float) -> GridMap:
         if self.input_layers_prefix is not None:
             x, y, z = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
         elif self.radius:
             heights = grid_map[self.input_layer or ""]
-            x, y, z = area_normals(heights, self.radius, grid_map.resolution)
+            x, y, z = area_normals(heights, offset, self.radius, grid_map.resolution)
         else:
             x, y, z = raster_normals(grid_map[self.input_layer or ""], grid_map.resolution)
         return grid_map.with_layers({self.output_layer: elementwise(_slope, np.float32, x, y, z)})
 
 
 def _slope(x: Layer, y: Layer, z: Layer) -> Layer:
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         slope: Layer = np.arctan2(np.hypot(x, y), np.abs(z))
     return slope

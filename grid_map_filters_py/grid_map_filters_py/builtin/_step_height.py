@@ -12,7 +12,8 @@ from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
 from .._shared.layer_filter import DiscFilter, check_radius, highest_in_disc, lowest_in_disc
-from ..parts._disc import Disc, tiles
+from ..parts._disc import Disc, Tile, disc_reach, tiles
+from ..parts._side_by_side import side_by_side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +52,10 @@ class StepHeight(DiscFilter):
         number = self.critical_cell_number
         check(number > 0, "critical_cell_number", "a number > 0", number)
 
+    def reach(self, resolution: float) -> float:
+        second = self.second_window_radius
+        return super().reach(resolution) + (0 if second is None else disc_reach(second, resolution))
+
     def _filter(self, layer: Layer, resolution: float) -> Layer:
         disc = self.radius, resolution
         with np.errstate(over="ignore"):
@@ -60,8 +65,11 @@ class StepHeight(DiscFilter):
             return step
         critical = np.where(step > np.float32(self.critical_value or 0.0), step, np.float32(np.nan))
         result = highest_in_disc(step, self.second_window_radius, resolution)
-        for tile in tiles(Disc(self.second_window_radius, resolution, layer.shape)):
+
+        def multiply(tile: Tile) -> None:
             found, _ = tile.finite(critical, 0.0)
             share = np.minimum(tile.counts(found) / self.critical_cell_number, 1.0)
             result[tile.rows, tile.columns] *= tile.cells(share)
+
+        side_by_side(multiply, tiles(Disc(self.second_window_radius, resolution, layer.shape)))
         return result

@@ -38,6 +38,9 @@ class Threshold:
         if (self.layer is None) == (None in pair) or (self.layer is not None and any(pair)):
             raise ConfigError("expected either 'layer', or 'condition_layer' and 'output_layer'")
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         condition = grid_map[self.layer or self.condition_layer or ""]
         output_layer = self.layer or self.output_layer or ""

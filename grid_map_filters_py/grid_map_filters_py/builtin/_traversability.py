@@ -46,6 +46,9 @@ class Traversability:
         check(all(self.critical_values), "critical_values", "numbers > 0", self.critical_values)
         check(any(self._weights), "weights", "a number > 0", self.weights)
 
+    def reach(self, _resolution: float) -> float:
+        return 0
+
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[name] for name in self.input_layers]
         return grid_map.with_layers(

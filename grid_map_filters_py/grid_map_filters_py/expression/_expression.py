@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Mathematical expressions over layers."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from grid_map_core_py import GridMap
 
 from ..errors import ExpressionError
+from ._cells import is_cellwise
 from ._functions import CONSTANTS
 from ._interpreter import Interpreter, check
 from ._matrices import Matrices
@@ -63,6 +64,15 @@ class Expression:
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
         return Expression, (self.text,)
+
+    @property
+    def is_cellwise(self) -> bool:
+        """True if a cell of the result depends on the same cell of the layers alone."""
+        return is_cellwise(self._root)
+
+    def is_changed_by(self, names: Iterable[str]) -> bool:
+        """Return whether a layer hides a function or a constant that the expression uses."""
+        return any(name in self._places and name not in self.names for name in names)
 
     def __call__(self, layers: Mapping[str, NDArray[Any]]) -> NDArray[np.float32] | float:
         """Evaluate for whole layers.

@@ -204,7 +204,7 @@ def check(node: Node, *, indexing: bool = False, depth: int = 0) -> None:
     with node.blamed():
         if _is_constant(node):
             _EVALUATE(node)
-        elif node.kind == "call" and not _may_be_index(node):
+        elif node.kind == "call" and not may_be_index(node):
             _check_call(*node.parts)
         elif node.kind == "index":
             _check_index(*node.parts)
@@ -232,12 +232,12 @@ def _check_index(base: Node, places: tuple[Node, ...]) -> None:
 
 def _is_constant(node: Node) -> bool:
     """Return True if the value is the same for all layers."""
-    if node.kind in ("name", "end", "all") or (node.kind == "call" and _may_be_index(node)):
+    if node.kind in ("name", "end", "all") or (node.kind == "call" and may_be_index(node)):
         return False
     return all(map(_is_constant, node.children()))
 
 
-def _may_be_index(call: Node) -> bool:
+def may_be_index(call: Node) -> bool:
     """Return True if the arguments could be places in a layer that hides the function."""
     _, arguments = call.parts
     return len(arguments) <= 2 and all(map(_may_be_place, arguments))

@@ -15,8 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grid_map_core_py.loops import Compiled
+
 from ._functions import FINITE_COUNT, FINITE_SUM
 from ._matrices import SCALAR, Fold, Matrices, Shape, Value, apply, common_shape, shape_of
+from ._window_loops import sum_squares
 
 Field = NDArray[np.float64]
 Element = float | Field
@@ -113,21 +116,29 @@ class SquaredDeviations(WindowMatrix):
         if not set(folds) <= {FINITE_COUNT, FINITE_SUM}:
             return super().reduce(folds)
         total = self._sum()
-        if not np.isfinite(total).all():
-            # A square beyond double precision is not finite and does not count.
-            return super().reduce(folds)
-        return [
-            total
-            if fold is FINITE_SUM
-            else _fold_box(fold, self._source, self.shape) * np.isfinite(self._number)
+        results = [
+            np.asarray(
+                total
+                if fold is FINITE_SUM
+                else _fold_box(fold, self._source, self.shape) * np.isfinite(self._number)
+            )
             for fold in folds
         ]
+        too_large = ~np.isfinite(total)
+        if too_large.any():
+            # A square beyond double precision is not finite and does not count. The other cells
+            # keep their results, so that these are the same in any block of cells.
+            for result, exact in zip(results, super().reduce(folds), strict=True):
+                np.copyto(result, exact, where=too_large)
+        return [*results]
 
     def _sum(self) -> Element:
         """Return the sum of squares, from the deviations around the mean of each column.
 
         This avoids cancellation: no subtrahend is much larger than the result.
         """
+        if (run := sum_squares.compiled()) and self._source.flags.f_contiguous:
+            return self._sum_by(run)
         count, mean, squares = self._columns()
         finite = np.isfinite(self._number)
         number = np.where(finite, self._number, 0.0)
@@ -142,6 +153,18 @@ class SquaredDeviations(WindowMatrix):
             total += deviation
             total += squares[:, columns]
         return np.asarray(total * finite)
+
+    def _sum_by(self, run: Compiled) -> Element:
+        """Return what `_sum` returns, to the bit, by the compiled loop."""
+        height, columns = (
+            side - part + 1 for side, part in zip(self._source.shape, self.shape, strict=True)
+        )
+        numbers = np.asfortranarray(np.broadcast_to(self._number, (height, columns)))
+        work = np.empty((3, height * self._source.shape[1]))
+        totals = np.empty_like(numbers)
+        if totals.size:
+            run(self._source, self.shape, numbers.shape, numbers, *work, totals)
+        return totals
 
     def _columns(self) -> tuple[Field, Field, Field]:
         """Return count, mean and squared deviations of the finite values of each column."""

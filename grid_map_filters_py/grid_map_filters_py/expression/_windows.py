@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FilterError
+from ..parts._side_by_side import side_by_side
 from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._interpreter import Interpreter
 from ._matrices import SCALAR, describe, shape_of
@@ -52,12 +53,20 @@ def evaluate_over_windows(
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
-    for rows, span in product(row_spans, column_spans):
-        # Rectangles of cells that fit the cache and whose windows have one shape.
-        for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
-            values = np.array(layer[rows.source, columns.source], np.float64, order="F")
-            window = SlidingWindow(values, (rows.window, columns.window))
-            result[rows.start : rows.stop, columns.start : columns.stop] = number(window)
+
+    def compute(cells: tuple[_Span, _Span]) -> None:
+        rows, columns = cells
+        values = np.array(layer[rows.source, columns.source], np.float64, order="F")
+        window = SlidingWindow(values, (rows.window, columns.window))
+        result[rows.start : rows.stop, columns.start : columns.stop] = number(window)
+
+    # Rectangles of cells that fit the cache and whose windows have one shape.
+    rectangles = (
+        (rows, columns)
+        for rows, span in product(row_spans, column_spans)
+        for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start)))
+    )
+    side_by_side(compute, rectangles)
     return result
 
 

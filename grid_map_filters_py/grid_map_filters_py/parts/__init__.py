@@ -1,9 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for writing fast filters: sums over discs, and functions of single cells.
+"""Parts for writing fast filters: sums over discs, functions of single cells, and threads.
 
 `Disc` and `tiles` sum up the values in the disc around every cell. `cell_function` turns a function
 of the values of one cell into one of whole layers, which numba compiles where it is installed.
+`side_by_side` works on parts of a map in the threads of the chain.
 """
 
 from ._cell_function import (
@@ -11,9 +12,15 @@ from ._cell_function import (
     cell_function as cell_function,
     choose as choose,
     clamp as clamp,
-    helper as helper,
     is_finite as is_finite,
 )
-from ._disc import Disc as Disc, Tile as Tile, tiles as tiles, typical_value as typical_value
+from ._disc import (
+    Disc as Disc,
+    Tile as Tile,
+    disc_reach as disc_reach,
+    tiles as tiles,
+    typical_value as typical_value,
+)
+from ._side_by_side import side_by_side as side_by_side
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -10,7 +10,6 @@ because it passes through memory once per operator.
 
 import functools
 import inspect
-import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, SupportsFloat, TypeAlias
@@ -19,23 +18,22 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, elementwise
-
-from .._filter import warn
+from grid_map_core_py.loops import Loop
 
 Value: TypeAlias = Any
 """A number of one cell, or an array with the numbers of all cells."""
 
 _ZERO = np.float32(0)
 
-_compiling = threading.Lock()
-
-_LIKE_NUMPY = {"error_model": "numpy"}
-"""Options of numba: division by 0 gives an infinity or NaN."""
-
 
 def choose(condition: Value, yes: Value, no: Value) -> Value:
     """Return `yes` where the condition holds, else `no`."""
     return np.where(condition, yes, no)
+
+
+def _choose_one(condition: Value, yes: Value, no: Value) -> Value:
+    """Return what `choose` returns for one cell."""
+    return yes if condition else no
 
 
 def clamp(value: Value, lowest: np.float32, highest: np.float32) -> Value:
@@ -46,16 +44,6 @@ def clamp(value: Value, lowest: np.float32, highest: np.float32) -> Value:
 def is_finite(value: Value) -> Value:
     """Return True where a float is neither NaN nor infinite."""
     return value - value == _ZERO
-
-
-_helpers: list[Callable[..., Value]] = [clamp, is_finite]
-"""Functions that are not registered with numba yet."""
-
-
-def helper(function: Callable[..., Value]) -> Callable[..., Value]:
-    """Allow cell functions to call this function; for use as a decorator."""
-    _helpers.append(function)
-    return function
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +70,8 @@ class CellFunction:
         return len(inspect.signature(self.function).parameters) - 1
 
     def prepare(self) -> None:
-        """Compile the function in advance, which takes up to a second."""
-        one_cell = np.zeros(1, self.takes)
-        self((one_cell,) * self.layers, (0.0,) * self.numbers)
+        """Compile the function in advance, or load it from disk; see `grid_map_core_py.loops`."""
+        self._loop.compiled(always=True)
 
     def __call__(
         self, layers: Sequence[npt.NDArray[Any]], numbers: Sequence[SupportsFloat] = ()
@@ -99,16 +86,15 @@ class CellFunction:
             float32 whose bits are the results, in the shape of the layers, in Fortran order.
         """
         flat = tuple(layer.ravel("F").view(self.takes) for layer in layers)
-        # Numba compiles anew for each combination of read-only and other arrays.
-        for values in flat:
-            values.flags.writeable = False
         with np.errstate(over="ignore"):
             constants = tuple(np.float32(float(number)) for number in numbers)
-        if self._loop is None:
+        compiled = self._loop.compiled(always=True)
+        # The compiled function does not look how long arrays are.
+        if compiled is None or len({cells.size for cells in flat}) > 1:
             results = self.plain(flat, constants)
         else:
             results = np.empty(flat[0].size, self.gives)
-            self._loop(flat, constants, results)
+            compiled(flat, constants, results, results.size)
         return results.view(np.float32).reshape(layers[0].shape, order="F")
 
     def plain(
@@ -119,22 +105,17 @@ class CellFunction:
             return elementwise(lambda *cells: self.function(*cells, numbers), self.gives, *layers)
 
     @functools.cached_property
-    def _loop(self) -> Callable[..., None] | None:
-        # Since Python 3.12, several threads may come here at once. None may compile before all
-        # helpers are registered.
-        with _compiling:
-            numba = _numba()
-            if numba is None:
-                return None
-            compile_ = numba.njit(**_LIKE_NUMPY)
-            function, arguments = compile_(self.function), compile_(_ARGUMENTS[self.layers])
+    def _loop(self) -> Loop:
+        function, arguments = self.function, _ARGUMENTS[self.layers]
 
-            def loop(layers: Any, numbers: Any, results: Any) -> None:
-                for i in range(results.size):
-                    results[i] = function(*arguments(layers, i, numbers))
+        def loop(layers: Any, numbers: Any, results: Any, count: int) -> None:
+            for i in range(count):
+                results[i] = function(*arguments(layers, i, numbers))
 
-            compiled: Callable[..., None] = compile_(loop)
-            return compiled
+        loop.__name__ = function.__name__
+        takes, gives = (f"{np.dtype(kind)}*" for kind in (self.takes, self.gives))
+        kinds = (takes, self.layers), ("float32", self.numbers), gives, "int64"
+        return Loop(loop, kinds, {choose: _choose_one})
 
 
 def cell_function(
@@ -142,35 +123,6 @@ def cell_function(
 ) -> Callable[[Callable[..., Value]], CellFunction]:
     """Return the decorator that makes a `CellFunction`, with the arguments of that class."""
     return lambda function: CellFunction(function, takes, gives, numbers)
-
-
-def _numba() -> Any:
-    """Return numba with all helpers registered; None if it is missing, broken or turned off."""
-    try:
-        import numba
-        from numba.extending import overload, register_jitable
-    except ImportError:
-        return None
-    # A numba that was built for another NumPy, or lacks a library, raises SystemError,
-    # AttributeError, OSError, ...
-    except Exception as error:
-        warn(f"numba cannot be used, NumPy does its work: {type(error).__name__}: {error}")
-        return None
-    # With NUMBA_DISABLE_JIT, the loops would run in pure Python.
-    if getattr(numba.config, "DISABLE_JIT", False):
-        return None
-    _compile_choose(overload)
-    while _helpers:
-        register_jitable(**_LIKE_NUMPY)(_helpers.pop())
-    return numba
-
-
-@functools.cache
-def _compile_choose(overload: Callable[..., Any]) -> None:
-    """Give `choose` a version for single cells."""
-    # Numba compares each signature with that of `choose`, ignoring annotations.
-    one_of_both = lambda condition, yes, no: yes if condition else no  # noqa: E731
-    overload(choose)(lambda condition, yes, no: one_of_both)  # noqa: ARG005
 
 
 # Numba compiles no tuple of a variable number of elements.

@@ -22,9 +22,28 @@ import numpy.typing as npt
 from grid_map_core_py.arrays import Layer, Size, slices
 from grid_map_core_py.regions import BORDER_TOLERANCE, half_chords
 
+from .._filter import WHOLE_MAP
+
 Kernel = npt.NDArray[np.float64]
 Flat = npt.NDArray[Any]
 Lines = tuple[int, Flat, Flat]
+
+_LARGEST = 2**31
+"""Cells along a side that no map has."""
+
+
+def disc_reach(radius: float, resolution: float) -> float:
+    """Return the whole cells from the center of a disc to its rim, for `reach` of a filter.
+
+    Args:
+        radius: [m]; less than 0 counts as 0.
+        resolution: side of a cell [m].
+
+    Returns:
+        A number of cells; `WHOLE_MAP` for a disc that no map can hold.
+    """
+    cells = (max(radius, 0.0) + BORDER_TOLERANCE) / resolution
+    return math.floor(cells) if cells < _LARGEST else WHOLE_MAP
 
 
 @dataclass(frozen=True)

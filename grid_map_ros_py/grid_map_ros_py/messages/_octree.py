@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from grid_map_core_py.limits import check_cells
+
 from ..errors import MessageError
 
 Keys = npt.NDArray[np.int32]
@@ -35,9 +37,6 @@ DEPTH = 16
 
 VOXELS = 2**DEPTH
 """Voxels along a side of the root."""
-
-MOST_VOXELS = 2**23
-"""Maximum number of voxels that leaves are split into; a few bytes could claim any number."""
 
 NODE_TYPES = {
     "OcTree": np.dtype([("value", "<f4"), ("children", "u1")]),
@@ -224,7 +223,7 @@ def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
         first, last: voxels at the corners of the box.
 
     Raises:
-        MessageError: there are more than `MOST_VOXELS`.
+        LimitError: there are more than half of `max_cells`; a few bytes can claim any number.
     """
     count = 0
     for depth, (keys, occupied) in leaves.items():
@@ -234,8 +233,8 @@ def occupied_voxels(leaves: Leaves, first: Voxel, last: Voxel) -> Keys:
         overlap = np.maximum(end - np.maximum(start, first[:, None]), 0)
         # In floats, where no product overflows.
         count += int(overlap.prod(axis=0, dtype=np.float64).sum())
-    if count > MOST_VOXELS:
-        raise MessageError("data", f"at most {MOST_VOXELS} occupied voxels", count)
+    # A voxel takes the memory of two cells.
+    check_cells("data: 2 cells per voxel", (2, count))
     keys = np.empty((3, 0), np.int32)
     for depth in range(DEPTH + 1):
         keys = (2 * keys[:, :, None] + _OFFSETS[:, None]).reshape(3, -1)

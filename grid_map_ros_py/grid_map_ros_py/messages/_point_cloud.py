@@ -94,7 +94,7 @@ def to_flat_point_cloud(grid_map: GridMap, height: float = 0.0) -> "PointCloud2"
     Raises:
         MessageError: the height is not finite, or a layer is called x, y or z.
     """
-    if not abs(height) <= np.finfo(np.float32).max:
+    if not abs(height) <= float(np.finfo(np.float32).max):
         raise MessageError("height", "a finite number", height)
     flat = np.full(grid_map.size, height, dtype=np.float32, order="F")
     # Replaces a layer of the same name, as if the new one had been added last.

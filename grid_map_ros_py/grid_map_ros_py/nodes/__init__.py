@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from ._configured import ConfiguredNode as ConfiguredNode
     from ._failures import dropping as dropping
     from ._health import Health as Health, health_of as health_of
+    from ._memory import keep_memory as keep_memory, return_memory as return_memory
     from ._parameters import (
         check_topic as check_topic,
         read_limits as read_limits,
@@ -60,6 +61,7 @@ _OFFERED = {
     "_configured": "ConfiguredNode",
     "_failures": "dropping",
     "_health": "Health health_of",
+    "_memory": "keep_memory return_memory",
     "_parameters": "check_topic read_limits read_parameter read_parameter_tree read_positive "
     "read_topic",
     "_profile": "use_profile",

@@ -17,7 +17,7 @@ N = TypeVar("N", int, float)
 
 
 class ConfiguredNode(Node):
-    """A node that reads its parameters in `__init__`, and has the parameter `max_cells`.
+    """A node that reads its parameters in `__init__`, and has those of `read_limits`.
 
     An entry point of the package names its method `main`.
     """

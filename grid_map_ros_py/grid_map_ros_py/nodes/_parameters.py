@@ -66,16 +66,25 @@ def read_positive(node: "Node", name: str, default: float, *, description: str =
 
 
 def read_limits(node: "Node") -> None:
-    """Set the largest number of cells of a map (`grid_map_core_py.limits`) from `max_cells`.
+    """Set the limits of maps (`grid_map_core_py.limits`) from the parameters of the same names.
 
-    The limit holds for the process, so that the node calls this before it makes or receives a map.
+    Limits hold for the process, so that the node calls this before it makes or receives a map.
 
     Raises:
-        ConfigError: the parameter is less than 1, or no integer.
+        ConfigError: a parameter is less than 1, or no number.
     """
-    about = "largest number of cells of a map that is received, read from a file or made"
-    default = int(Limits.max_cells)
-    set_limits(max_cells=read_parameter(node, "max_cells", int, default, description=about))
+    made = "a map that is received, read from a file or made"
+    abouts = {
+        "max_cells": f"largest number of cells of {made}",
+        "max_bytes": f"largest size [bytes] of all layers of {made}, and of unpacked data",
+        "max_ratio": "largest quotient of unpacked and packed bytes of data of more than 100 MB",
+    }
+    set_limits(
+        **{
+            name: read_parameter(node, name, int, int(getattr(Limits, name)), description=about)
+            for name, about in abouts.items()
+        }
+    )
 
 
 def read_parameter_tree(

@@ -44,6 +44,9 @@ _MIGRATION = (
     "https://github.com/grid-map-py/grid_map_py/blob/main/docs/migration_ros1.md#parameters"
 )
 
+_MOMENT = 0.01
+"""Time between repetitions of an interrupt that Python ignored [s]."""
+
 WAKE_PERIOD = 0.1
 """Time between two checks for signals while a node waits for messages [s]."""
 
@@ -53,9 +56,9 @@ def run(create_node: Callable[[], Node], args: Sequence[str] | None = None) -> i
 
     Call it in the main thread. SIGINT, SIGTERM and SIGHUP take effect between two callbacks. (The
     handlers of rclpy shut ROS down at once, in the middle of a callback, and a spinning executor
-    may miss that.) A second signal interrupts the callback. If memory runs out, the node logs it
-    and goes on. A SIGHUP that is ignored, as under
-    `nohup`, stays ignored. The node reports its state on `/diagnostics`, as `Health` has it.
+    may miss that.) A second signal interrupts the callback. A SIGHUP that is ignored, as under
+    `nohup`, stays ignored. If memory runs out, the node logs it and goes on. The node reports its
+    state on `/diagnostics`, as `Health` has it.
 
     Args:
         create_node: class of the node, or a function that makes it. A `GridMapError` that it
@@ -104,23 +107,40 @@ def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> T
 
 
 class _Signals:
-    """Records the first signal; a second one interrupts the program."""
+    """Counts signals; the second one interrupts the program.
+
+    Python ignores exceptions in finalizers and in functions that C calls, such as LLVM while it
+    compiles. An interrupt that comes there is repeated a moment later. What else is ignored then is
+    not reported: an interrupt leaves objects half made, whose finalizers fail.
+    """
 
     def __init__(self) -> None:
-        self.has_come = False
+        self.count = 0
         self._may_break_off = True
         on_end(self._take_note)
+        self._on_ignored, sys.unraisablehook = sys.unraisablehook, self._repeat
 
     def ignore(self) -> None:
         """Ignore signals while the process ends, when Python removes its own handlers."""
         self._may_break_off = False
+        signal.setitimer(signal.ITIMER_REAL, 0)
         on_end(signal.SIG_IGN)
+        sys.unraisablehook = self._on_ignored if self.count < 2 else lambda _: None
+
+    def _repeat(self, ignored: Any) -> None:
+        if self.count < 2:
+            self._on_ignored(ignored)
+            return
+        signal.signal(signal.SIGALRM, self._take_note)
+        signal.setitimer(signal.ITIMER_REAL, _MOMENT, _MOMENT)
+        # The last step, since here an interrupt would be ignored again.
+        self._may_break_off = True
 
     def _take_note(self, _number: int, _frame: FrameType | None) -> None:
-        if self.has_come and self._may_break_off:
+        self.count += 1
+        if self.count > 1 and self._may_break_off:
             self._may_break_off = False
             raise KeyboardInterrupt
-        self.has_come = True
 
 
 def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
@@ -206,7 +226,7 @@ class _Executor(SingleThreadedExecutor):
 def _spin(node: Node, signals: _Signals) -> None:
     executor = _Executor(node)
     try:
-        while ok() and not signals.has_come:
+        while ok() and not signals.count:
             executor.spin_once(timeout_sec=WAKE_PERIOD)
     except (ExternalShutdownException, KeyboardInterrupt):
         pass

@@ -41,16 +41,20 @@ class LogThrottle:
         self._period = period
         self._limit = limit
         self._clock = clock
-        self._causes: dict[tuple[bool, str], _Cause] = {}
+        self._causes: dict[tuple[str, str], _Cause] = {}
         _throttles.add(self)
 
     def error(self, text: str) -> None:
         """Log an error, unless its cause was logged recently."""
-        self._note(cut(text), is_error=True)
+        self._note(cut(text), "error")
 
     def warning(self, text: str) -> None:
         """Log a warning, unless its cause was logged recently."""
-        self._note(cut(text), is_error=False)
+        self._note(cut(text), "warning")
+
+    def info(self, text: str) -> None:
+        """Log a change, unless its cause was logged recently."""
+        self._note(cut(text), "info")
 
     def flush(self) -> None:
         """Log what is held back of causes whose period is over."""
@@ -63,17 +67,19 @@ class LogThrottle:
                 continue
             more = f" (and {cause.count - 1} more like this)" if cause.count > 1 else ""
             # rclpy refuses two levels in one line of code.
-            if key[0]:
+            if key[0] == "error":
                 self._logger.error(cause.text + more)
-            else:
+            elif key[0] == "warning":
                 self._logger.warning(cause.text + more)
+            else:
+                self._logger.info(cause.text + more)
             cause.count, cause.time = 0, now
 
-    def _note(self, text: str, *, is_error: bool) -> None:
+    def _note(self, text: str, level: str) -> None:
         words = _QUOTED.sub("", text).split()
-        key = is_error, " ".join(word for word in words if not _VARYING.search(word))
+        key = level, " ".join(word for word in words if not _VARYING.search(word))
         if key not in self._causes and len(self._causes) >= self._limit:
-            key = is_error, ""
+            key = level, ""
         cause = self._causes.setdefault(key, _Cause())
         cause.text = text
         cause.count += 1

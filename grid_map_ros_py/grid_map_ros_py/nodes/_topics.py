@@ -16,6 +16,7 @@ from grid_map_msgs.msg import GridMap as GridMapMessage
 from ..messages._grid_map import ReceivedMap
 from ._failures import dropping
 from ._health import health_of
+from ._memory import LARGEST_BLOCK, keep_memory
 from ._throttle import LogThrottle
 
 WEAKER: dict[QoSPolicyKind, Any] = {
@@ -109,6 +110,8 @@ class LatchedSubscription:
             self._subscription = None
 
     def _receive(self, message: Any) -> None:
+        if isinstance(message, bytes) and len(message) > LARGEST_BLOCK:
+            keep_memory()
         what = f"dropped a message of {self.topic_name}"
         with dropping(self._log, what), health_of(self._node).counted():
             self._callback(message)

@@ -5,6 +5,7 @@
 import array
 import json
 import re
+import resource
 import sys
 from pathlib import Path
 
@@ -16,12 +17,12 @@ from sensor_msgs.msg import PointCloud2
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import ReceivedMap, to_serialized_message
-from grid_map_ros_py.nodes import MapSubscription, map_qos, run
+from grid_map_ros_py.nodes import MapSubscription, keep_memory, map_qos, return_memory, run
 
 COUNT = 5
 CLOUDS = 30
 SIDE = 1000
-LAYERS = [f"layer_{k}" for k in range(8)]
+LAYERS = [f"layer_{k}" for k in range(9)]
 QOS = map_qos()
 QOS.depth = COUNT
 
@@ -77,6 +78,24 @@ class Receiver(Node):
         layer = received.decode(LAYERS[-1:])[LAYERS[-1]]
         assert (layer == received.timestamp).all()
         print(json.dumps([received.timestamp, len(received.layers), *layer.shape]), flush=True)
+        if received.timestamp == COUNT - 1:
+            new_pages()
+            print(json.dumps(new_pages()), flush=True)
+
+
+def new_pages() -> int:
+    """Return how many pages the system makes for a block of 40 MB, which is freed again."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    assert len(b"x" * 40_000_000) == 40_000_000
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+def print_pages() -> None:
+    """Print the new pages of a block by itself, with kept memory, and with returned memory."""
+    for change in (int, keep_memory, return_memory, keep_memory):
+        change()
+        new_pages()
+        print(new_pages())
 
 
 def largest_segment() -> int:
@@ -87,4 +106,6 @@ def largest_segment() -> int:
 
 
 if __name__ == "__main__":
+    if sys.argv[1] == "print pages":
+        sys.exit(print_pages())
     sys.exit(run({"send": Sender, "send clouds": CloudSender, "receive": Receiver}[sys.argv[1]]))

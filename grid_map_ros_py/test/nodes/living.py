@@ -16,6 +16,16 @@ HABIT = sys.argv[1]
 TOPIC = "no topic" if HABIT == "misnamed" else "/beat"
 
 
+class Sluggish:
+    def __del__(self) -> None:
+        print("deleted", flush=True)
+        try:
+            while True:
+                time.sleep(0.1)
+        finally:
+            del self.missing  # as finalizers of half-made objects fail
+
+
 class Living(Node):
     def __init__(self) -> None:
         super().__init__("being")
@@ -43,7 +53,9 @@ class Living(Node):
             raise NodeFailedError("the battery is empty")
         if HABIT == "buggy while it lives":
             raise GridMapError("a bug")
-        while HABIT == "stuck":
+        if HABIT == "deleting":
+            Sluggish()
+        while HABIT in ("stuck", "deleting"):
             time.sleep(0.1)
 
     def dawdle(self) -> None:

@@ -18,7 +18,7 @@ from grid_map_core_py.commands import UsageError
 from grid_map_core_py.plugins import check
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.errors import DROPPED, NodeFailedError, reason
-from grid_map_ros_py.nodes import MapSubscription, check_topic, read_limits, run
+from grid_map_ros_py.nodes import MapSubscription, check_topic, read_limits, run, steady_timer
 
 from .._commands.plot import add_style, check_style, draw
 
@@ -40,7 +40,7 @@ class SnapshotNode(Node):
         is_time = 0 < options.timeout <= 1e9
         check(is_time, "--timeout", "a positive time up to 1e+09 s", options.timeout)
         self._subscription = MapSubscription(self, topic, self._receive)
-        self.create_timer(options.timeout, self._give_up)
+        steady_timer(self, options.timeout, self._give_up)
 
     def _receive(self, received: ReceivedMap) -> None:
         if not self.context.ok():

@@ -2,9 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `web_viewer`: serves a page that shows a map in the browser."""
 
-import ctypes
-from contextlib import suppress
-
 from rclpy.node import Node
 
 from grid_map_ros_py import ReceivedMap
@@ -12,7 +9,9 @@ from grid_map_ros_py.nodes import (
     ConfiguredNode,
     LogThrottle,
     MapSubscription,
+    health_of,
     read_parameter,
+    return_memory,
     steady_timer,
 )
 
@@ -21,18 +20,13 @@ from .._viewer.viewer import Viewer
 from ..colors import DEFAULT_COLOR_MAP
 from ..surface import check_max_drawn_cells
 
-M_MMAP_THRESHOLD = -3
-"""Option of `mallopt` in glibc."""
-
 
 class WebViewerNode(ConfiguredNode):
     """Passes maps from a topic to the page."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
-        with suppress(AttributeError):  # Other libraries of C have no such function.
-            # Arrays of several sizes would fragment the heap; these go back to the system at once.
-            ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, 2**17)
+        return_memory()
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
@@ -84,9 +78,11 @@ class WebViewerNode(ConfiguredNode):
         self._has_map = True
 
     def _update(self) -> None:
-        problem = self._viewer.update()
+        problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
+        for refusal in self._page.take_refusals():
+            self._log.warning(refusal)
 
 
 if __name__ == "__main__":

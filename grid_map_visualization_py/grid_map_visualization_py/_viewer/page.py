@@ -10,21 +10,19 @@ import io
 import ipaddress
 import socket
 from collections import deque
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Sequence
 from contextlib import redirect_stdout, suppress
-from http import HTTPStatus
 from itertools import count
 from typing import Any
-from urllib.parse import urlsplit
 
 import cv2
 import numpy as np
 
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, required
-from grid_map_core_py.plugins import check
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
+from .gate import Gate
 from .scene import Scene, Settings, View
 from .texts import as_note, legend
 
@@ -33,6 +31,9 @@ FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
 
 MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "one color": "flat"}
 """Modes of `Coloring` by their names on the page."""
+
+LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
+"""Largest bound of the colors, which is a float32, and length of vectors, on either side of 0."""
 
 NO_LAYER = "(no map yet)"
 NO_VECTORS = "(none)"
@@ -87,7 +88,7 @@ class Page:
         coloring = Coloring(mode, color_layer, color_map)
         machine = socket.gethostname()
         names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
-        self._server = _serve(host, port, {name.lower() for name in names})
+        self._server, self._gate = _serve(host, port, {name.lower() for name in names})
         # A browser leaves cycles of references, which hold megabytes of messages.
         self._server.on_client_disconnect(lambda _: gc.collect())
         self.url = url_of(host, self._server.get_port())
@@ -96,6 +97,7 @@ class Page:
         self._loading: Any = None
         self._replaces = False
         self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
+        self._photographed: set[int] = set()
         self._marker: Any = None
         self._view: View | None = None
         self._aim: View | None = None
@@ -110,18 +112,22 @@ class Page:
     def is_paused(self) -> bool:
         return bool(self._paused.value)
 
+    def take_refusals(self) -> list[str]:
+        """Return why messages of browsers were refused since the last call."""
+        refusals = self._gate.refusals
+        return [refusals.popleft() for _ in range(len(refusals))]
+
     def settings(self) -> Settings:
         """Return the settings that the user has chosen.
 
         Raises:
-            ConfigError: the bounds of the colors are not in order, or a choice is unknown.
+            ConfigError: the bounds of the colors are not in order.
         """
         chosen = {name: control.value for name, control in self._style.items()}
         colors = {name: control.value for name, control in self._colors.items()}
         if self._automatic.value:
             colors |= {"lower": None, "upper": None}
         red, green, blue = colors["color"]
-        check(colors["mode"] in MODES, "mode", f"one of {', '.join(MODES)}", colors["mode"])
         colors |= {"mode": MODES[colors["mode"]], "color": red << 16 | green << 8 | blue}
         if chosen["vectors"] == NO_VECTORS:
             chosen["vectors"] = ""
@@ -239,16 +245,44 @@ class Page:
         if self._aim is not None and not self._aim.loses(view):
             return
         for client in self._server.get_clients().values():
-            camera, offset = client.camera, view.offset
-            if self._aim is not None:
-                factor = view.reach / self._aim.reach
-                offset = factor * (camera.position - camera.look_at)
-            with client.atomic():
-                _set_clipping(camera, view)
-                # Setting the position also moves the target.
-                camera.position = view.target + offset
-                camera.look_at = view.target
+            try:
+                self._move(client, view)
+            except Exception as error:  # A browser may have no view that can be moved.
+                self._gate.note("a view stays", error)
         self._aim = view
+
+    def _move(self, client: Any, view: View) -> None:
+        """Move the view of a browser."""
+        camera, offset = client.camera, view.offset
+        if self._aim is not None:
+            factor = view.reach / self._aim.reach
+            offset = factor * (camera.position - camera.look_at)
+        with client.atomic():
+            _set_clipping(camera, view)
+            # Setting the position also moves the target.
+            camera.position = view.target + offset
+            camera.look_at = view.target
+
+    def _take_screenshot(self, event: Any) -> None:
+        """Send the browser a picture of its current view."""
+        client = event.client
+        # A browser that does not answer must not keep all threads waiting.
+        if client.client_id in self._photographed:
+            return
+        self._photographed.add(client.client_id)
+        try:
+            camera = client.camera
+            size = camera.image_height, camera.image_width
+            picture = client.get_render(*size, transport_format="png", timeout=60.0)
+            # From RGBA to OpenCV's BGR, on white.
+            opacity = picture[..., 3:] / 255
+            on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
+            _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
+            client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
+        except Exception as error:  # What a browser sends may be no such picture.
+            self._gate.note("no screenshot", error)
+        finally:
+            self._photographed.discard(client.client_id)
 
     def _prepare_scene(self) -> None:
         scene = self._server.scene
@@ -261,10 +295,7 @@ class Page:
         scene.on_click()(self._remember_click)
 
     def _remember_click(self, event: Any) -> None:
-        with suppress(TypeError, ValueError):
-            ray = np.array([event.ray_origin, event.ray_direction], dtype=np.float64)
-            if ray.shape == (2, 3) and np.isfinite(ray).all() and ray[1].any():
-                self._clicks.append((ray[0], ray[1]))
+        self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
 
     def _use_bounds(self, _: Any) -> None:
         # A browser sends the last change within 50 ms only, and so loses that automatic bounds
@@ -273,11 +304,16 @@ class Page:
 
     def _make_controls(self, first: Settings) -> None:
         gui, coloring = self._server.gui, first.coloring
+
+        def number(label: str, value: float, most: float) -> Any:
+            return gui.add_number(label, value, min=-most, max=most, step=0.01)
+
         gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
         self._status = gui.add_html(as_note("No map has come yet."))
         self._paused = gui.add_checkbox("Pause", False)
-        gui.add_button("Screenshot").on_click(_take_screenshot)
+        screenshot = gui.add_button("Screenshot")
+        screenshot.on_click(self._take_screenshot)
         with gui.add_folder("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
         with gui.add_folder("Surface"):
@@ -304,8 +340,8 @@ class Page:
             }
             self._automatic = gui.add_checkbox("Automatic bounds", True)
             self._colors |= {
-                "lower": gui.add_number("Lower bound", 0.0, step=0.01),
-                "upper": gui.add_number("Upper bound", 1.0, step=0.01),
+                "lower": number("Lower bound", 0.0, LARGEST_VALUE),
+                "upper": number("Upper bound", 1.0, LARGEST_VALUE),
                 "color": gui.add_rgb("One color", (192, 192, 192)),
             }
             for name in ("lower", "upper"):
@@ -315,8 +351,11 @@ class Page:
             self._style |= {
                 "points": gui.add_checkbox("Points", first.points),
                 "vectors": gui.add_dropdown("Vectors", (NO_VECTORS,)),
-                "vector_scale": gui.add_number("Vector length", first.vector_scale, step=0.01),
+                "vector_scale": number("Vector length", first.vector_scale, LARGEST_SCALE),
             }
+        controls = *self._style.values(), *self._colors.values()
+        for control in (*controls, self._paused, self._automatic, screenshot):
+            self._gate.controls[control._impl.uuid] = control
 
 
 def vector_prefixes(layers: Sequence[str]) -> list[str]:
@@ -339,47 +378,27 @@ def url_of(host: str, port: int) -> str:
     return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
 
 
-def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
-    """Return True if a browser may send a request with these headers to the page.
-
-    The host must be an address or one of the names, so that a foreign name that is made to point to
-    this machine (DNS rebinding) is refused. The origin must be the page itself.
-    """
-    host = headers.get("Host", "").lower()
-    # Programs other than browsers send no origin; those on this machine could read the topic, too.
-    origin = headers.get("Origin", f"http://{host}")
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
-        is_same = urlsplit(origin).netloc.lower() == host
-    except ValueError:
-        return False
-    with suppress(ValueError):
-        ipaddress.ip_address(name)
-        return is_same
-    return is_same and name in names
-
-
-def _serve(host: str, port: int, names: Container[str]) -> Any:
-    viser, websockets = (
+def _serve(host: str, port: int, names: Container[str]) -> tuple[Any, Gate]:
+    viser, websockets, msgpack = (
         required(name, "web_viewer", "install viser (pip)")
-        for name in ("viser", "websockets.asyncio.server")
+        for name in ("viser", "websockets.asyncio.server", "msgspec.msgpack")
     )
-    guard = _Guard(websockets.serve, names)
+    gate = Gate(websockets, msgpack.decode, names)
     try:
         # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         ):
             socket.create_server(address[:2], family=family).close()
-        websockets.serve = guard
+        websockets.serve = gate
         # viser prints, but nodes use the log.
         with redirect_stdout(io.StringIO()):
             server = viser.ViserServer(host, port, label="Grid map", verbose=False)
-            if port not in {0, server.get_port()} or not guard.is_used:
+            if port not in {0, server.get_port()} or not gate.is_used:
                 server.stop()
                 raise OSError(
                     "another program was faster"
-                    if guard.is_used
+                    if gate.is_used
                     else "this version of viser cannot be kept from serving foreign pages"
                 )
     except (OSError, OverflowError) as error:
@@ -388,30 +407,8 @@ def _serve(host: str, port: int, names: Container[str]) -> Any:
             "the parameters 'host' and 'port' choose another address"
         ) from error
     finally:
-        websockets.serve = guard.serve
-    return server
-
-
-class _Guard:
-    """Replacement of `serve` of websockets that refuses requests of foreign pages.
-
-    viser answers every page that is open in a browser which can reach it.
-    """
-
-    def __init__(self, serve: Any, names: Container[str]) -> None:
-        self.serve = serve
-        self.is_used = False
-        self._names = names
-
-    def __call__(self, *args: Any, process_request: Any, **options: Any) -> Any:
-        def check_first(connection: Any, request: Any) -> Any:
-            if is_allowed(request.headers, self._names):
-                return process_request(connection, request)
-            text = "The page is not served under this name, or to another page.\n"
-            return connection.respond(HTTPStatus.FORBIDDEN, text)
-
-        self.is_used = True
-        return self.serve(*args, process_request=check_first, **options)
+        websockets.serve = gate.serve
+    return server, gate
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
@@ -424,15 +421,3 @@ def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:
 
 def _set_clipping(camera: Any, view: View) -> None:
     camera.near, camera.far = view.reach / 1000, 100 * view.reach
-
-
-def _take_screenshot(event: Any) -> None:
-    """Send the browser a picture of its current view."""
-    client = event.client
-    size = client.camera.image_height, client.camera.image_width
-    picture = client.get_render(*size, transport_format="png", timeout=60.0)
-    # From RGBA to OpenCV's BGR, on white.
-    opacity = picture[..., 3:] / 255
-    on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
-    _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
-    client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)

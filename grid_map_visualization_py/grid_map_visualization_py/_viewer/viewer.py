@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
-from grid_map_core_py.errors import GridMapError
 from grid_map_ros_py import ReceivedMap
+from grid_map_ros_py.errors import DROPPED, reason
 
 from .page import Page
 from .scene import Scene, Settings, hit, make_scene
@@ -54,8 +54,8 @@ class Viewer:
         """
         try:
             received.decode([])
-        except GridMapError as error:
-            self._refusal = str(error)
+        except DROPPED as error:
+            self._refusal = reason(error)
             raise
         self._refusal = ""
         self._latest = received
@@ -70,12 +70,12 @@ class Viewer:
         """
         page = self._page
         if page.is_watched:
-            page.turn(self._settings.history if self._settings else 1)
             try:
+                page.turn(self._settings.history if self._settings else 1)
                 self._draw_if_due()
                 self._answer_click()
             except Exception as error:  # What a page sends must not end the node.
-                self._problem = str(error) if isinstance(error, GridMapError) else repr(error)
+                self._problem = reason(error) if isinstance(error, DROPPED) else repr(error)
             if self._problem or self._refusal:
                 page.tell(as_note(self._problem or self._refusal))
             elif self._drawn is not None:

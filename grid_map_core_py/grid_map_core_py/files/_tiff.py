@@ -1,0 +1,83 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Sizes that TIFF and BigTIFF files claim, read before a library allocates memory for them."""
+
+import struct
+from collections.abc import Iterator
+from contextlib import suppress
+from mmap import mmap
+
+from ..limits import check_cells, check_visits
+
+HEADS = {
+    b"II*\0": ("<", 4, "H", "I"),
+    b"MM\0*": (">", 4, "H", "I"),
+    b"II+\0": ("<", 8, "Q", "Q"),
+    b"MM\0+": (">", 8, "Q", "Q"),
+}
+"""Byte order, place and size of the first directory's offset, types of a count and of an offset."""
+
+_KINDS = {1: "B", 3: "H", 4: "I", 6: "b", 8: "h", 9: "i", 16: "Q", 17: "q"}
+"""Types of numbers that libtiff takes for sides."""
+
+_SUBFILE, _COLUMNS, _ROWS, _TILE_COLUMNS, _TILE_ROWS = 254, 256, 257, 322, 323
+_TAGS = frozenset([_SUBFILE, _COLUMNS, _ROWS, _TILE_COLUMNS, _TILE_ROWS])
+_MASK = 4
+
+_MOST_ENTRIES = 100_000
+"""Maximum number of entries of all directories."""
+
+
+def check_tiff(name: str, data: bytes | mmap) -> tuple[int, int]:
+    """Return rows and columns of the first image after a check of the tiles that hold it.
+
+    Args:
+        name: name of the file, for messages.
+        data: the whole file.
+
+    Raises:
+        LimitError: the image has too many cells, or it or a mask has too many in its tiles.
+        ValueError: the file is damaged.
+    """
+    found: list[tuple[int, int]] = []
+    with suppress(struct.error):
+        for tags in _directories(data):
+            if not found or tags[_SUBFILE] & _MASK:
+                size, tile = (tags[_ROWS], tags[_COLUMNS]), (tags[_TILE_ROWS], tags[_TILE_COLUMNS])
+                _check_tiles(name, size, (max(tile[0], 1), max(tile[1], 1)))
+                found.append(size)
+    if not found:
+        raise ValueError("no image, or a damaged one")
+    return found[0]
+
+
+def _check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None:
+    """Raise `LimitError` if an image or its tiles have too many cells."""
+    if min(size) < 1:
+        raise ValueError("no image, or a damaged one")
+    check_cells(f"{name}: image", size)
+    check_cells(f"{name}: tile", tile)
+    # A tile is unpacked as a whole, even if most of it lies beyond the image.
+    rows, columns = (-(-side // step) * step for side, step in zip(size, tile, strict=True))
+    check_visits(f"{name}: tiles", rows * columns)
+
+
+def _directories(data: bytes | mmap) -> Iterator[dict[int, int]]:
+    """Yield the numbers of each directory; 0 if one is missing, the largest if it is repeated."""
+    order, place, count_type, offset_type = HEADS[data[:4]]
+    (start,) = struct.unpack_from(order + offset_type, data, place)
+    entries, length = 0, 4 + 2 * place
+    while start:
+        (count,) = struct.unpack_from(order + count_type, data, start)
+        entries += count + 1
+        if entries > _MOST_ENTRIES:
+            raise ValueError(f"its directories have more than {_MOST_ENTRIES} entries")
+        start += struct.calcsize(count_type)
+        tags = dict.fromkeys(_TAGS, 0)
+        for entry in range(start, start + length * count, length):
+            tag, kind = struct.unpack_from(order + "HH", data, entry)
+            if tag in _TAGS and kind in _KINDS:
+                (number,) = struct.unpack_from(order + _KINDS[kind], data, entry + 4 + place)
+                tags[tag] = max(tags[tag], number)
+        yield tags
+        (start,) = struct.unpack_from(order + offset_type, data, start + length * count)

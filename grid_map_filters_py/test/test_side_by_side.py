@@ -1,0 +1,146 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Parts of a map in several threads, and chains with several threads."""
+
+import threading
+import warnings
+
+import numpy as np
+import pytest
+from filter_cases import LAYERS, step_of
+from filter_strategies import PARAMETERS, assert_same_bits
+from hypothesis import given, settings, strategies as st
+
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain, FilterConfigError, FilterError, Step, StepConfig, warn
+from grid_map_filters_py.parts import side_by_side
+
+
+def chain_of(function, threads=2):
+    return FilterChain([Step(StepConfig(1, "mine", "my/Filter"), function)], threads=threads)
+
+
+@pytest.fixture
+def grid_map() -> GridMap:
+    return GridMap((30.0, 30.0), 0.1, layers={"elevation": 1.0})
+
+
+def run_parts(function, parts, grid_map, threads=2, **options):
+    """Call a function with parts as a filter of a chain does."""
+
+    def filter_with_parts(given_map):
+        side_by_side(function, parts)
+        return given_map
+
+    return chain_of(filter_with_parts, threads)(grid_map, **options)
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_as_many_parts_run_at_a_time_as_threads(grid_map, threads):
+    barrier = threading.Barrier(threads, timeout=30)
+    run_parts(lambda _: barrier.wait(), range(2 * threads), grid_map, threads)
+
+
+@pytest.mark.parametrize(("side", "threads"), [(300, 1), (299, 2)])
+def test_one_thread_and_small_maps_are_loops(side, threads):
+    small = GridMap((0.1 * side, 30.0), 0.1)
+    used = []
+    run_parts(lambda part: used.append((part, threading.get_ident())), range(9), small, threads)
+    assert used == [(part, threading.get_ident()) for part in range(9)]
+
+
+def test_side_by_side_without_a_chain_is_a_loop():
+    parts = []
+    side_by_side(parts.append, iter(range(5)))
+    assert parts == [0, 1, 2, 3, 4]
+
+
+def test_every_part_is_taken_once(grid_map):
+    parts = []
+    run_parts(parts.append, iter(range(1000)), grid_map, threads=4)
+    assert sorted(parts) == list(range(1000))
+
+
+@pytest.mark.parametrize("fails_in", ["caller", "helper"])
+def test_an_error_of_a_part_ends_the_step(grid_map, fails_in):
+    caller, barrier, begun = threading.get_ident(), threading.Barrier(2, timeout=30), []
+
+    def compute(part):
+        begun.append(part)
+        if part < 2:
+            barrier.wait()
+            if (threading.get_ident() == caller) == (fails_in == "caller"):
+                raise ValueError("broken part")
+            failed.wait(0.2)
+
+    failed = threading.Event()
+    with pytest.raises(FilterError, match=r"'mine'.*: ValueError: broken part"):
+        run_parts(compute, range(10**6), grid_map)
+    assert len(begun) < 10**6
+
+
+def test_warnings_name_the_step_in_every_thread(grid_map):
+    barrier, texts = threading.Barrier(2, timeout=30), []
+
+    def compute(part):
+        barrier.wait()
+        warn(f"part {part}")
+
+    run_parts(compute, range(2), grid_map, warnings=texts)
+    step = "filter 1 'mine' (my/Filter): part "
+    assert sorted(texts) == [f"{step}0", f"{step}1"]
+
+
+def test_settings_for_errors_hold_in_every_thread(grid_map):
+    barrier = threading.Barrier(2, timeout=30)
+
+    def compute(_part):
+        barrier.wait()
+        np.float32(3e38) * np.float32(10.0)
+
+    with warnings.catch_warnings(), np.errstate(over="ignore"):
+        warnings.simplefilter("error")
+        run_parts(compute, range(2), grid_map)
+
+
+def test_parts_of_parts_are_loops(grid_map):
+    inner = []
+    run_parts(lambda _: side_by_side(inner.append, range(3)), range(4), grid_map)
+    assert sorted(inner) == sorted(4 * [0, 1, 2])
+
+
+def test_one_chain_serves_several_threads(grid_map):
+    chain = chain_of(lambda given_map: given_map)
+    results = []
+    callers = [threading.Thread(target=lambda: results.append(chain(grid_map))) for _ in range(4)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert results == 4 * [grid_map]
+
+
+@pytest.mark.filterwarnings("ignore::grid_map_filters_py.FilterWarning")
+@pytest.mark.parametrize("type_name", PARAMETERS)
+@given(data=st.data())
+@settings(max_examples=5)
+def test_threads_give_the_same_bits(type_name, data):
+    random = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    size = 331, 297
+    holed = GridMap(np.multiply(size, 0.05), 0.05)
+    for name in LAYERS:
+        heights = np.cumsum(random.normal(size=size), axis=0)
+        heights[random.random(size) < 0.05] = random.choice([np.nan, np.inf])
+        holed[name] = heights
+    step = step_of(type_name, **data.draw(PARAMETERS[type_name]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("grid_map_filters_py.builtin._inpaint._SIDE", 100)
+        expected = FilterChain([step])(holed, warnings=[])
+        for threads in (2, 3):
+            assert_same_bits(FilterChain([step], threads=threads)(holed, warnings=[]), expected)
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2"])
+def test_wrong_numbers_of_threads_are_refused(threads):
+    with pytest.raises(FilterConfigError, match="threads: expected an integer >= 1, got"):
+        FilterChain([], threads=threads)

@@ -1,0 +1,43 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Keeping and returning memory that a process frees, where the C library is glibc."""
+
+import ctypes
+from contextlib import suppress
+
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_MMAP_MAX = -1, -3, -4
+"""Options of `mallopt`."""
+
+
+LARGEST_BLOCK = 2**25
+"""Bytes above which glibc gets every block from the system, and gives it back when it is freed."""
+
+_returns: list[bool] = []
+
+
+def keep_memory() -> None:
+    """Keep up to 1 GB of freed memory for the next message: for a node with messages above 32 MB.
+
+    Subscriptions of this suite call it for such a message; a node that only publishes them calls it
+    itself. By itself glibc returns blocks of this size to the system at once. The system clears all
+    pages of the next one, which takes longer than all copies of a message on its way.
+    `return_memory` forbids it.
+    """
+    if not _returns:
+        _set({_M_MMAP_MAX: 0, _M_TRIM_THRESHOLD: 2**30})
+
+
+def return_memory() -> None:
+    """Return freed arrays to the system: for a process that makes them in many sizes.
+
+    They would fragment the memory that it keeps.
+    """
+    _returns.append(True)
+    _set({_M_MMAP_MAX: 2**16, _M_MMAP_THRESHOLD: 2**17, _M_TRIM_THRESHOLD: 2**17})
+
+
+def _set(options: dict[int, int]) -> None:
+    with suppress(AttributeError):  # Other libraries of C have no such function.
+        mallopt = ctypes.CDLL(None).mallopt
+        for option, value in options.items():
+            mallopt(option, value)

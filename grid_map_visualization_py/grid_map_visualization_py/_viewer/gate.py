@@ -1,0 +1,176 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Checks of a page: it accepts requests of the page itself, and messages whose values make sense.
+
+viser answers every page that is open in a browser which can reach it, and stores what that sends.
+"""
+
+import ipaddress
+import struct
+from collections import deque
+from collections.abc import Container, Mapping
+from contextlib import suppress
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import urlsplit
+
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.limits import check_cells
+from grid_map_core_py.plugins import cast, check
+
+LARGEST = 1e12
+"""Largest absolute value of the coordinates of a camera or a ray [m]."""
+
+CAMERA = dict.fromkeys(("position", "look_at", "up_direction"), 3) | dict.fromkeys(
+    ("fov", "near", "far", "image_height", "image_width"), 1
+)
+"""Fields of a camera, and how many numbers each has, besides the four of `wxyz`."""
+
+
+class Gate:
+    """Replacement of `serve` of websockets that refuses foreign pages and senseless messages.
+
+    Args:
+        websockets: the module `websockets.asyncio.server`.
+        decode: makes an object of a message of a browser.
+        names: names under which browsers may open the page; see `is_allowed`.
+
+    Attributes:
+        serve: the replaced function.
+        is_used: the server has called the replacement.
+        controls: controls of the page by identifier.
+        refusals: reasons for which the last messages were refused.
+    """
+
+    def __init__(self, websockets: Any, decode: Any, names: Container[str]) -> None:
+        self.serve = websockets.serve
+        self.is_used = False
+        self.controls: dict[str, Any] = {}
+        self.refusals: deque[str] = deque(maxlen=100)
+        self._connection = websockets.ServerConnection
+        self._decode = decode
+        self._names = names
+
+    def __call__(self, handle: Any, *args: Any, process_request: Any, **options: Any) -> Any:
+        gate, base = self, self._connection
+
+        class Connection(base):  # type: ignore[misc, valid-type]
+            async def recv(self, *args: Any, **options: Any) -> Any:
+                while not gate.accepts(data := await super().recv(*args, **options)):
+                    pass
+                return data
+
+        async def handle_and_note(connection: Any) -> None:
+            try:
+                await handle(connection)
+            except Exception as error:  # The library of the page may raise anything.
+                self.note("a connection was closed", error)
+
+        def check_first(connection: Any, request: Any) -> Any:
+            if is_allowed(request.headers, self._names):
+                return process_request(connection, request)
+            text = "The page is not served under this name, or to another page.\n"
+            return connection.respond(HTTPStatus.FORBIDDEN, text)
+
+        self.is_used = True
+        options |= {"process_request": check_first, "create_connection": Connection}
+        return self.serve(handle_and_note, *args, **options)
+
+    def accepts(self, data: Any) -> bool:
+        """Return whether a message of a browser makes sense; otherwise, note why not."""
+        try:
+            self._check(self._decode(data))
+        except Exception as error:  # Messages may hold anything.
+            self.note("ignored a message of a browser", error)
+            return False
+        return True
+
+    def note(self, what: str, error: Exception) -> None:
+        """Remember what was refused, and why."""
+        why = str(error) if isinstance(error, GridMapError) else repr(error)
+        self.refusals.append(f"{what}: {why}")
+
+    def _check(self, message: Any) -> None:
+        kind = message["type"]
+        if kind == "GuiUpdateMessage":
+            control, updates = self.controls.get(message["uuid"]), message["updates"]
+            check(control is not None, "uuid", "a control of the page", message["uuid"])
+            # The server would set other attributes of its own, too.
+            check([*updates] == ["value"], "updates", "a value", updates)
+            check_value(control, updates["value"])
+        elif kind == "ViewerCameraMessage":
+            for name, count in {"wxyz": 4, **CAMERA}.items():
+                _check_numbers(name, message[name], count)
+        elif kind == "ScenePointerMessage":
+            check(message["event_type"] == "click", "event_type", "'click'", message["event_type"])
+            for name in ("ray_origin", "ray_direction"):
+                _check_numbers(name, message[name], 3)
+            direction = message["ray_direction"]
+            check(any(direction), "ray_direction", "a direction", direction)
+            (place,) = message["screen_pos"]
+            _check_numbers("screen_pos", place, 2)
+            cast("modifier", message["modifier"], str | None)
+        elif kind == "GetRenderResponseMessage":
+            cast("render_uuid", message["render_uuid"], str)
+            _check_picture(message["payload"])
+        else:
+            check(False, "type", "a message of the page", kind)
+
+
+def check_value(control: Any, value: object) -> None:
+    """Raise `ConfigError` unless a value is possible for a control.
+
+    Args:
+        control: a control of viser. Its value has the right type, and numbers have bounds.
+        value: what a browser has sent.
+    """
+    name, before = control.label, control.value
+    if isinstance(before, tuple):
+        levels = cast(name, value, list[int])
+        is_color = len(levels) == len(before) and all(0 <= level <= 255 for level in levels)
+        check(is_color, name, f"{len(before)} integers from 0 to 255", value)
+        return
+    typed = cast(name, value, type(before))
+    if isinstance(typed, str):
+        check(typed in control.options, name, "one of its options", value)
+    elif not isinstance(typed, bool):
+        low, high = control.min, control.max
+        # NaN is not between them.
+        check(low <= typed <= high, name, f"a number from {low:g} to {high:g}", value)
+
+
+def _check_numbers(name: str, value: Any, count: int) -> None:
+    numbers = [value] if count == 1 else value
+    are_numbers = len(numbers) == count and all(
+        type(number) in (int, float) and abs(number) <= LARGEST for number in numbers
+    )
+    check(are_numbers, name, f"{count} finite numbers up to {LARGEST:g}", value)
+
+
+def _check_picture(data: Any) -> None:
+    """Check the head of a picture, which is decoded later; an empty one says that there is none."""
+    if data != b"":
+        head, width, height = struct.unpack_from(">16sII", data)
+        is_png = head == b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
+        check(is_png, "payload", "a picture in PNG", data)
+        check_cells("payload", (height, width))
+
+
+def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
+    """Return True if a browser may send a request with these headers to the page.
+
+    The host must be an address or one of the names, so that a foreign name that is made to point to
+    this machine (DNS rebinding) is refused. The origin must be the page itself.
+    """
+    host = headers.get("Host", "").lower()
+    # Programs other than browsers send no origin; those on this machine could read the topic, too.
+    origin = headers.get("Origin", f"http://{host}")
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+        is_same = urlsplit(origin).netloc.lower() == host
+    except ValueError:
+        return False
+    with suppress(ValueError):
+        ipaddress.ip_address(name)
+        return is_same
+    return is_same and name in names
