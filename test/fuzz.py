@@ -191,7 +191,8 @@ def targets(folder: Path) -> list[Target]:
     result += [
         Target("ReceivedMap", (to_serialized_message(grid_map),), from_serialized_message),
         Target("Costmap", (_costmap(),), _read_costmap),
-        Target("Octomap", _octrees(), lambda tree: (octomap_to_points(tree), from_octomap(tree))),
+        Target("Octomap", _octrees(), from_octomap),
+        Target("points of Octomap", _octrees(), octomap_to_points),
         *(Target(*files) for files in fuzz_files.targets(folder)),
     ]
     for target in result:
