@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid-map plot` and `grid-map view`."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -109,7 +110,8 @@ def test_error_without_matplotlib_says_how_to_install_it(command):
 
 @pytest.mark.usefixtures("command")
 def test_the_page_is_served_until_an_interrupt():
-    pytest.importorskip("viser")
+    viser = pytest.importorskip("viser")
+    connect = pytest.importorskip("websockets.sync.client").connect
     words = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
     words += ["--allowed-hosts", "viewer.robot", "--allowed-hosts", "other.robot"]
     with running(Process(words)) as process:
@@ -122,3 +124,12 @@ def test_the_page_is_served_until_an_interrupt():
                 assert answer.status == 200
         with pytest.raises(HTTPError, match="403"):
             urlopen(Request(process.lines[0].strip(), headers={"Host": "evil.example"}))
+        address = process.lines[0].strip().replace("http", "ws")
+        with connect(address, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
+            for _ in range(50):
+                socket.send(b"")
+            line = re.compile(
+                r"^grid-map: warning: ignored a message of a browser: .*truncated", re.MULTILINE
+            )
+            wait_until(lambda: re.search(r"and \d+ more like this", process.text), "a number")
+        assert len(line.findall(process.text)) < 10

@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import testing, to_message
@@ -361,12 +362,21 @@ def test_page_names_an_invalid_map_and_keeps_the_last(page, publish, peer):
     page.wait_for(lambda: "Frame" in page.values(), "the next map")
 
 
-def test_page_shows_the_next_map_after_memory_ran_out(page, node, publish):
+def test_page_shows_the_next_map_after_memory_ran_out(page, node, publish, peer):
+    peer.listen("/diagnostics", DiagnosticArray, 10)
+    reports = peer.received["/diagnostics"]
     grid_map = slope()
     grid_map.frame_id = "crowded"
     publish(grid_map)
     page.tab.get_by_text("out of memory").wait_for()
     wait_until(lambda: "out of memory" in node.text, "a line")
+
+    def values() -> dict[str, str]:
+        return {pair.key: pair.value for pair in reports[-1].status[0].values} if reports else {}
+
+    peer.wait_until(lambda: values().get("last error") == "out of memory", "the report")
+    taken, out, dropped = (int(values()[f"maps {what}"]) for what in ("in", "out", "dropped"))
+    assert taken == out + dropped
     publish(slope())
     page.wait_for(lambda: page.values().get("Frame") == "odom", "the next map")
 

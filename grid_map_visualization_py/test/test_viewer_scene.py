@@ -8,7 +8,8 @@ import math
 import re
 import socket
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py._viewer.gate import is_allowed
+from grid_map_visualization_py._viewer.gate import Pace, is_allowed
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import (
     Page,
@@ -358,19 +359,27 @@ def page() -> Iterator[Page]:
     page.close()
 
 
-def test_closed_connections_are_forgotten(page):
+@contextmanager
+def connected(page: Page) -> Iterator[Callable[[dict[str, object]], None]]:
+    """Connect as a browser does; yield a function that sends a message."""
     viser = pytest.importorskip("viser")
     connect = pytest.importorskip("websockets.sync.client").connect
-    msgpack = pytest.importorskip("msgspec.msgpack")
+    encode = pytest.importorskip("msgspec.msgpack").encode
     camera = {"type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0)}
     camera |= dict.fromkeys(("position", "look_at", "up_direction"), (1.0, 2.0, 3.0))
     camera |= {"fov": 1.0, "near": 0.1, "far": 9.0, "image_height": 4, "image_width": 4}
+    address = page.url.replace("http", "ws")
+    with connect(address, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
+        send = lambda message: socket.send(encode(message))  # noqa: E731
+        send(camera)
+        wait_until(lambda: page.is_watched, "the connection")
+        yield send
 
+
+def test_closed_connections_are_forgotten(page):
     def visit():
-        address = page.url.replace("http", "ws")
-        with connect(address, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
-            socket.send(msgpack.encode(camera))
-            wait_until(lambda: page.is_watched, "the connection")
+        with connected(page):
+            pass
         wait_until(lambda: not page.is_watched, "its end")
 
     def connections():
@@ -384,6 +393,38 @@ def test_closed_connections_are_forgotten(page):
         wait_until(lambda: connections() <= 2, "the end of the connections")
     finally:
         gc.enable()
+
+
+def test_flood_of_messages_waits_and_user_does_not():
+    clock = [0.0]
+
+    def longest_wait(rate: float) -> float:
+        """Send for 20 s; return the longest wait."""
+        pace, waits = Pace(lambda: clock[0]), [0.0]
+        end = clock[0] + 20
+        while clock[0] < end:
+            waits.append(pace.wait())
+            clock[0] += max(waits[-1], 1 / rate)
+        assert len(waits) < 20 * 200 + 205
+        return max(waits)
+
+    # Camera, clicks and three controls at once.
+    assert longest_wait(50 + 50 + 3 * 20) == 0
+    assert longest_wait(1e5) == pytest.approx(1 / 200)
+    # After an idle time, a browser that comes back may send what it has held back.
+    pace = Pace(lambda: clock[0])
+    clock[0] += 100
+    assert [pace.wait() for _ in range(190)] == [0.0] * 190
+
+
+def test_flood_of_a_page_is_slowed_and_loses_no_message(page):
+    (history,) = (one for one in page._gate.controls.values() if one.label == "History")
+    with connected(page) as send:
+        for value in [*[3, 4] * 150, 7]:
+            updates = {"value": value}
+            send({"type": "GuiUpdateMessage", "uuid": history._impl.uuid, "updates": updates})
+        wait_until(lambda: page.settings().history == 7, "the last message")
+    assert page.take_refusals()[0] == "a browser has to wait: more than 200 messages per second"
 
 
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
@@ -455,3 +496,34 @@ def test_map_that_contradicts_itself_is_refused_on_arrival(page, hill, monkeypat
     viewer.receive(ReceivedMap(good))
     assert viewer.update() == ""
     assert ["hidden" in note for note in notes] == [False, True, False] * is_watched
+
+
+def test_map_without_memory_to_draw_it_is_dropped_once(page, hill, monkeypatch):
+    monkeypatch.setattr(Page, "is_watched", True)
+    limits = iter([2**62, 1, 1, 2**62, 1])
+    load = Page.load
+
+    def load_within_limits(*args: object, **options: object) -> None:
+        bytearray(next(limits))
+        load(*args, **options)
+
+    monkeypatch.setattr(Page, "load", load_within_limits)
+    drops: list[str] = []
+    viewer = Viewer(page, 0, drops.append)
+    message = serialize(to_message(hill))
+
+    def problems(*values: bool) -> list[str]:
+        """Receive a map, and draw it in several styles."""
+        viewer.receive(ReceivedMap(message))
+        found = []
+        for value in values:
+            page._style["flat"].value = value
+            found.append(viewer.update())
+        return found
+
+    assert problems(True, True) == ["out of memory"] * 2
+    assert drops == ["out of memory"]
+    # The next one can be drawn, but not in another style.
+    assert problems(True, False, True) == ["", "", "out of memory"]
+    assert drops == ["out of memory"]
+    assert problems(True) == [""]

@@ -79,6 +79,11 @@ class Health:
         self.dropped += 1
         self._last_was_dropped, self.last_error = True, why
 
+    def drop_used(self, why: str) -> None:
+        """Count the last used input as dropped, as it turned out later that it cannot be used."""
+        self.used -= 1
+        self.drop(why)
+
     def offer(self, node: Node) -> None:
         """Make the publisher of the reports."""
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, 10)

@@ -5,6 +5,7 @@
 import argparse
 import time
 import webbrowser
+from types import SimpleNamespace
 
 from grid_map_core_py.commands import (
     UsageError,
@@ -43,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal ends it."""
     from grid_map_ros_py import ReceivedMap, to_serialized_message
+    from grid_map_ros_py.nodes import LogThrottle
 
     from .._viewer.page import Page
     from .._viewer.viewer import Viewer
@@ -67,6 +69,7 @@ def run(options: argparse.Namespace) -> int:
         print(page.url, flush=True)
         if options.open:
             webbrowser.open(page.url)
+        log = LogThrottle(SimpleNamespace(warning=lambda text: message(f"warning: {text}")))
         told = ""
         # The user's choices on the page take effect within 0.05 s.
         while not came:
@@ -75,6 +78,9 @@ def run(options: argparse.Namespace) -> int:
             if problem and problem != told:
                 message(f"error: {problem}")
             told = problem
+            for refusal in page.take_refusals():
+                log.warning(refusal)
+            log.flush()
     finally:
         page.close()
     return 0

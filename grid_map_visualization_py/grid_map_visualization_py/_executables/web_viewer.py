@@ -34,7 +34,7 @@ class WebViewerNode(ConfiguredNode):
         about = "largest rate at which the page is updated [Hz]"
         period = 1 / self.read_positive("update_rate", 20.0, about)
         self._page = self._serve_page()
-        self._viewer = Viewer(self._page, max_drawn_cells)
+        self._viewer = Viewer(self._page, max_drawn_cells, health_of(self).drop_used)
         self._log = LogThrottle(self.get_logger())
         self._has_map = False
         self._maps = MapSubscription(self, topic, self._receive)

@@ -2,13 +2,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks of a page: it accepts requests of the page itself, and messages whose values make sense.
 
-viser answers every page that is open in a browser which can reach it, and stores what that sends.
+viser answers every page that is open in a browser which can reach it, and stores what that sends,
+as fast as it comes.
 """
 
+import asyncio
 import ipaddress
 import struct
+import time
 from collections import deque
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Container, Mapping
 from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
@@ -26,9 +29,39 @@ CAMERA = dict.fromkeys(("position", "look_at", "up_direction"), 3) | dict.fromke
 )
 """Fields of a camera, and how many numbers each has, besides the four of `wxyz`."""
 
+MOST_PER_SECOND = 200.0
+"""Largest mean rate of the messages of a connection [Hz].
+
+The page sends the camera and clicks at most at 50 Hz each, and a control at 20 Hz.
+"""
+
+BURST = 1.0
+"""Time that a connection may be ahead of this rate [s]."""
+
+
+class Pace:
+    """Limit of the rate of the messages of one connection (a token bucket).
+
+    Args:
+        clock: returns the time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._paid = clock()
+
+    def wait(self) -> float:
+        """Return how long to wait before the next message is read [s], and count that message."""
+        now = self._clock()
+        self._paid = max(self._paid, now) + 1 / MOST_PER_SECOND
+        return max(0.0, self._paid - now - BURST)
+
 
 class Gate:
     """Replacement of `serve` of websockets that refuses foreign pages and senseless messages.
+
+    A connection that sends faster than `MOST_PER_SECOND` is read slowly, which makes it wait; no
+    message is lost.
 
     Args:
         websockets: the module `websockets.asyncio.server`.
@@ -55,9 +88,14 @@ class Gate:
         gate, base = self, self._connection
 
         class Connection(base):  # type: ignore[misc, valid-type]
+            def __init__(self, *args: Any, **options: Any) -> None:
+                super().__init__(*args, **options)
+                self.pace = Pace()
+
             async def recv(self, *args: Any, **options: Any) -> Any:
+                await gate.keep_pace(self.pace)
                 while not gate.accepts(data := await super().recv(*args, **options)):
-                    pass
+                    await gate.keep_pace(self.pace)
                 return data
 
         async def handle_and_note(connection: Any) -> None:
@@ -75,6 +113,14 @@ class Gate:
         self.is_used = True
         options |= {"process_request": check_first, "create_connection": Connection}
         return self.serve(handle_and_note, *args, **options)
+
+    async def keep_pace(self, pace: Pace) -> None:
+        """Wait until the next message of a connection may be read."""
+        if wait := pace.wait():
+            limit = f"more than {MOST_PER_SECOND:g} messages per second"
+            self.note("a browser has to wait", GridMapError(limit))
+        # Without a wait, other connections get their turn.
+        await asyncio.sleep(wait)
 
     def accepts(self, data: Any) -> bool:
         """Return whether a message of a browser makes sense; otherwise, note why not."""

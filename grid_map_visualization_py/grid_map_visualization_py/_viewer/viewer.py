@@ -4,7 +4,7 @@
 
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
@@ -33,11 +33,15 @@ class Viewer:
     Args:
         page: the page.
         max_drawn_cells: limit of the cells, as for `Surface`.
+        drop: called with the reason if memory runs out while a new map is drawn.
     """
 
-    def __init__(self, page: Page, max_drawn_cells: int) -> None:
+    def __init__(
+        self, page: Page, max_drawn_cells: int, drop: Callable[[str], object] = lambda _: None
+    ) -> None:
         self._page = page
         self._max_drawn_cells = max_drawn_cells
+        self._drop = drop
         self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
@@ -98,9 +102,14 @@ class Viewer:
         self._settings = settings = self._page.settings()
         if settings == before and not is_new:
             return
-        grid_map = received.decode(settings.layers if self._selected is None else None)
-        scene = make_scene(grid_map, settings, self._max_drawn_cells)
-        self._page.load(scene, settings, replaces=not is_new)
+        try:
+            grid_map = received.decode(settings.layers if self._selected is None else None)
+            scene = make_scene(grid_map, settings, self._max_drawn_cells)
+            self._page.load(scene, settings, replaces=not is_new)
+        except MemoryError as error:
+            if is_new:
+                self._drop(reason(error))
+            raise
         self._drawn, self._problem = (received, grid_map, scene), ""
         if self._selected is not None:
             self._page.tell_values(readout(grid_map, self._selected))
