@@ -4,6 +4,7 @@
 
 import contextlib
 import http.server
+import os
 import subprocess
 import sys
 import threading
@@ -16,7 +17,7 @@ import pytest
 from command_line import a_map
 
 from grid_map_core_py import GridMap, GridMapError
-from grid_map_core_py.files import load, load_geotiff, map_facts, save, save_geotiff
+from grid_map_core_py.files import _geotiff, load, load_geotiff, map_facts, save, save_geotiff
 from grid_map_core_py.files._geotiff import describe_geotiff, open_raster
 from grid_map_core_py.testing import assert_maps_equal
 
@@ -98,6 +99,56 @@ def test_bands_are_layers(rasterio):
         raster.set_band_description(2, "slope")
     assert load_geotiff("dem.tif").layers == ("band_1", "slope", "band_3")
     assert load_geotiff("dem.tif", ["slope"]).layers == ("slope",)
+
+
+@pytest.mark.parametrize("window", [1, 16 * 16 * 4 * 3, 16 * 70 * 4 * 3 * 2, 2**24])
+@pytest.mark.parametrize("interleave", ["pixel", "band"])
+@pytest.mark.parametrize("shape", [{"tiled": True, "blockxsize": 16}, {}])
+def test_bands_have_same_values_however_they_are_stored(
+    rasterio, monkeypatch, window, interleave, shape
+):
+    monkeypatch.setattr(_geotiff, "_WINDOW", window)
+    pixels = np.random.default_rng(2).integers(-9, 9, (3, 37, 70)).astype(np.float32)
+    pixels[:, 5, 60:63] = np.inf, -np.inf, np.nan
+    write(
+        rasterio,
+        pixels=pixels[0],
+        count=3,
+        nodata=-9,
+        interleave=interleave,
+        blockysize=16,
+        **shape,
+    )
+    with rasterio.open("dem.tif", "r+") as raster:
+        raster.write(pixels)
+        raster.scales, raster.offsets = (1.0, 0.5, 1.0), (0.0, 0.0, 3.0)
+    expected = np.where(pixels == -9, np.nan, pixels)
+    expected[1] *= 0.5
+    expected[2] += 3
+    dem = load_geotiff("dem.tif", ["band_3", "band_1", "band_2"])
+    for band, layer in enumerate(expected, 1):
+        # Rows of a map run to -x, and its columns to -y.
+        np.testing.assert_array_equal(dem[f"band_{band}"], layer[:, ::-1].T)
+
+
+def test_blocks_of_all_bands_are_unpacked_once(rasterio):
+    pixels = np.random.default_rng(2).random((512, 512), np.float32)
+    options = {"interleave": "pixel", "compress": "deflate", "tiled": True}
+    write(rasterio, pixels=pixels, count=8, **options, blockxsize=64, blockysize=64)
+    code = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from grid_map_core_py.files import _geotiff, load_geotiff\n"
+        "def read(): return int(Path('/proc/self/io').read_text().split()[1])\n"
+        "load_geotiff('dem.tif', ['band_1'])\n"
+        "_geotiff._WINDOW, before = 2**18, read()\n"
+        "load_geotiff('dem.tif')\n"
+        "print(read() - before)\n"
+    )
+    environ = {**os.environ, "GDAL_CACHEMAX": "1"}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 1.5 * Path("dem.tif").stat().st_size
 
 
 def test_a_cropped_raster_keeps_its_place_and_names(rasterio):

@@ -173,6 +173,12 @@ BOMBS: dict[str, tuple[Bomb, str]] = {
         lambda folder: load(tiled_geotiff(folder, 500, width=16, blockxsize=1_000_000)),
         "tiles: expected at most 16000000 times ",
     ),
+    "tiles of a virtual GeoTIFF": (
+        lambda folder: load(
+            tiled_geotiff(folder, 500, width=16, blockxsize=1_000_000), virtual=True
+        ),
+        "tiles: expected at most 16000000 times ",
+    ),
     "bands in the tile of a GeoTIFF": (
         lambda folder: load(
             tiled_geotiff(folder, 16, count=9, interleave="pixel", blockxsize=4000, blockysize=4000)

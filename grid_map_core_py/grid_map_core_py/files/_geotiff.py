@@ -11,7 +11,7 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
@@ -21,17 +21,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..arrays._checks import Layer
 from ..errors import GridMapError, LimitError
-from ..limits import check_bytes, check_cells
+from ..limits import check_bytes
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._atomic import new_file
-from ._image_files import from_north_up, to_north_up
+from ._image_files import to_north_up
 from ._shared import StoredMap, check_ending, package_for, storage_errors
-from ._tiff import HEADS, check_tiff
+from ._tiff import HEADS, check_tiff, check_tiles
 
 _TAG = "GRID_MAP"
 
@@ -45,6 +45,9 @@ _CRS = re.compile(
 
 _LARGEST_DIFFERENCE = 1e-6
 """Largest relative difference between the sides of a pixel."""
+
+_WINDOW = 2**24
+"""Bytes that are read at once; the cache of GDAL holds more."""
 
 
 def save_geotiff(
@@ -170,7 +173,7 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
         raster.close()
         raise ValueError("expected overviews in the same file")
     try:
-        _check_block(raster, f"{path}: block", packed)
+        _check_block(raster, f"{path}", packed)
     except LimitError:
         raster.close()
         raise
@@ -179,11 +182,8 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False) -> Any:
 
 def _check_block(raster: Any, name: str, packed: float) -> None:
     """Raise `LimitError` if GDAL would unpack too much at once."""
-    rows, columns = raster.block_shapes[0]
-    check_cells(name, (rows, columns))
-    together = raster.count if raster.profile.get("interleave") == "pixel" else 1
-    size = 16 if "complex" in raster.dtypes[0] else np.dtype(raster.dtypes[0]).itemsize
-    check_bytes(name, rows * columns * together * size, packed)
+    check_tiles(name, raster.shape, raster.block_shapes[0])
+    check_bytes(f"{name}: block", _block_bytes(raster), packed)
 
 
 def _checked_length(file: Path) -> int:
@@ -219,7 +219,7 @@ def _opened(path: str | PathLike[str], *, virtual: bool) -> Iterator[tuple[Any, 
         names = _names(raster.descriptions)
         bands = {name: band for band, name in enumerate(names, 1)}
         basic = [name for name in tags.get("basic_layers", ()) if name in bands]
-        read = partial(_read_band, raster, bands)
+        read = partial(_read_bands, raster, bands)
         packed = math.inf if virtual else Path(path).stat().st_size
         yield raster, StoredMap(empty, names, basic, read, Path(path), packed)
 
@@ -274,13 +274,42 @@ def _names(descriptions: Iterable[str | None]) -> list[str]:
     return [*names]
 
 
-def _read_band(raster: Any, bands: Mapping[str, int], name: str) -> npt.NDArray[np.float32]:
-    band = bands[name]
-    if "complex" in raster.dtypes[band - 1]:
-        raise ValueError(f"expected real numbers, got {raster.dtypes[band - 1]} in band {band}")
-    values = raster.read(band, masked=True)
-    scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
-    pixels = values.astype(np.float32).filled(np.nan)
-    if (scale, offset) != (1.0, 0.0):
-        pixels = (pixels * scale + offset).astype(np.float32)
-    return from_north_up(pixels)
+def _read_bands(raster: Any, bands: Mapping[str, int], names: Sequence[str]) -> list[Layer]:
+    """Return layers in map order."""
+    wanted = [bands[name] for name in names]
+    for band in wanted:
+        if "complex" in (kind := raster.dtypes[band - 1]):
+            raise ValueError(f"expected real numbers, got {kind} in band {band}")
+    shape = raster.width, raster.height
+    layers = [np.empty(shape, np.float32, order="F") for _ in wanted]
+    for window in _windows(raster):
+        # GDAL holds the blocks of a window, so that no band unpacks those of all bands again.
+        for band, layer in zip(wanted, layers, strict=True):
+            values = raster.read(band, window=window, masked=True)
+            scale, offset = raster.scales[band - 1], raster.offsets[band - 1]
+            pixels = values.astype(np.float32).filled(np.nan)
+            if (scale, offset) != (1.0, 0.0):
+                pixels = pixels * scale + offset
+            to_north_up(layer)[window.toslices()] = pixels
+    return layers
+
+
+def _windows(raster: Any) -> Iterator[Any]:
+    """Yield windows of whole blocks, of at most `_WINDOW` bytes if a block is not larger."""
+    window = import_module("rasterio.windows").Window
+    rows, columns = raster.block_shapes[0]
+    blocks = max(1, _WINDOW // _block_bytes(raster))
+    across = min(blocks, -(-raster.width // columns))
+    rows, columns = rows * (blocks // across), columns * across
+    for top in range(0, raster.height, rows):
+        for left in range(0, raster.width, columns):
+            size = min(columns, raster.width - left), min(rows, raster.height - top)
+            yield window(left, top, *size)
+
+
+def _block_bytes(raster: Any) -> int:
+    """Return the unpacked size of a block of all its bands [bytes]."""
+    rows, columns = raster.block_shapes[0]
+    together = raster.count if raster.profile.get("interleave") == "pixel" else 1
+    size = 16 if "complex" in raster.dtypes[0] else np.dtype(raster.dtypes[0]).itemsize
+    return int(rows * columns * together * size)

@@ -14,6 +14,7 @@ loses nothing.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -162,7 +163,7 @@ def _opened(path: str | PathLike[str]) -> StoredMap:
             return grid_map[name]
 
         packed = sum(image.stat().st_size for image in {*images.values()} if image.is_file())
-        return StoredMap(empty, [*entries], found["basic_layers"], read, file, packed)
+        return StoredMap(empty, [*entries], found["basic_layers"], partial(map, read), file, packed)
 
 
 def _range(grid_map: GridMap, layer: str) -> tuple[float, float]:

@@ -11,6 +11,7 @@ import math
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -124,7 +125,9 @@ def _opened(path: str | PathLike[str]) -> Iterator[StoredMap]:
         empty = GridMap.from_geometry(
             geometry, frame_id=found["frame_id"], timestamp=found["timestamp"]
         )
-        yield StoredMap(empty, found["layers"], found["basic_layers"], read, file, packed)
+        yield StoredMap(
+            empty, found["layers"], found["basic_layers"], partial(map, read), file, packed
+        )
 
 
 def _check_name(name: str) -> None:

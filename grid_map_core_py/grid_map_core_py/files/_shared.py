@@ -98,8 +98,8 @@ class StoredMap:
     """The map without its layers."""
     layers: Sequence[str]
     basic_layers: Sequence[str]
-    read: Callable[[str], ArrayLike]
-    """Returns a layer in map order."""
+    read: Callable[[Sequence[str]], Iterable[ArrayLike]]
+    """Returns layers in map order."""
     file: Path
     packed: float
     """Bytes in the file, or in all files that hold layers; infinite if unknown."""
@@ -116,7 +116,7 @@ class StoredMap:
         wanted, size = select_layers(self.layers, layers), self.empty.size
         check_cells(f"{self.file}: map", size, len(wanted))
         check_bytes(f"{self.file}: layers", size[0] * size[1] * 4 * len(wanted), self.packed)
-        grid_map = self.empty.with_layers({name: self.read(name) for name in wanted})
+        grid_map = self.empty.with_layers(dict(zip(wanted, self.read(wanted), strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in grid_map]
         return grid_map
 

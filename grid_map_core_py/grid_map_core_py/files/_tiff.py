@@ -44,15 +44,21 @@ def check_tiff(name: str, data: bytes | mmap) -> tuple[int, int]:
         for tags in _directories(data):
             if not found or tags[_SUBFILE] & _MASK:
                 size, tile = (tags[_ROWS], tags[_COLUMNS]), (tags[_TILE_ROWS], tags[_TILE_COLUMNS])
-                _check_tiles(name, size, (max(tile[0], 1), max(tile[1], 1)))
+                check_tiles(name, size, (max(tile[0], 1), max(tile[1], 1)))
                 found.append(size)
     if not found:
         raise ValueError("no image, or a damaged one")
     return found[0]
 
 
-def _check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None:
-    """Raise `LimitError` if an image or its tiles have too many cells."""
+def check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None:
+    """Raise `LimitError` if an image or its tiles have too many cells.
+
+    Args:
+        name: name of the file, for messages.
+        size: rows and columns of the image.
+        tile: rows and columns of a tile.
+    """
     if min(size) < 1:
         raise ValueError("no image, or a damaged one")
     check_cells(f"{name}: image", size)
