@@ -13,7 +13,7 @@ import fuzz
 import numpy as np
 import pytest
 
-pytestmark = pytest.mark.needs("mcap", "pypcd4", "rasterio", "rosbags", "trimesh")
+pytestmark = pytest.mark.needs("mcap", "pypcd4", "rasterio", "rosbags", "trimesh", "viser")
 
 CHECKED = {"MCAP", "npz", "map.yaml", "PNG", "command line"}
 """Formats whose checksums, or whose brevity, let hardly any damage pass."""
