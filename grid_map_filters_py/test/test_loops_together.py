@@ -12,7 +12,7 @@ import pytest
 import grid_map_filters_py.builtin  # noqa: F401  imports all modules with cell functions
 from grid_map_core_py.conversions import _point_loops as point_loops
 from grid_map_core_py.loops import Loop, loop
-from grid_map_filters_py._shared import median_loops, plane_loops
+from grid_map_filters_py._shared import inpaint_loop, median_loops, plane_loops
 from grid_map_filters_py._shared.medians import _comparators, _sorted_keys
 from grid_map_filters_py.expression import _window_loops as window_loops
 from grid_map_filters_py.parts import CellFunction
@@ -47,6 +47,12 @@ ROOTS, WORK = RANDOM.uniform(-1, 1, MANY).astype(np.float32), plane_loops.work_m
 WINDOWS, HEIGHTS = (9, 5, 3), RANDOM.normal(size=63).astype(np.float32)
 RANKS, KEYS = RANDOM.integers(0, 9, 35, np.int32), _sorted_keys(HEIGHTS)
 PAIRS = np.array([*_comparators(9)], np.int32).ravel()
+
+
+# 9 x 7 heights with holes in a frame of one cell, and the disc of that radius.
+IMAGES = np.zeros((4, 11, 9), np.float32)
+IMAGES[0, 1:-1, 1:-1] = NUMBERS[:49].reshape(7, 7)[np.arange(9) % 7] + np.arange(7)
+DISC = np.array([[0, -1, 0, 1, 0], [-1, 0, 0, 0, 1], [1, 1, 0, 1, 1], [0.5, 0.5, 1, 0.5, 0.5]])
 
 
 def integers(*shape):
@@ -122,6 +128,17 @@ ARGUMENTS = {
         HEIGHTS[KEYS & np.uint64(63)],
         np.zeros(1, np.uint64),
         np.zeros(35, np.float32),
+    ),
+    inpaint_loop.inpaint: (
+        tuple(IMAGES.reshape(4, -1)),
+        (9, 7, 1),
+        (-1.0, 30.0),
+        tuple(np.vstack([DISC, np.zeros(5)]).astype(np.float32)),
+        np.array([-9, -1, 0, 1, 9]),
+        5,
+        tuple(integers(2, 63)),
+        np.ones(63, np.uint8),
+        np.zeros(63, np.float32),
     ),
     window_loops.sum_squares: (
         NUMBERS[:49],

@@ -13,9 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
+from grid_map_core_py.loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, warn
+from .._shared.inpaint_loop import inpaint
 from .._shared.layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side
 
@@ -33,7 +35,7 @@ _LARGEST_RADIUS = 100.0
 class Inpaint(LayerFilter):
     """Fill the cells of a layer that are not finite from their surroundings.
 
-    This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001) in OpenCV. Finite
+    This is the Navier-Stokes method of Bertalmio, Bertozzi and Sapiro (2001), as in OpenCV. Finite
     cells keep their bits. A layer without finite cells stays unchanged. Missing cells that touch,
     also at a corner, belong to one hole.
 
@@ -51,6 +53,7 @@ class Inpaint(LayerFilter):
         check_radius(self.radius)
         area = self.max_hole_area or 0.0
         check(math.isfinite(area) and area >= 0, "max_hole_area", "an area >= 0 [m^2]", area)
+        inpaint.compiled()
 
     def reach(self, _resolution: float) -> float:
         # A hole may be as large as the map, and gray values depend on all heights.
@@ -94,9 +97,62 @@ def _fill(layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
     if lowest == highest:
         layer[chosen] = lowest
         return
-    # OpenCV weights by gradients, with thresholds for 8-bit gray values.
+    if min(layer.shape) < 3:
+        # OpenCV reads beyond the border of images with sides of one or two pixels.
+        margins = [(1, 1) if side < 3 else (0, 0) for side in layer.shape]
+        inner = tuple(slice(before, -after or None) for before, after in margins)
+        whole = np.asfortranarray(np.pad(layer, margins, "edge"))
+        wanted = np.asfortranarray(np.pad(chosen, margins, "edge"))
+        _fill(whole, ~np.isfinite(whole), wanted, radius)
+        layer[chosen] = whole[inner][chosen]
+        return
+    # The method weights by gradients, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
+    run = inpaint.compiled()
+    if run is None:
+        _fill_by_blocks(layer, holes, chosen, radius, lowest, scale)
+    else:
+        _fill_compiled(run, layer, holes, chosen, radius, lowest, scale)
 
+
+def _fill_compiled(
+    run: Compiled,
+    layer: Layer,
+    holes: Mask,
+    chosen: Mask,
+    radius: float,
+    lowest: float,
+    scale: float,
+) -> None:
+    rows, columns = layer.shape
+    # OpenCV's limits. Further cells are outside of the layer.
+    reach = round(min(max(radius, 1.0), _LARGEST_RADIUS, rows + columns))
+    # As one block, which the C library keeps for the next map.
+    images = np.empty((4, rows + 2 * reach, columns + 2 * reach), np.float32)
+    images[0] = 0.0
+    images[0, reach:-reach, reach:-reach] = layer
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    inside = x**2 + y**2 <= reach**2
+    offsets = (y * images.shape[2] + x)[inside]
+    x, y = (values[inside].astype(np.float32) for values in (x, y))
+    squares = x * x + y * y
+    disc = x, y, squares, 1 / (squares * squares + 1)
+    run(
+        tuple(images),
+        (rows, columns, reach),
+        (lowest, scale),
+        (*disc, np.empty_like(x)),
+        offsets,
+        offsets.size,
+        tuple(np.empty((2, np.count_nonzero(holes)), np.int64)),
+        chosen.view(np.uint8),
+        layer,
+    )
+
+
+def _fill_by_blocks(
+    layer: Layer, holes: Mask, chosen: Mask, radius: float, lowest: float, scale: float
+) -> None:
     def fill(part: tuple[Block, Own]) -> None:
         block, own = part
         # Column after column, as the layers are stored.
@@ -153,10 +209,5 @@ def _inpainted(
         np.ascontiguousarray(heights),
     )
     gray[holes] = 0.0
-    # OpenCV reads beyond the border of images with sides of one or two pixels.
-    margins = [(1, 1) if side < 3 else (0, 0) for side in heights.shape]
     image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(holes, dtype=np.uint8)
-    if any(map(any, margins)):
-        image, mask = (np.pad(values, margins, mode="edge") for values in (image, mask))
-    filled = cv2.inpaint(image, mask, radius, cv2.INPAINT_NS)
-    return np.asarray(filled[tuple(slice(before, -after or None) for before, after in margins)])
+    return np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
