@@ -518,6 +518,9 @@ IMPOSSIBLE = {
     "Layer": ["no", "ELEVATION"],
 }
 
+MOST_AT_ONCE = 150
+"""Messages that a page may send without a break."""
+
 
 def send_as_a_page(url: str, attacks: Callable[[dict[str, str]], list[object]]) -> int:
     """Send messages as a page would; only this function knows how pages and the node talk.
@@ -535,20 +538,20 @@ def send_as_a_page(url: str, attacks: Callable[[dict[str, str]], list[object]]) 
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 
-    address = url.replace("http", "ws")
-    controls: dict[str, str] = {}
-    with connect(
-        address, subprotocols=[f"viser-v{viser.__version__}"], max_size=None, max_queue=None
-    ) as socket:
+    address, controls = url.replace("http", "ws"), {}
+    options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "max_queue": None}
+    with connect(address, **options) as socket:
         socket.send(msgpack.encode(CAMERA))
         while "Vector length" not in controls:
             data = zstandard.ZstdDecompressor().decompressobj().decompress(socket.recv(30)[16:])
             for message in msgpack.decode(data)["messages"]:
                 if "value" in message:
                     controls[message["props"]["label"]] = message["uuid"]
-        messages = attacks(controls)
-        with suppress(ConnectionClosed):
-            for message in messages:
+    messages = attacks(controls)
+    # Of more messages at once, those that still wait would be lost with their connection.
+    for begin in range(0, len(messages), MOST_AT_ONCE):
+        with connect(address, **options) as socket, suppress(ConnectionClosed):
+            for message in (CAMERA, *messages[begin : begin + MOST_AT_ONCE]):
                 socket.send(message if isinstance(message, bytes) else msgpack.encode(message))
     return len(messages)
 

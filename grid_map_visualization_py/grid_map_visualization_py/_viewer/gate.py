@@ -61,7 +61,7 @@ class Gate:
     """Replacement of `serve` of websockets that refuses foreign pages and senseless messages.
 
     A connection that sends faster than `MOST_PER_SECOND` is read slowly, which makes it wait; no
-    message is lost.
+    message is lost while it stays open.
 
     Args:
         websockets: the module `websockets.asyncio.server`.
@@ -119,8 +119,7 @@ class Gate:
         if wait := pace.wait():
             limit = f"more than {MOST_PER_SECOND:g} messages per second"
             self.note("a browser has to wait", GridMapError(limit))
-        # Without a wait, other connections get their turn.
-        await asyncio.sleep(wait)
+            await asyncio.sleep(wait)
 
     def accepts(self, data: Any) -> bool:
         """Return whether a message of a browser makes sense; otherwise, note why not."""
