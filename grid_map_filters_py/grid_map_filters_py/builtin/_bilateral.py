@@ -22,7 +22,7 @@ _FAR = np.float32(12.0)
 _NOTHING = np.float32(1e-26)
 """Standard deviations that missing values may add up to."""
 
-_PIECE = 2**15
+_PIECE = 2**16
 """Cells that are computed together, so that their temporaries stay in the cache."""
 
 
@@ -76,16 +76,33 @@ class Bilateral(LayerFilter):
 
     def _smooth(self, center: Layer, around: Layer, disc: Disc) -> Layer:
         """Return the means of the cells `center`; `around` holds them with the margin of a disc."""
-        sigma = np.float32(self.sigma_range)
-        weights, total = np.zeros_like(center), np.zeros_like(center)
+        sigma, (rows, columns) = np.float32(self.sigma_range), center.shape
+        # The cell itself has the weight 1.
+        weights, total = np.ones_like(center), np.zeros_like(center)
         distance = np.hypot(*disc.offsets) * (disc.resolution / self.sigma_space)
         shares = np.exp(-0.5 * np.square(distance)).astype(np.float32) * (disc.kernel > 0)
-        for row, column in np.argwhere(shares):
-            neighbors = around[row : row + center.shape[0], column : column + center.shape[1]]
-            difference = np.clip((neighbors - center) / sigma, -_FAR, _FAR)
-            weight = np.exp(np.float32(-0.5) * difference * difference) * shares[row, column]
-            weights += weight
-            total += weight * difference
+        top, left = disc.reach
+        # Two cells see each other with the same weight, and differences of opposite sign. `first`
+        # has all cells of which one of the two is in `center`.
+        pairs = [at for at in np.argwhere(shares) - disc.reach if tuple(at) > (0, 0)]
+        for down, right in pairs:
+            start, stop = left - max(right, 0), left + columns - min(right, 0)
+            first = around[top - down : top + rows, start:stop]
+            second = around[top : top + rows + down, start + right : stop + right]
+            difference = second - first
+            difference /= sigma
+            np.clip(difference, -_FAR, _FAR, out=difference)
+            weight = np.float32(-0.5) * difference
+            weight *= difference
+            np.exp(weight, out=weight)
+            weight *= shares[top + down, left + right]
+            difference *= weight
+            ahead = slice(down, None), slice(max(right, 0), max(right, 0) + columns)
+            behind = slice(rows), slice(max(-right, 0), max(-right, 0) + columns)
+            weights += weight[ahead]
+            weights += weight[behind]
+            total += difference[ahead]
+            total -= difference[behind]
         total[np.abs(total) < _NOTHING * weights] = 0.0
         return center + sigma * total / weights
 
