@@ -273,7 +273,7 @@ each_shape = pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 def test_cells_index_a_layer_and_nothing_else(shape, grid_map, fraction):
     """Oracle: membership of each cell, one by one."""
     cells = shape(grid_map, point(grid_map, fraction))
-    assert all(n.dtype == np.int64 and n.flags.c_contiguous for n in cells)
+    assert all(n.dtype == np.int64 and n.flags.carray for n in cells)
     members = {tuple(pair) for pair in pairs(cells)}
     expected = grid_map["elevation"].copy()
     for index in np.ndindex(expected.shape):

@@ -45,6 +45,15 @@ def test_blocks_are_stored_in_the_regions_that_cpp_names():
     assert compared >= 300
 
 
+def test_lines_of_the_map_begin_at_the_start_index():
+    for size, start in ((1, 0), (5, 0), (5, 2), (5, 4)):
+        lines = ring_buffer.lines(size, start)
+        assert lines.tolist() == [(number + start) % size for number in range(size)]
+        numbers = np.array([size - 1, 0, 0])
+        ring_buffer.place(numbers, start, size)
+        assert numbers.tolist() == [lines[-1], start, start]
+
+
 def put_together(layer: np.ndarray, regions: list[list]) -> np.ndarray:
     """Return the block whose quadrants are in these regions of the buffer."""
     quadrants = {name: layer[i : i + rows, j : j + cols] for i, j, rows, cols, name in regions}

@@ -133,12 +133,13 @@ class Axis:
         An end within `BORDER_TOLERANCE` of a cell border adds no further cell.
         """
         size, tolerance = self.size, BORDER_TOLERANCE / self.resolution
-        # For far positions, the number of cells may be infinite.
-        near = min(max(self.steps(upper) + tolerance, -1.0), size)
-        far = min(max(self.steps(lower) - tolerance, -1.0), size)
-        first = math.floor(near)
-        stop = max(math.ceil(far), first + 1)
-        return slice(max(first, 0), min(stop, size))
+        near, far = self.steps(upper) + tolerance, self.steps(lower) - tolerance
+        # For far positions, the number of cells may be infinite. `min` and `max` take longer.
+        if near >= size or (near < 0.0 and far <= 0.0):
+            return slice(0, 0)
+        first = int(near) if near > 0.0 else 0
+        stop = size if far >= size else math.ceil(far)
+        return slice(first, stop if stop > first else first + 1)
 
     def shift_to(self, center: float) -> float:
         """Return by how many whole cells, towards smaller coordinates, to move nearest to a center.

@@ -186,7 +186,7 @@ class GridGeometry:
                     found = cells[number, part]
                     found[...] = steps
                     if start_index[number]:
-                        ring_buffer.place(found, 0, start_index[number], size)
+                        ring_buffer.place(found, start_index[number], size)
         rows, columns = cells.reshape(2, *positions.shape[:-1])
         return (rows, columns), inside.reshape(positions.shape[:-1])
 
@@ -246,11 +246,11 @@ class GridGeometry:
         return self._x.centers(0, rows), self._y.centers(0, columns)
 
     @cached_property
-    def negated_y(self) -> Positions:
-        """(cols,) the negated y of every column [m], ascending; read-only."""
-        negated = -self._y.centers(0, self.size[1])
-        negated.flags.writeable = False
-        return negated
+    def negated_axes(self) -> tuple[Positions, Positions]:
+        """Negated `axes_in_map_order`, ascending as `searchsorted` needs them; read-only."""
+        x, y = (-axis for axis in self.axes_in_map_order())
+        x.flags.writeable = y.flags.writeable = False
+        return x, y
 
     def check_cells(self, cells: ArrayLike, name: str = "index") -> Cells:
         """Return cells as (rows, cols) that are on the map.

@@ -9,6 +9,7 @@ buffer.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -38,20 +39,25 @@ class BufferRegion:
         return slice(row, row + rows), slice(column, column + columns)
 
 
-def place(numbers: Integers, first: int, start: int, size: int) -> None:
-    """Convert rows or columns of a block of the map to buffer indices, in place.
+@lru_cache(maxsize=16)
+def lines(size: int, start: int) -> Integers:
+    """Return the buffer row of each row of the map (size,), or the columns; read-only.
+
+    Looking up is faster than arithmetic, and for many cells ten times as fast.
 
     Args:
-        numbers: (N,) counted from `first`; the cells are on the map.
-        first: row or column of the map where the block begins.
-        start, size: start index and number of cells of the map along this axis.
+        size: number of cells of the map along this axis.
+        start: start index along this axis.
     """
-    if first + start:
-        numbers += first + start
+    numbers = np.concatenate((np.arange(start, size), np.arange(start)))
+    numbers.flags.writeable = False
+    return numbers
+
+
+def place(numbers: Integers, start: int, size: int) -> None:
+    """Convert rows or columns of the map (N,) to buffer indices, in place, as `lines` has them."""
     if start:
-        # Either the number or the number minus `size` is on the map; unsigned, negatives are huge.
-        unsigned = numbers.view(np.uint64)
-        np.minimum(unsigned, (numbers - size).view(np.uint64), out=unsigned)
+        lines(size, start).take(numbers, mode="clip", out=numbers)
 
 
 def block(

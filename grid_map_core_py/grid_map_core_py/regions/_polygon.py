@@ -48,17 +48,22 @@ class Polygon:
         2.0
     """
 
-    __slots__ = ("_vertices",)
+    __slots__ = ("_closed", "_ends", "_vertices")
 
     def __init__(self, vertices: ArrayLike) -> None:
         given = as_numbers(vertices, "vertices")
-        points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices").copy()
-        if points.ndim != 2 or not np.isfinite(points).all():
+        points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices")
+        ends = (np.minimum.reduce(points), np.maximum.reduce(points)) if points.size else ()
+        if points.ndim != 2 or not np.isfinite(ends).all():
             raise GeometryError(
                 f"vertices: expected finite x, y of shape (V, 2), got {short(vertices)}"
             )
-        points.flags.writeable = False
-        self._vertices = points
+        # The smallest and the largest x, y [m]; nothing if there are no vertices.
+        self._ends = tuple(end.tolist() for end in ends)
+        # (V + 1, 2) the last vertex and then all: each row is joined to the next one.
+        self._closed = np.concatenate((points[-1:], points))
+        self._closed.flags.writeable = False
+        self._vertices = self._closed[1:]
 
     @classmethod
     def of(cls, polygon: Polygon | ArrayLike) -> Polygon:
@@ -160,7 +165,7 @@ class Polygon:
             GeometryError: there are no vertices.
         """
         self._need_vertices(1, "bounding_box")
-        lower, upper = self._vertices.min(axis=0), self._vertices.max(axis=0)
+        lower, upper = map(np.array, self._ends)
         return BoundingBox(0.5 * (lower + upper), upper - lower)
 
     def is_inside(self, points: ArrayLike) -> bool | Mask:
@@ -177,10 +182,11 @@ class Polygon:
         points = as_positions(points, "points")
         flat = points.reshape(-1, 2)
         inside = np.zeros(len(flat), dtype=bool)
-        start, end = self._vertices[:, None], np.roll(self._vertices, 1, axis=0)[:, None]
-        for part in slices(len(flat), _CHUNK // max(len(self._vertices), 1)):
+        vertices = self._closed.T[..., None]
+        start, end = vertices[:, 1:], vertices[:, :-1]
+        for part in slices(len(flat), _CHUNK // max(len(self), 1)):
             x, y = flat[part].T
-            crosses = (start[..., 1] > y) != (end[..., 1] > y)
+            crosses = (start[1] > y) != (end[1] > y)
             crosses &= x < edge_x(start, end, y)
             np.logical_xor.reduce(crosses, axis=0, out=inside[part])
         return inside.reshape(points.shape[:-1]) if points.ndim > 1 else bool(inside[0])
@@ -280,7 +286,7 @@ class Polygon:
         Raises:
             GeometryError: they enclose no area.
         """
-        steps = self._vertices - np.roll(self._vertices, 1, axis=0)
+        steps = np.diff(self._closed, axis=0)
         begins = np.hypot(steps[:, 0], steps[:, 1]) > BORDER_TOLERANCE
         corners = self._vertices[begins]
         if len(corners) < 3 or not (
@@ -292,13 +298,14 @@ class Polygon:
 
 
 def edge_x(start: Positions, end: Positions, y: Positions) -> Positions:
-    """Return the x at which edges from (..., 2) to (..., 2) reach y (...); level edges have none.
+    """Return the x at which edges from (2, ...) to (2, ...) reach y (...); level edges have none.
 
     Same order of operations as the C++ library, so that points on edges get the same result.
     """
+    (start_x, start_y), (end_x, end_y) = start, end
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rise = end[..., 1] - start[..., 1]
-        return (end[..., 0] - start[..., 0]) * (y - start[..., 1]) / rise + start[..., 0]
+        x: Positions = (end_x - start_x) * (y - start_y) / (end_y - start_y) + start_x
+    return x
 
 
 def _following(points: Positions) -> Positions:

@@ -26,10 +26,11 @@ from ..errors import GeometryError, OutOfMapError, short
 from ..map._axis import BORDER_TOLERANCE
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..map._ring_buffer import place
+from ..map._ring_buffer import lines, place
 from ._polygon import Polygon, edge_x
 
 _BAND = 2**13  # number of cells in a band, whose temporaries fit into the cache
+_FLIP = np.uint8(1)  # of the type of the array, which saves NumPy a conversion
 
 
 def map_cells(grid_map: GridMap) -> Cells:
@@ -59,14 +60,12 @@ def submap_cells(grid_map: GridMap, start_index: ArrayLike, size: ArrayLike) -> 
     if min(extent) < 0:
         raise GeometryError(f"size: expected no negative numbers, got {extent}")
     rows, columns = (
-        np.arange(min(count, cells - (cell - first) % cells))
+        lines(cells, cell)[: min(count, cells - (cell - first) % cells)]
         for count, cell, first, cells in zip(
             extent, start, grid_map.start_index, grid_map.size, strict=True
         )
     )
-    place(rows, 0, start[0], grid_map.size[0])
-    place(columns, 0, start[1], grid_map.size[1])
-    return rows.repeat(columns.size), np.tile(columns, rows.size)
+    return rows.repeat(columns.size), columns[np.newaxis].repeat(rows.size, axis=0).ravel()
 
 
 def cells_to_mask(grid_map: GridMap, cells: ArrayLike) -> Mask:
@@ -106,18 +105,15 @@ def circle_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     limit, (x, y) = checked_radius(radius), as_pair(center, "center")
     geometry = grid_map.geometry
     rows, _ = geometry.box((x - limit, y - limit), (x + limit, y + limit))
+    of_rows, of_columns = geometry.negated_axes
+    half = half_chords(limit, of_rows[rows] + x)
+    first = of_columns.searchsorted(-y - half, side="left")
+    stop = of_columns.searchsorted(half - y, side="right")
     # The run of a row that misses the disc is empty: its half chord is negative.
-    half = half_chords(limit, geometry._x.centers(rows.start, rows.stop) - x)
-    ascending = geometry.negated_y
-    start = ascending.searchsorted(-y - half, side="left")
-    stop = ascending.searchsorted(half - y, side="right")
-    counts = np.maximum(stop - start, 0)
-    ends = counts.cumsum()
-    lines, columns = np.arange(counts.size), np.arange(int(ends[-1]) if ends.size else 0)
-    columns += (start - ends + counts).repeat(counts)
-    place(lines, rows.start, grid_map.start_index[0], grid_map.size[0])
-    place(columns, 0, grid_map.start_index[1], grid_map.size[1])
-    return lines.repeat(counts), columns
+    counts, columns = _runs(first, np.maximum(first, stop))
+    (row, column), (height, width) = grid_map.start_index, grid_map.size
+    place(columns, column, width)
+    return lines(height, row)[rows].repeat(counts), columns
 
 
 def half_chords(radius: float, distances: Positions) -> Positions:
@@ -164,8 +160,9 @@ def ellipse_cells(
     reach = np.hypot((a * cosine, a * sine), (b * sine, b * cosine))
     reach += BORDER_TOLERANCE
     rows, columns = grid_map.geometry.box(center - reach, center + reach)
-    x, y = _centers(grid_map, rows, columns)
-    x, y = x[:, None] - center[0], y - center[1]
+    # Both negated, which changes nothing in an ellipse.
+    x, y = grid_map.geometry.negated_axes
+    x, y = x[rows, None] + center[0], y[columns] + center[1]
 
     def is_inside(x: Positions) -> Mask:
         along, across = cosine * x + sine * y, sine * x - cosine * y
@@ -189,26 +186,26 @@ def polygon_cells(grid_map: GridMap, polygon: Polygon | ArrayLike) -> Cells:
     Raises:
         GeometryError: the vertices have another shape or are not finite.
     """
-    vertices = Polygon.of(polygon).vertices
-    if not len(vertices):
+    polygon = Polygon.of(polygon)
+    if not len(polygon):
         return empty_cells(0)
-    rows, columns = grid_map.geometry.box(vertices.min(axis=0), vertices.max(axis=0))
-    x, y = _centers(grid_map, rows, columns)
+    rows, columns = grid_map.geometry.box(*polygon._ends)
+    # All coordinates are negated, so that those of cells ascend, as `searchsorted` needs them.
+    x, y = grid_map.geometry.negated_axes
+    x, y, vertices = x[rows], y[columns], -polygon._closed.T
     # Scan conversion: an edge flips the cells of a column below the x where it crosses the column.
     # As in `Polygon.is_inside`, a column crosses an edge when one end is above it and one does not.
-    below = (-y).searchsorted(-vertices[:, 1], side="right")
-    before = np.concatenate((below[-1:], below[:-1]))
-    counts = np.abs(below - before)
-    ends = counts.cumsum()
-    crossed = np.arange(int(ends[-1]))
-    crossed += (np.minimum(below, before) + counts - ends).repeat(counts)
-    starts = np.concatenate((vertices[-1:], vertices[:-1]))
-    at = edge_x(vertices.repeat(counts, axis=0), starts.repeat(counts, axis=0), y.take(crossed))
-    first_below = (-x).searchsorted(-at, side="right")
+    below = y.searchsorted(vertices[1], side="right")
+    before, after = below[:-1], below[1:]
+    counts, crossed = _runs(np.minimum(before, after), np.maximum(before, after))
+    start, end = vertices[:, 1:].repeat(counts, axis=1), vertices[:, :-1].repeat(counts, axis=1)
+    first_below = x.searchsorted(edge_x(start, end, y.take(crossed)), side="right")
     flips = np.zeros((x.size + 1, y.size), dtype=np.uint8)
-    np.add.at(flips.reshape(-1), first_below * y.size + crossed, np.uint8(1))
+    first_below *= y.size
+    first_below += crossed
+    np.add.at(flips.reshape(-1), first_below, _FLIP)
     np.add.accumulate(flips, axis=0, dtype=np.uint8, out=flips)
-    flips &= 1
+    flips &= _FLIP
     return _cells_of_mask(grid_map, rows, columns, flips[:-1].view(np.bool_))
 
 
@@ -260,8 +257,10 @@ def _drawn(grid_map: GridMap, first: Size, last: Size) -> Cells:
     steps = last[0] - first[0], last[1] - first[1]
     longer = max(abs(steps[0]), abs(steps[1]))
     rows, columns = _taken(steps[0], longer), _taken(steps[1], longer)
-    place(rows, first[0], grid_map.start_index[0], grid_map.size[0])
-    place(columns, first[1], grid_map.start_index[1], grid_map.size[1])
+    rows += first[0]
+    columns += first[1]
+    place(rows, grid_map.start_index[0], grid_map.size[0])
+    place(columns, grid_map.start_index[1], grid_map.size[1])
     return rows, columns
 
 
@@ -313,27 +312,22 @@ def _clipped(geometry: GridGeometry, start: Pair, end: Pair) -> tuple[Size, Size
     raise OutOfMapError(f"the line from {start} to {end} does not touch the map: {geometry.place}")
 
 
-def _centers(grid_map: GridMap, rows: slice, columns: slice) -> tuple[Positions, Positions]:
-    """Return the x of rows and the y of columns of the map [m], both descending."""
-    x, y = grid_map.geometry._x, grid_map.geometry._y
-    return x.centers(rows.start, rows.stop), y.centers(columns.start, columns.stop)
+def _runs(first: Integers, stop: Integers) -> tuple[Integers, Integers]:
+    """Return the lengths (R,) of runs `first` ... `stop` - 1, and their numbers in a row (N,)."""
+    counts = stop - first
+    ends = np.add.accumulate(counts)
+    numbers = np.arange(ends.item(-1) if ends.size else 0)
+    numbers += (stop - ends).repeat(counts)
+    return counts, numbers
 
 
 def _cells_of_mask(grid_map: GridMap, rows: slice, columns: slice, mask: Mask) -> Cells:
     """Return the cells (rows, cols) of a block where `mask` is true, row after row."""
-    cells = empty_cells(int(np.count_nonzero(mask)))
-    width, done = mask.shape[1], 0
-    for band in _bands(mask):
-        (found,) = mask[band].ravel().nonzero()
-        row, column = (numbers[done : done + found.size] for numbers in cells)
-        # NumPy divides unsigned integers faster, and multiplication is faster than `%`.
-        np.floor_divide(found.view(np.uint64), np.uint64(width), out=row.view(np.uint64))
-        np.multiply(row, -width, out=column)
-        column += found
-        place(row, rows.start + band.start, grid_map.start_index[0], grid_map.size[0])
-        place(column, columns.start, grid_map.start_index[1], grid_map.size[1])
-        done += found.size
-    return cells
+    (row, column), (height, width) = grid_map.start_index, grid_map.size
+    # Views without copies; `broadcast_to` makes the same in more time.
+    row_of = np.ndarray(mask.shape, np.int64, lines(height, row)[rows], strides=(8, 0))
+    column_of = np.ndarray(mask.shape, np.int64, lines(width, column)[columns], strides=(0, 8))
+    return row_of[mask], column_of[mask]
 
 
 def _bands(mask: Mask) -> Iterator[slice]:

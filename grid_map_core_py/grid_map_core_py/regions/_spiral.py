@@ -47,12 +47,13 @@ def spiral_cells(grid_map: GridMap, center: ArrayLike, radius: float) -> Cells:
     # Sorted in place; each axis on its own takes less memory.
     axes = list(zip(cells, middle, grid_map.start_index, grid_map.size, strict=True))
     for numbers, cell, start, size in axes:
-        place(numbers, 0, -start % size, size)
+        place(numbers, -start % size, size)
         numbers -= cell
     order = _spiral_order(*cells)
     for numbers, cell, start, size in axes:
         numbers[...] = numbers[order]
-        place(numbers, cell, start, size)
+        numbers += cell
+        place(numbers, start, size)
     return cells
 
 
@@ -98,7 +99,8 @@ def _cut_out(grid_map: GridMap, center: Pair, middle: Size, limit: float) -> Cel
     for axis, numbers in enumerate(cells):
         numbers[:known] = spiral[axis, :known]
         doubtful[axis].take(found, out=numbers[known:])
-        place(numbers, middle[axis], grid_map.start_index[axis], geometry.size[axis])
+        numbers += middle[axis]
+        place(numbers, grid_map.start_index[axis], geometry.size[axis])
     return cells
 
 
