@@ -49,9 +49,10 @@ def test_lines_of_the_map_begin_at_the_start_index():
     for size, start in ((1, 0), (5, 0), (5, 2), (5, 4)):
         lines = ring_buffer.lines(size, start)
         assert lines.tolist() == [(number + start) % size for number in range(size)]
-        numbers = np.array([size - 1, 0, 0])
-        ring_buffer.place(numbers, start, size)
-        assert numbers.tolist() == [lines[-1], start, start]
+        for repetitions in (1, 20_000):
+            numbers = np.tile(np.arange(size), repetitions)
+            ring_buffer.place(numbers, start, size)
+            assert numbers.tolist() == lines.tolist() * repetitions
 
 
 def put_together(layer: np.ndarray, regions: list[list]) -> np.ndarray:

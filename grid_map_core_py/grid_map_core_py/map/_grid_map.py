@@ -36,6 +36,8 @@ from ._interpolation import Interpolation, interpolate
 from ._ring_buffer import BufferRegion
 from ._transform import transformed_map
 
+_NO_DATA = np.array(nan, np.float32)  # an array, which NumPy writes faster than a number
+
 
 class GridMap(MutableMapping[str, Layer]):
     """A rectangular grid of cells with any number of float32 layers.
@@ -545,14 +547,15 @@ class GridMap(MutableMapping[str, Layer]):
         shift = self._geometry.index_shift(position)
         if shift == (0, 0):
             return []
-        (rows, columns), (row, column) = size, start = self.size, self._start
+        (rows, columns), (row, column) = size, start = self._geometry.size, self._start
         regions = ring_buffer.uncovered(start, size, shift)
         for region in regions:
             slices = region.slices
             for data in self._layers.values():
-                data[slices] = np.nan
-        self._start = (row + shift[0]) % rows, (column + shift[1]) % columns
-        self._geometry = self._geometry.shifted(shift)
+                data[slices] = _NO_DATA
+        put = object.__setattr__
+        put(self, "_start", ((row + shift[0]) % rows, (column + shift[1]) % columns))
+        put(self, "_geometry", self._geometry.shifted(shift))
         return regions
 
     def unwrapped(self, layer: str) -> Layer:

@@ -66,11 +66,11 @@ def interpolate(
 ) -> float | Positions:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
     method = interpolation if type(interpolation) is Interpolation else _method(interpolation)
-    surface = _Surface(grid_map.geometry, grid_map.start_index, grid_map[layer])
+    grid = grid_map.geometry, grid_map.start_index, grid_map[layer]
     point = plain_pair(positions)
     if point is not None:
-        return surface.value(point, method)
-    positions = as_positions(positions)
+        return _value(*grid, point, method)
+    surface, positions = _Surface(*grid), as_positions(positions)
     points = positions.reshape(-1, 2)
     values = np.empty(len(points))
     # An infinite cell with weight 0 gives NaN; the simpler method is then used.
@@ -91,46 +91,49 @@ def _method(interpolation: object) -> Interpolation:
         ) from None
 
 
+def _value(
+    geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
+) -> float:
+    """Return the value at one position, the same as `_Surface.values`.
+
+    For one position, plain numbers are several times as fast as arrays.
+
+    Raises:
+        OutOfMapError: the position is not on the map.
+    """
+    if method is Interpolation.NEAREST:
+        cell = geometry.cell_at(point, start)
+        if cell is None:
+            raise _outside(geometry, point)
+        return layer.item(cell)
+    if not geometry.contains(point):
+        raise _outside(geometry, point)
+    reach, closed_above = _shape(method)
+    rows = _neighbors(geometry._x, point[0], start[0], reach, closed_above)
+    columns = _neighbors(geometry._y, point[1], start[1], reach, closed_above)
+    item, value = layer.item, 0.0
+    for column, column_weight in columns:
+        # In the order of `_weighted_sums`: rounding depends on it.
+        part = 0.0
+        for row, weight in rows:
+            part += item(row, column) * weight
+        value += part * column_weight
+    if math.isfinite(value):
+        return value
+    return _value(geometry, start, layer, point, _FALLBACKS[method])
+
+
+def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
+    return OutOfMapError(f"position {point} is outside the map: {geometry.place}")
+
+
 class _Surface:
-    """A layer as a function of one position, or of coordinates (2, N), x and y in two rows."""
+    """A layer as a function of coordinates (2, N), x and y in two rows."""
 
     def __init__(self, geometry: GridGeometry, start: Size, layer: Layer) -> None:
         self._geometry = geometry
         self._start = start
         self._layer = layer
-
-    def value(self, point: Pair, method: Interpolation) -> float:
-        """Return the value at one position, the same as `values`; raise if it is not on the map.
-
-        For one position, plain numbers are several times as fast as arrays.
-        """
-        if method is Interpolation.NEAREST:
-            cell = self._geometry.cell_at(point, self._start)
-            if cell is None:
-                raise self._outside(point)
-            return self._layer.item(cell)
-        if not self._geometry.contains(point):
-            raise self._outside(point)
-        value = self._weighted_sum(point, method)
-        return value if math.isfinite(value) else self.value(point, _FALLBACKS[method])
-
-    def _weighted_sum(self, point: Pair, method: Interpolation) -> float:
-        geometry, item = self._geometry, self._layer.item
-        reach, closed_above = _shape(method)
-        (x, y), (row, column) = point, self._start
-        rows, row_weights = _neighbors(geometry._x, x, row, reach, closed_above)
-        columns, column_weights = _neighbors(geometry._y, y, column, reach, closed_above)
-        value = 0.0
-        for column, column_weight in zip(columns, column_weights, strict=True):
-            # In the order of `_weighted_sums`: rounding depends on it.
-            part = 0.0
-            for row, weight in zip(rows, row_weights, strict=True):
-                part += item(row, column) * weight
-            value += part * column_weight
-        return value
-
-    def _outside(self, point: object) -> OutOfMapError:
-        return OutOfMapError(f"position {point} is outside the map: {self._geometry.place}")
 
     def coordinates(self, points: Positions) -> Positions:
         """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
@@ -139,7 +142,7 @@ class _Surface:
         lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
         if not (self._geometry.contains(lowest) and self._geometry.contains(highest)):
             outside = points[~self._geometry.is_inside(points)][0]
-            raise self._outside(as_text(outside))
+            raise _outside(self._geometry, as_text(outside))
         return xy
 
     def values(self, xy: Positions, method: Interpolation) -> NDArray[np.floating[Any]]:
@@ -162,8 +165,7 @@ class _Surface:
         reach, closed_above = _shape(method)
         below, t = self._geometry._both.between(xy, closed_above)
         below = below.astype(np.intp)
-        weights = np.empty((reach, *t.shape))
-        _set_weights(weights, t)
+        weights = np.array(_weights(t, reach))
         if closed_above:
             _continue_slopes(weights, below, self._geometry.size)
         # Half of the neighbors along an axis are below each position.
@@ -200,47 +202,46 @@ def _shape(method: Interpolation) -> tuple[int, bool]:
 
 def _neighbors(
     axis: Axis, x: float, start: int, reach: int, closed_above: bool
-) -> tuple[list[int], list[float]]:
-    """Return the buffer rows or columns that a coordinate uses, lowest first, and weights."""
+) -> list[tuple[int, float]]:
+    """Return the buffer rows or columns that a coordinate uses, lowest first, with weights."""
     size = axis.size
     below, t = axis.between(x, closed_above, math)
-    weights = [0.0] * reach
-    _set_weights(weights, t)
+    weights = _weights(t, reach)
     if closed_above and not 0 < below < size:
-        far, near = (3, 0) if below >= size else (0, 3)
-        weights[far], weights[near] = _continued(weights[far], weights[near])
+        lowest, low, high, highest = weights
+        if below >= size:
+            highest, lowest = _continued(highest, lowest)
+        else:
+            lowest, highest = _continued(lowest, highest)
+        weights = lowest, low, high, highest
     # As in `_places`, the border cell is repeated beyond the map.
-    first = max(below, 0) + reach // 2 - 1
-    last = first - reach + 1
-    cells: Iterable[int] = range(first, last - 1, -1)
-    if last < 0 or first >= size:
+    first = (below if below > 0 else 0) + reach // 2 - 1
+    cells: Iterable[int] = range(first, first - reach, -1)
+    if first < reach - 1 or first >= size:
         cells = [min(max(cell, 0), size - 1) for cell in cells]
-    return [(cell + start) % size for cell in cells], weights
+    return [((cell + start) % size, weight) for cell, weight in zip(cells, weights, strict=True)]
 
 
-def _set_weights(weights: Any, t: Coordinate) -> None:
-    """Set the weights (K, ...) of K neighbors in a row, the lowest one first.
+def _weights(t: Coordinate, reach: int) -> tuple[Coordinate, ...]:
+    """Return the weights (...) of neighbors in a row, the lowest one first.
 
     Args:
-        weights: weights of 2 cells, linear, or of 4, cubic; a list for one number `t`.
         t: (...) place between the two inner cells, from 0 at the lower to 1 at the higher.
+        reach: number of neighbors: 2, linear, or 4, cubic.
     """
     rest = 1.0 - t
-    if len(weights) == 2:
-        weights[0], weights[1] = rest, t
-        return
+    if reach == 2:
+        return rest, t
     # Keys's kernel with a = -1/2; the Hermite polynomial with central differences for slopes is
     # the same.
     outer = -0.5 * t
     outer *= rest
-    weights[0] = lowest = outer * rest
-    weights[3] = highest = outer * t
+    lowest, highest = outer * rest, outer * t
     # With these inner weights, constants and straight lines are reproduced exactly.
     bend = highest - lowest
     rest -= lowest
     rest += bend
-    weights[1] = rest
-    weights[2] = t - highest - bend
+    return lowest, rest, t - highest - bend, highest
 
 
 def _continue_slopes(weights: Positions, below: Places, size: Size) -> None:
