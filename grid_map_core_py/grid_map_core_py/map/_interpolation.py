@@ -11,7 +11,6 @@ weights; beyond the border it repeats the border cell.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from enum import Enum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -214,11 +213,12 @@ def _neighbors(
         else:
             lowest, highest = _continued(lowest, highest)
         weights = lowest, low, high, highest
+    first = max(below, 0) + reach // 2 - 1
+    if reach <= first + 1 <= size:
+        first += start
+        return [((first - step) % size, weight) for step, weight in enumerate(weights)]
     # As in `_places`, the border cell is repeated beyond the map.
-    first = (below if below > 0 else 0) + reach // 2 - 1
-    cells: Iterable[int] = range(first, first - reach, -1)
-    if first < reach - 1 or first >= size:
-        cells = [min(max(cell, 0), size - 1) for cell in cells]
+    cells = [min(max(first - step, 0), size - 1) for step in range(reach)]
     return [((cell + start) % size, weight) for cell, weight in zip(cells, weights, strict=True)]
 
 
