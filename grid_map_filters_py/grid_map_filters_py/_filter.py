@@ -40,6 +40,14 @@ WHOLE_MAP = math.inf
 """Reach of a filter that may look at all cells; the reach of filters that declare none."""
 
 
+class CellFilter:
+    """Base class of filters whose cells depend on the same cell of the input alone."""
+
+    def reach(self, _resolution: float) -> float:
+        """Return 0: the filter looks at no other cells."""
+        return 0
+
+
 def reach_of(function: Filter, resolution: float) -> float:
     """Return how far a filter looks: a whole number of cells, or `WHOLE_MAP`.
 

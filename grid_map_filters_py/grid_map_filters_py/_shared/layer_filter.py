@@ -6,7 +6,8 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -16,8 +17,11 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import Filter, in_map_order
+from .._filter import WHOLE_MAP, CellFilter, Filter, in_map_order
+from ..parts._blocks import blockwise
 from ..parts._disc import Disc, disc_reach, typical_value
+
+Values: TypeAlias = npt.NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,15 +38,23 @@ class LayerFilter(ABC):
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
-        result = self._filter(grid_map[self.input_layer], grid_map.resolution)
+        layer, resolution = grid_map[self.input_layer], grid_map.resolution
+        function = self._for_blocks_of(layer)
+        # Filters of single cells take parts by themselves, and write them only once.
+        reach = WHOLE_MAP if isinstance(self, CellFilter) else self.reach(resolution)
+        result = blockwise(lambda block: function(block, resolution), layer, reach=reach)
         return grid_map.with_layers({self.output_layer: result})
 
     @abstractmethod
     def reach(self, resolution: float) -> float:
         """Return the cells that the filter looks far; see `Filter`."""
 
+    def _for_blocks_of(self, _layer: Layer) -> Callable[[Layer, float], Values]:
+        """Return the function for blocks of a layer, which takes a block and the resolution."""
+        return self._filter
+
     @abstractmethod
-    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.floating[Any]]:
+    def _filter(self, layer: Layer, resolution: float) -> Values:
         """Return the result for a layer in map order, which stays unchanged."""
 
 
@@ -60,13 +72,14 @@ class AroundTypicalValue(LayerFilter):
 
         return with_typical_value(apply, grid_map, self.input_layer)
 
-    def _filter(self, layer: Layer, resolution: float) -> npt.NDArray[np.floating[Any]]:
+    def _for_blocks_of(self, layer: Layer) -> Callable[[Layer, float], Values]:
+        return partial(self._filter_around, typical_value(layer))
+
+    def _filter(self, layer: Layer, resolution: float) -> Values:
         return self._filter_around(typical_value(layer), layer, resolution)
 
     @abstractmethod
-    def _filter_around(
-        self, offset: float, layer: Layer, resolution: float
-    ) -> npt.NDArray[np.floating[Any]]:
+    def _filter_around(self, offset: float, layer: Layer, resolution: float) -> Values:
         """Return the result for a layer from its differences to `offset`."""
 
 

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
+from .._filter import CellFilter
+
 
 @dataclass(frozen=True, kw_only=True)
-class BufferNormalizer:
+class BufferNormalizer(CellFilter):
     """Reorder the data so that the start index is (0, 0).
 
     A `FilterChain` gives such maps to all filters. With this filter in the chain, the result does
     not get the start index of the input again.
     """
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         return grid_map if grid_map.start_index == (0, 0) else grid_map.with_start_index((0, 0))

@@ -10,6 +10,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
+from .._filter import CellFilter
 from .._shared.colors import FULL, is_none, pack, shares
 from ..parts._cell_function import Value, cell_function, choose
 
@@ -17,7 +18,7 @@ _ONE, _TWO, _DARK = np.float32(1), np.float32(2), np.float32(1.5)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorBlending:
+class ColorBlending(CellFilter):
     """Blend a layer of colors over another.
 
     Where one layer has no color, the result is the color of the other one.
@@ -40,9 +41,6 @@ class ColorBlending:
     def __post_init__(self) -> None:
         check(0 <= self.opacity <= 1, "opacity", "a number in [0, 1]", self.opacity)
         _MODES[self.blend_mode].prepare()
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[self.background_layer], grid_map[self.foreground_layer]]

@@ -8,6 +8,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap, color_vector_to_value
 
+from .._filter import CellFilter
 from .._shared.colors import check_color
 from ..parts._cell_function import Value, cell_function, choose, is_finite
 
@@ -15,7 +16,7 @@ _NAN = np.float32(np.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorFill:
+class ColorFill(CellFilter):
     """Fill a layer with one color.
 
     Attributes:
@@ -38,9 +39,6 @@ class ColorFill:
         value = color_vector_to_value(np.clip(color, 0.0, 1.0).astype(np.float32))
         object.__setattr__(self, "_value", np.float32(value))
         _where_finite.prepare()
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         if self.mask_layer:

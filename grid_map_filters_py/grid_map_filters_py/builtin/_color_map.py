@@ -10,6 +10,7 @@ import numpy as np
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
+from .._filter import CellFilter
 from .._shared.colors import check_color, or_none, pack
 from .._shared.layer_filter import LayerFilter
 from ..parts._cell_function import Value, cell_function, clamp, is_finite
@@ -18,7 +19,7 @@ _FIRST, _LAST = np.float32(0), np.float32(1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorMap(LayerFilter):
+class ColorMap(CellFilter, LayerFilter):
     """Color a layer by a linear ramp between two values, each with a color.
 
     Values beyond the ramp get the color of its end. Cells that are not finite have no color.
@@ -46,9 +47,6 @@ class ColorMap(LayerFilter):
         in_range = max(abs(self.min_value), self.max_value - self.min_value) <= longest
         check(in_range, "max/value", f"a ramp of at most {longest:g}", self.max_value)
         _color.prepare()
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def _filter(self, layer: Layer, _resolution: float) -> Layer:
         first, last = (255 * np.clip(color, 0, 1) for color in (self.min_color, self.max_color))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 from grid_map_core_py import GridMap
 
-from .._filter import warn
+from .._filter import CellFilter, warn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Deletion:
+class Deletion(CellFilter):
     """Remove layers, and warn about names of layers that the map does not have.
 
     Attributes:
@@ -18,9 +18,6 @@ class Deletion:
     """
 
     layers: tuple[str, ...]
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         missing = [name for name in self.layers if name not in grid_map]

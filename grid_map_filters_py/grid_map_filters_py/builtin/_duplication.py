@@ -6,20 +6,18 @@ from dataclasses import dataclass
 
 from grid_map_core_py.arrays import Layer
 
+from .._filter import CellFilter
 from .._shared.layer_filter import LayerFilter
 
 
 @dataclass(frozen=True, kw_only=True)
-class Duplication(LayerFilter):
+class Duplication(CellFilter, LayerFilter):
     """Copy `input_layer` to `output_layer`.
 
     Attributes:
         input_layer: layer to copy.
         output_layer: layer for the copy.
     """
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def _filter(self, layer: Layer, _resolution: float) -> Layer:
         return layer.copy("F")

@@ -10,12 +10,13 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
+from .._filter import CellFilter
 from .._shared.colors import FULL, or_none, pack
 from ..parts._cell_function import Value, cell_function, is_finite
 
 
 @dataclass(frozen=True, kw_only=True)
-class LightIntensity:
+class LightIntensity(CellFilter):
     """Shade a map in gray, by the cosine between its normals and the direction to the light.
 
     Cells without a normal have no color.
@@ -35,9 +36,6 @@ class LightIntensity:
         usable = len(direction) == 3 and 0 < math.hypot(*direction) < math.inf
         check(usable, "light_direction", "three finite numbers, not all 0", list(direction))
         _shade.prepare()
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         towards = -np.asarray(self.light_direction) / math.hypot(*self.light_direction)

@@ -5,12 +5,18 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import slices
 
 from .._filter import WHOLE_MAP, Filter, in_map_order
 from ..errors import ExpressionError
 from ..expression import Expression
+from ..parts._side_by_side import CELLS, side_by_side
+
+_CELLS = 4 * CELLS
+"""Cells that are computed together: walking the syntax tree takes as long as an operation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,10 +47,24 @@ class MathExpression:
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
         with np.errstate(over="ignore"):
-            result = np.asarray(self._parsed(grid_map), dtype=np.float32)
+            result = self._evaluate(grid_map)
         if result.ndim and result.shape != grid_map.size:
             raise ExpressionError(
                 f"{self.expression!r} gives a matrix of shape {result.shape}; "
                 f"expected a scalar or the map's {grid_map.size}"
             )
         return grid_map.with_layers({self.output_layer: result})
+
+    def _evaluate(self, grid_map: GridMap) -> npt.NDArray[np.float32]:
+        names, (rows, columns) = self._parsed.names, grid_map.size
+        is_cellwise = self._parsed.is_cellwise and self.for_tiles_of(grid_map) is not None
+        if not (is_cellwise and names and names <= set(grid_map)):
+            return np.asarray(self._parsed(grid_map), dtype=np.float32)
+        result = np.empty(grid_map.size, np.float32, order="F")
+
+        def compute(part: slice) -> None:
+            layers = {name: grid_map[name][:, part] for name in names}
+            self._parsed.fill(result[:, part], layers)
+
+        side_by_side(compute, slices(columns, _CELLS // rows))
+        return result

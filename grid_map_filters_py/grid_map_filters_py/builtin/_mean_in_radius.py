@@ -11,7 +11,6 @@ from grid_map_core_py.arrays import Layer
 
 from .._shared.layer_filter import AroundTypicalValue, DiscFilter
 from ..parts._disc import Disc, Tile, tiles
-from ..parts._side_by_side import side_by_side
 
 _FEW = 4
 """Largest reach of a small disc, in cells."""
@@ -29,11 +28,8 @@ class MeanInRadius(AroundTypicalValue, DiscFilter):
         # For a few values, sums in single precision are as exact as the layer.
         dtype = np.float32 if max(disc.reach) <= _FEW else np.float64
         mean = np.empty_like(layer, order="F")
-
-        def compute(tile: Tile) -> None:
+        for tile in tiles(disc):
             mean[tile.rows, tile.columns] = _mean(layer, tile, offset, dtype)
-
-        side_by_side(compute, tiles(disc))
         return mean
 
 

@@ -4,20 +4,19 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, Mask
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
 
 from .._filter import in_map_order
 from .._shared.layer_filter import check_radius
 from .._shared.medians import prepare_medians, put_window_medians
+from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach
 
 _BLOCK = np.ones((3, 3), np.uint8)
@@ -77,44 +76,51 @@ class MedianFill:
         prepare_medians()
 
     def reach(self, resolution: float) -> float:
-        radii = [self.fill_hole_radius]
-        if self.filter_existing_values and self.existing_value_radius is not None:
-            radii.append(self.existing_value_radius)
+        radii = [self.fill_hole_radius, self._existing_value_radius or 0.0]
         # The opening looks two cells far; the closing dilates and erodes.
         of_mask = 2 + 2 * self.num_erode_dilation_iterations
         return max(of_mask, *(disc_reach(radius, resolution) for radius in radii))
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
-        layer = grid_map[self.input_layer]
-        known = np.isfinite(layer)
-        if self.fill_mask_layer in grid_map:
-            chosen, masks = grid_map[self.fill_mask_layer] != 0, dict[str, Layer]()
-        else:
-            chosen, masks = self._compute_mask(known)
-        output, radii = layer.copy("F"), [(~known, self.fill_hole_radius)]
-        if self.filter_existing_values and self.existing_value_radius is not None:
-            radii.append((known, self.existing_value_radius))
-        for cells, radius in radii:
-            if (cells & chosen).any():
-                half_width = math.floor(radius / grid_map.resolution + _TOLERANCE)
-                put_window_medians(output, layer, cells & chosen, half_width)
+        layer, masks = grid_map[self.input_layer], dict[str, Layer]()
+        if self.fill_mask_layer not in grid_map:
+            if self.debug and self.debug_infill_mask_layer:
+                masks[self.debug_infill_mask_layer] = _mask(layer, 0)
+            masks[self.fill_mask_layer] = _mask(layer, self.num_erode_dilation_iterations)
+        holes, existing = (
+            -1 if radius is None else math.floor(radius / grid_map.resolution + _TOLERANCE)
+            for radius in (self.fill_hole_radius, self._existing_value_radius)
+        )
+
+        def fill(values: Layer, mask: Layer) -> Layer:
+            known, chosen, output = np.isfinite(values), mask != 0, values.copy("F")
+            for cells, half_width in ((~known & chosen, holes), (known & chosen, existing)):
+                if half_width >= 0 and cells.any():
+                    put_window_medians(output, values, cells, half_width)
+            return output
+
+        chosen = grid_map.with_layers(masks)[self.fill_mask_layer]
+        output = blockwise(fill, layer, chosen, reach=max(holes, existing))
         result = grid_map.with_layers({self.output_layer: output, **masks})
         result.basic_layers = ()
         return result
 
-    def _compute_mask(self, known: Mask) -> tuple[Mask, dict[str, Layer]]:
-        """Return the mask of cells to fill, and the layers to add."""
-        # After max(rows, cols) steps the mask cannot grow further.
-        iterations = min(self.num_erode_dilation_iterations, max(known.shape))
-        solid = cv2.morphologyEx(known.T.view(np.uint8), cv2.MORPH_OPEN, _BLOCK)
+    @property
+    def _existing_value_radius(self) -> float | None:
+        return self.existing_value_radius if self.filter_existing_values else None
+
+
+def _mask(layer: Layer, iterations: int) -> Layer:
+    """Return the mask of cells to fill, as 0 and 1; `iterations` are those of the closing."""
+    # After max(rows, cols) steps the mask cannot grow further.
+    iterations = min(iterations, max(layer.shape))
+
+    def closed(values: Layer) -> Layer:
+        known = np.isfinite(values).T.view(np.uint8)
+        solid = cv2.morphologyEx(known, cv2.MORPH_OPEN, _BLOCK)
         grown = cv2.dilate(solid, _BLOCK, iterations=iterations)
-        closed = cv2.erode(grown, _BLOCK, iterations=iterations)
-        masks = {self.fill_mask_layer: _as_layer(closed)}
-        if self.debug and self.debug_infill_mask_layer:
-            masks = {self.debug_infill_mask_layer: _as_layer(solid), **masks}
-        return closed.T != 0, masks
+        mask: Layer = cv2.erode(grown, _BLOCK, iterations=iterations).T.astype(np.float32)
+        return mask
 
-
-def _as_layer(mask: npt.NDArray[Any]) -> Layer:
-    return mask.T.astype(np.float32)
+    return blockwise(closed, layer, reach=2 + 2 * iterations)

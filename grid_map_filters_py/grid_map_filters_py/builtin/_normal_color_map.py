@@ -8,6 +8,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap
 
+from .._filter import CellFilter
 from .._shared.colors import or_none, pack
 from ..parts._cell_function import Value, cell_function
 
@@ -15,7 +16,7 @@ _ONE, _HALF = np.float32(1), np.float32(127.5)
 
 
 @dataclass(frozen=True, kw_only=True)
-class NormalColorMap:
+class NormalColorMap(CellFilter):
     """Color a map by its normals: red, green, blue are x, y, z mapped from [-1, 1] to [0, 1].
 
     Cells without a normal have no color.
@@ -30,9 +31,6 @@ class NormalColorMap:
 
     def __post_init__(self) -> None:
         _color.prepare()
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         normals = [grid_map[self.input_layers_prefix + axis] for axis in "xyz"]

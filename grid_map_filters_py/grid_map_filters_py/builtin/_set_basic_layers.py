@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError
 
-from .._filter import warn
+from .._filter import CellFilter, warn
 
 
 @dataclass(frozen=True, kw_only=True)
-class SetBasicLayers:
+class SetBasicLayers(CellFilter):
     """Set the basic layers, and warn about names of layers that the map does not have.
 
     Attributes:
@@ -25,9 +25,6 @@ class SetBasicLayers:
     def __post_init__(self) -> None:
         if (self.layers is None) == (self.layer is None):
             raise ConfigError("expected either 'layers' or 'layer'")
-
-    def reach(self, _resolution: float) -> float:
-        return 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         wanted = (self.layers or ()) + (self.layer or ())

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, elementwise
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
 
 from .._filter import Filter, in_map_order
 from .._shared.layer_filter import check_radius, with_typical_value
 from .._shared.normals import area_normals, prepare_normals, raster_normals
+from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach, typical_value
 
 
@@ -62,14 +63,20 @@ class Slope:
         return self._with_slope(grid_map, 0.0 if heights is None else typical_value(heights))
 
     def _with_slope(self, grid_map: GridMap, offset: float) -> GridMap:
-        if self.input_layers_prefix is not None:
-            x, y, z = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
-        elif self.radius:
+        resolution = grid_map.resolution
+
+        def of_heights(heights: Layer) -> Layer:
+            if self.radius:
+                return _slope(*area_normals(heights, offset, self.radius, resolution))
+            return _slope(*raster_normals(heights, resolution))
+
+        if self.input_layers_prefix is None:
             heights = grid_map[self.input_layer or ""]
-            x, y, z = area_normals(heights, offset, self.radius, grid_map.resolution)
+            slope = blockwise(of_heights, heights, reach=self.reach(resolution))
         else:
-            x, y, z = raster_normals(grid_map[self.input_layer or ""], grid_map.resolution)
-        return grid_map.with_layers({self.output_layer: elementwise(_slope, np.float32, x, y, z)})
+            normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
+            slope = blockwise(_slope, *normals)
+        return grid_map.with_layers({self.output_layer: slope})
 
 
 def _slope(x: Layer, y: Layer, z: Layer) -> Layer:

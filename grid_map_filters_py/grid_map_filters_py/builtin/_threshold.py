@@ -7,11 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
+
+from .._filter import CellFilter
+from ..parts._blocks import blockwise
 
 
 @dataclass(frozen=True, kw_only=True)
-class Threshold:
+class Threshold(CellFilter):
     """Set cells of a layer to a value where a layer is below or above a threshold.
 
     Attributes:
@@ -38,17 +42,18 @@ class Threshold:
         if (self.layer is None) == (None in pair) or (self.layer is not None and any(pair)):
             raise ConfigError("expected either 'layer', or 'condition_layer' and 'output_layer'")
 
-    def reach(self, _resolution: float) -> float:
-        return 0
-
     def __call__(self, grid_map: GridMap) -> GridMap:
         condition = grid_map[self.layer or self.condition_layer or ""]
         output_layer = self.layer or self.output_layer or ""
-        result = grid_map[output_layer].copy("F")
+        result = blockwise(self._set, grid_map[output_layer], condition)
+        return grid_map.with_layers({output_layer: result})
+
+    def _set(self, layer: Layer, condition: Layer) -> Layer:
+        result = layer.copy("F")
         lower, upper = self.lower_threshold, self.upper_threshold
         compare, threshold = (np.greater, upper) if lower is None else (np.less, lower)
         # Without the signature, the threshold would be rounded to float32.
         passes = compare(condition, np.asarray(threshold), signature="dd->?")
         with np.errstate(over="ignore"):
             result[passes & np.isfinite(condition)] = self.set_to
-        return grid_map.with_layers({output_layer: result})
+        return result

@@ -9,12 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer, elementwise
+from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
+
+from .._filter import CellFilter
+from ..parts._blocks import blockwise
 
 
 @dataclass(frozen=True, kw_only=True)
-class Traversability:
+class Traversability(CellFilter):
     """Compute the traversability of cells, from 0 (impassable) to 1.
 
     It is the weighted mean of 1 - value / critical value, each clamped to [0, 1], over layers such
@@ -46,14 +49,9 @@ class Traversability:
         check(all(self.critical_values), "critical_values", "numbers > 0", self.critical_values)
         check(any(self._weights), "weights", "a number > 0", self.weights)
 
-    def reach(self, _resolution: float) -> float:
-        return 0
-
     def __call__(self, grid_map: GridMap) -> GridMap:
         layers = [grid_map[name] for name in self.input_layers]
-        return grid_map.with_layers(
-            {self.output_layer: elementwise(self._mean, np.float32, *layers)}
-        )
+        return grid_map.with_layers({self.output_layer: blockwise(self._mean, *layers)})
 
     def _mean(self, *layers: Layer) -> npt.NDArray[np.float64]:
         total = np.zeros(layers[0].shape)

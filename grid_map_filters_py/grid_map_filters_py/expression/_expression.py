@@ -103,6 +103,19 @@ class Expression:
         is_shared = isinstance(result, np.ndarray) and not result.flags.writeable
         return np.copy(result, order="K") if is_shared else result
 
+    def fill(self, out: NDArray[np.float32], layers: Mapping[str, NDArray[Any]]) -> None:
+        """Write the value for whole layers into an array, with one temporary array less.
+
+        Args:
+            out: (rows, columns) float32, the shape of the value; is written to.
+            layers: (rows, columns) arrays by name: those that the expression names, and no others.
+        """
+        values = {name: _bind(name, layers[name], self._places[name]) for name in layers}
+        with _faults_as_errors(self.text):
+            result = Interpreter(Matrices(out), values, "")(self._root)
+        if result is not out:
+            out[...] = result
+
     def _of_moved_map(self, grid_map: GridMap) -> NDArray[np.float32] | float:
         result = self({name: grid_map.unwrapped(name) for name in grid_map})
         if isinstance(result, float) or result.shape != grid_map.size:

@@ -60,15 +60,26 @@ def describe(shape: Shape) -> str:
 
 
 class Matrices:
-    """The primitive operations of the language, on numbers and matrices."""
+    """The primitive operations of the language, on numbers and matrices.
+
+    Args:
+        spare: float32 memory for the first temporary of its shape; None if there is none.
+    """
+
+    def __init__(self, spare: NDArray[np.float32] | None = None) -> None:
+        self._spare = spare
 
     def elementwise(self, function: Callable[..., Any], *values: Value) -> Value:
         """Apply `function` to equal shapes; 1 x 1 matrices are repeated.
 
         Matrices are computed in float32, numbers in double precision.
         """
-        common_shape(values)
-        return apply(function, values, np.float32)
+        shape, spare = common_shape(values), self._spare
+        if spare is None or spare.shape != shape:
+            return apply(function, values, np.float32)
+        result = apply(function, values, np.float32, spare)
+        self._spare = None if result is spare else spare
+        return result
 
     def fold(self, value: Value, axis: int | None, *folds: Fold) -> list[Value]:
         """Reduce everything to 1 x 1, or per column (axis 0) or row (1), in double precision."""
@@ -104,7 +115,10 @@ def as_matrix(value: Value) -> NDArray[np.float32]:
 
 
 def apply(
-    function: Callable[..., Any], values: Sequence[Any], dtype: type[np.floating[Any]]
+    function: Callable[..., Any],
+    values: Sequence[Any],
+    dtype: type[np.floating[Any]],
+    spare: NDArray[Any] | None = None,
 ) -> Any:
     """Apply an elementwise function; truth values become 1 and 0.
 
@@ -112,12 +126,14 @@ def apply(
         function: a ufunc, or a function of arrays.
         values: floats and arrays of equal shapes (or 1 x 1).
         dtype: dtype of the resulting array.
+        spare: memory for the result that may be used in place of new memory.
 
     Returns:
         A new array or a used-up temporary, or a float if all values are numbers.
     """
     if isinstance(function, np.ufunc):
-        result = function(*values, out=_temporary(values, dtype))
+        used_up = _temporary(values, dtype)
+        result = function(*values, out=spare if used_up is None else used_up)
     else:
         result = function(*values)
     return float(result) if np.ndim(result) == 0 else result.astype(dtype, copy=False)

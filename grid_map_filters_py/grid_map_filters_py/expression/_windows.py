@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FilterError
-from ..parts._side_by_side import side_by_side
 from ._functions import COMPARISONS, CONSTANTS, FUNCTIONS, POWERS
 from ._interpreter import Interpreter
 from ._matrices import SCALAR, describe, shape_of
@@ -21,7 +20,7 @@ from ._window_matrices import MeanPaddedWindow, SlidingWindow, WindowMatrices, W
 EdgeHandling = Literal["inside", "crop", "empty", "mean"]
 
 # Cells per block: arrays of this size stay in the cache of one core.
-_BLOCK = 32768
+_BLOCK = 2**17
 
 # Cells by which a window may exceed the layer; this limits memory.
 _LARGEST_MARGIN = 1000
@@ -53,20 +52,12 @@ def evaluate_over_windows(
         number(SlidingWindow(np.empty((size - 1, size - 1)), (size, size)))
     result = np.full(layer.shape, np.nan, np.float32, order="F")
     row_spans, column_spans = (_spans(length, size, edge_handling) for length in layer.shape)
-
-    def compute(cells: tuple[_Span, _Span]) -> None:
-        rows, columns = cells
-        values = np.array(layer[rows.source, columns.source], np.float64, order="F")
-        window = SlidingWindow(values, (rows.window, columns.window))
-        result[rows.start : rows.stop, columns.start : columns.stop] = number(window)
-
-    # Rectangles of cells that fit the cache and whose windows have one shape.
-    rectangles = (
-        (rows, columns)
-        for rows, span in product(row_spans, column_spans)
-        for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start)))
-    )
-    side_by_side(compute, rectangles)
+    for rows, span in product(row_spans, column_spans):
+        # Rectangles of cells that fit the cache and whose windows have one shape.
+        for columns in span.split(max(1, _BLOCK // (rows.stop - rows.start))):
+            values = np.array(layer[rows.source, columns.source], np.float64, order="F")
+            window = SlidingWindow(values, (rows.window, columns.window))
+            result[rows.start : rows.stop, columns.start : columns.stop] = number(window)
     return result
 
 

@@ -1,12 +1,14 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts for writing fast filters: sums over discs, functions of single cells, and threads.
+"""Parts for writing fast filters: sums over discs, functions of single cells, blocks, and threads.
 
 `Disc` and `tiles` sum up the values in the disc around every cell. `cell_function` turns a function
 of the values of one cell into one of whole layers, which numba compiles where it is installed.
-`side_by_side` works on parts of a map in the threads of the chain.
+`blockwise` computes a layer block by block in the threads of the chain, and `side_by_side` calls a
+function with any parts of the work in these threads.
 """
 
+from ._blocks import blockwise as blockwise
 from ._cell_function import (
     CellFunction as CellFunction,
     cell_function as cell_function,

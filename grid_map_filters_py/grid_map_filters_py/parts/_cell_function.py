@@ -17,8 +17,10 @@ from typing import Any, SupportsFloat, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, elementwise
+from grid_map_core_py.arrays import Layer, elementwise, slices
 from grid_map_core_py.loops import Loop
+
+from ._side_by_side import CELLS, side_by_side
 
 Value: TypeAlias = Any
 """A number of one cell, or an array with the numbers of all cells."""
@@ -90,11 +92,18 @@ class CellFunction:
             constants = tuple(np.float32(float(number)) for number in numbers)
         compiled = self._loop.compiled(always=True)
         # The compiled function does not look how long arrays are.
-        if compiled is None or len({cells.size for cells in flat}) > 1:
-            results = self.plain(flat, constants)
-        else:
-            results = np.empty(flat[0].size, self.gives)
-            compiled(flat, constants, results, results.size)
+        if len({values.size for values in flat}) > 1:
+            compiled = None
+        results = np.empty(flat[0].size, self.gives)
+
+        def compute(part: slice) -> None:
+            cells, computed = tuple(values[part] for values in flat), results[part]
+            if compiled is None:
+                computed[...] = self.plain(cells, constants)
+            else:
+                compiled(cells, constants, computed, computed.size)
+
+        side_by_side(compute, slices(results.size, CELLS))
         return results.view(np.float32).reshape(layers[0].shape, order="F")
 
     def plain(

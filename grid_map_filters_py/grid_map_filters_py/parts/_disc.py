@@ -220,7 +220,7 @@ class Tile:
         return self.sums(known.view(np.uint8).astype(smallest, copy=False))
 
 
-def tiles(disc: Disc, side: int = 256) -> Iterator[Tile]:
+def tiles(disc: Disc, side: int = 512) -> Iterator[Tile]:
     """Yield the tiles of a map.
 
     Args:

@@ -17,6 +17,10 @@ import numpy as np
 
 T = TypeVar("T")
 
+CELLS = 2**17
+"""Cells of a part. One operation on fewer takes less time than waking up the thread that waits for
+Python's lock meanwhile."""
+
 _helpers: ContextVar[tuple[ThreadPoolExecutor | None, int]] = ContextVar(
     "_helpers", default=(None, 0)
 )
