@@ -74,13 +74,15 @@ SHARES = st.sampled_from([0.0, 0.1, 0.2, 0.45, 0.9])
 SEEDS = st.integers(0, 2**32)
 
 
+@pytest.mark.parametrize("way", [inpaint, inpaint_with_opencv])
 @given(SIZES, SHARES, st.sampled_from([0.02, 0.1, 0.3]), st.integers(3, 12), SEEDS)
-def test_inpainting_by_blocks_gives_the_same_bits(size, share, radius, side, seed):
+def test_inpainting_by_blocks_gives_the_same_bits(way, size, share, radius, side, seed):
     grid_map = ground(ground_with_holes(size, share, seed))
-    expected = inpaint_with_opencv(grid_map, radius)
+    expected = way(grid_map, radius)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("grid_map_filters_py.builtin._inpaint._SIDE", side)
-        found = inpaint_with_opencv(grid_map, radius)
+        patch.setattr("grid_map_filters_py.builtin._inpaint.thread_count", lambda: 2)
+        found = way(grid_map, radius)
     np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
 
 

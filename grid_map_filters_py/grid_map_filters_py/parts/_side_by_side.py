@@ -42,6 +42,11 @@ def use_threads(count: int) -> Iterator[None]:
             _helpers.reset(token)
 
 
+def thread_count() -> int:
+    """Return the number of threads that `side_by_side` uses here."""
+    return 1 + _helpers.get()[1]
+
+
 def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     """Call a function with each part, in as many threads as the running chain may use.
 
