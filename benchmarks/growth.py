@@ -21,6 +21,7 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 from terrain import terrain
 
 from grid_map_core_py.limits import set_limits
@@ -68,6 +69,7 @@ def in_process(cells: int, threads: int, *, keep: bool) -> dict[str, float]:
 def measured(cells: int, threads: int) -> dict[str, float]:
     """Return smallest times per cell [ns], and the peak memory in sizes of all layers."""
     set_limits(max_cells=cells**2)
+    cv2.setNumThreads(1)  # OpenCV starts threads of its own
     chain = FilterChain.from_yaml(CHAIN, threads=threads)
     small = terrain(300)
     small["color"] = 0.0
