@@ -90,11 +90,8 @@ def _put_changes_near(
 ) -> None:
     """Update the changes at a cell and its neighbors."""
     if 1 < row < rows - 2 and 1 < column < columns - 2:
-        _put_changes(images, cell, width, 0, 0, 0, 0)
-        _put_changes(images, cell - width, width, 0, 0, 0, 0)
-        _put_changes(images, cell + width, width, 0, 0, 0, 0)
-        _put_changes(images, cell - 1, width, 0, 0, 0, 0)
-        _put_changes(images, cell + 1, width, 0, 0, 0, 0)
+        for step in (0, -width, width, -1, 1):
+            _put_changes(images, cell + step, width, 0, 0, 0, 0)
         return
     for y in range(max(row - 1, 0), min(row + 2, rows)):
         for x in range(max(column - 1, 0), min(column + 2, columns)):
