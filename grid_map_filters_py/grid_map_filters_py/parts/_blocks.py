@@ -19,7 +19,10 @@ from grid_map_core_py.arrays import Layer, Size, slices
 from ._side_by_side import CELLS, side_by_side
 
 _SIDE = 512
-"""Largest side of a block with a border, unless the border is wide."""
+"""Largest side of a block with a border, unless the border is wide; half of it on small maps."""
+
+_SMALL = 2**20
+"""Cells of a map that is not small. On smaller ones the C library gives back large temporaries."""
 
 _SHARE = 32
 """Least side of a block in widths of its border, which is computed twice."""
@@ -76,7 +79,8 @@ def _blocks(size: Size, reach: float) -> Iterator[_Block]:
     """Yield blocks of about equal size; one block if `reach` is most of the map."""
     border = int(min(reach, max(size)))
     # Whole columns are one piece of memory.
-    longest = max(_SIDE, _SHARE * border) if border else size[0]
+    side = _SIDE if size[0] * size[1] >= _SMALL else _SIDE // 2
+    longest = max(side, _SHARE * border) if border else size[0]
     rows = _evenly(size[0], longest)
     columns = _evenly(size[1], longest if border else CELLS // rows)
     for cells in product(slices(size[0], rows), slices(size[1], columns)):
