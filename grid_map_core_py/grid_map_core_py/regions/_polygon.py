@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -53,13 +53,16 @@ class Polygon:
     def __init__(self, vertices: ArrayLike) -> None:
         given = as_numbers(vertices, "vertices")
         points = np.empty((0, 2)) if given.size == 0 else as_positions(given, "vertices")
-        ends = (np.minimum.reduce(points), np.maximum.reduce(points)) if points.size else ()
-        if points.ndim != 2 or not np.isfinite(ends).all():
+        ends: tuple[list[float], ...] = ()
+        if points.ndim == 2 and len(points):
+            # NaN and infinities are among these.
+            ends = np.minimum.reduce(points).tolist(), np.maximum.reduce(points).tolist()
+        if points.ndim != 2 or not all(map(math.isfinite, chain(*ends))):
             raise GeometryError(
                 f"vertices: expected finite x, y of shape (V, 2), got {short(vertices)}"
             )
         # The smallest and the largest x, y [m]; nothing if there are no vertices.
-        self._ends = tuple(end.tolist() for end in ends)
+        self._ends = ends
         # (V + 1, 2) the last vertex and then all: each row is joined to the next one.
         self._closed = np.concatenate((points[-1:], points))
         self._closed.flags.writeable = False
