@@ -249,6 +249,8 @@ def subjects(folder: Path) -> list[Subject]:
         "robot_centric": False,
         "length": [RESOLUTION * cells for cells in CELLS],
         "resolution": RESOLUTION,
+        # The memory of waiting clouds is kept, and a stalled node fills a queue at any time.
+        "queue_size": 1,
     }
     bag = str(folder / "loaded")
     save_to_bag(terrain(), bag, "/grid_map")
