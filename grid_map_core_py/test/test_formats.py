@@ -97,7 +97,7 @@ def test_unknown_name_is_one_error(call, error, message):
         call()
 
 
-@pytest.mark.parametrize("ending", ["npz", "png", "pgm", "pcd", "ply", "obj", "stl", "tif"])
+@pytest.mark.parametrize("ending", ["npz", "png", "pgm", "pcd", "ply", "obj", "stl", "tif", "yaml"])
 def test_devices_are_not_read(ending):
     # A map from a foreign archive may be a link to a device that never ends.
     Path(f"map.{ending}").symlink_to("/dev/null")

@@ -70,7 +70,7 @@ def read_chain(path: str | Path, name: str) -> object:
         OSError: the file cannot be read.
     """
     try:
-        content = load_yaml(path)
+        content = load_yaml(path, piped=True)
     except GridMapError as error:
         if isinstance(error.__cause__, OSError):
             raise error.__cause__ from None

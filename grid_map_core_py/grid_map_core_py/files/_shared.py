@@ -35,15 +35,21 @@ def check_ending(path: str | PathLike[str], *own: str) -> None:
         raise GridMapError(f"{path}: expected {expected}, got {ending}")
 
 
+def refuse_devices(file: Path) -> None:
+    """Raise `OSError` for a device or a pipe, which may never end."""
+    if file.exists() and not (file.is_file() or file.is_dir()):
+        raise OSError("a device or a pipe")
+
+
 @contextmanager
 def storage_errors(file: Path, doing: str) -> Iterator[None]:
     """Turn every error of reading or writing a file into one GridMapError that names it.
 
-    A device or a pipe is not read: it may never end.
+    A device or a pipe is not read.
     """
     try:
-        if doing == "read" and file.exists() and not (file.is_file() or file.is_dir()):
-            raise OSError("a device or a pipe")
+        if doing == "read":
+            refuse_devices(file)
         yield
     except (LayerNotFoundError, MissingPackageError):
         raise

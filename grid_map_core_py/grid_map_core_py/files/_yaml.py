@@ -13,6 +13,7 @@ import yaml
 
 from ..errors import GridMapError
 from ..plugins import DEEPEST
+from ._shared import refuse_devices
 
 LARGEST = 4 * 2**20
 """Maximum size of a YAML file [bytes]."""
@@ -75,22 +76,25 @@ _Loader.add_implicit_resolver(
 )
 
 
-def load_yaml(path: str | PathLike[str]) -> Any:
+def load_yaml(path: str | PathLike[str], *, piped: bool = False) -> Any:
     """Return the content of a YAML file.
 
     Numbers such as `1e-3` are read as ROS reads them, and keys are unique.
 
     Args:
-        path: the file; it may be a pipe.
+        path: the file.
+        piped: let it be a pipe or a device, which may never end.
 
     Raises:
         GridMapError: the file is missing, or see `parse_yaml`.
     """
     try:
+        if not piped:
+            refuse_devices(Path(path))
         with Path(path).open("rb") as file:
             text = file.read(LARGEST + 1)
     except OSError as error:
-        raise GridMapError(f"{path}: cannot be read: {error.strerror}") from error
+        raise GridMapError(f"{path}: cannot be read: {error.strerror or error}") from error
     return parse_yaml(text, path)
 
 
