@@ -427,6 +427,16 @@ def test_flood_of_a_page_is_slowed_and_loses_no_message(page):
     assert page.take_refusals()[0] == "a browser has to wait: more than 200 messages per second"
 
 
+def test_only_pictures_may_be_large_messages(page):
+    encode = pytest.importorskip("msgspec.msgpack").encode
+    head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", 400, 400)
+    picture = {"type": "GetRenderResponseMessage", "render_uuid": "a", "payload": head}
+    assert page._gate.accepts(encode(picture | {"payload": head + bytes(2**20)}))
+    assert page._gate.accepts(encode(picture | {"more": 100 * [{}]}))
+    assert not page._gate.accepts(encode(picture | {"more": 10_000 * [{}]}))
+    assert not page._gate.accepts(encode(picture | {"payload": 10_000 * [{}]}))
+
+
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
     chosen = []
     for layers in ("b elevation z", "b elevation", "b a_x a_y a_z", "c a"):

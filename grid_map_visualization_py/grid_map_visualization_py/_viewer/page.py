@@ -379,11 +379,11 @@ def url_of(host: str, port: int) -> str:
 
 
 def _serve(host: str, port: int, names: Container[str]) -> tuple[Any, Gate]:
-    viser, websockets, msgpack = (
+    viser, websockets, msgspec = (
         required(name, "web_viewer", "install viser (pip)")
-        for name in ("viser", "websockets.asyncio.server", "msgspec.msgpack")
+        for name in ("viser", "websockets.asyncio.server", "msgspec")
     )
-    gate = Gate(websockets, msgpack.decode, names)
+    gate = Gate(websockets, msgspec, names)
     try:
         # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
