@@ -28,6 +28,9 @@ from .parts._side_by_side import use_threads
 _FEWEST_CELLS = 300**2
 """Cells of the smallest map for which several threads are worth their start."""
 
+_MOST_THREADS = 1000
+"""Threads start even if they find no work, and the system has a limited number."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -137,11 +140,11 @@ class FilterChain:
 
     Args:
         steps: the filters in their order.
-        threads: number of threads that the filters may use, 1 or more. Results do not depend on it;
-            small maps take one.
+        threads: number of threads that the filters may use, from 1 to 1000. Results do not depend
+            on it; small maps take one.
 
     Raises:
-        FilterConfigError: `threads` is no positive integer.
+        FilterConfigError: `threads` is no such integer.
 
     Example:
         >>> chain = FilterChain.from_config([{
@@ -154,8 +157,10 @@ class FilterChain:
 
     def __init__(self, steps: Iterable[Step], *, threads: int = 1) -> None:
         """Make a chain; the arguments are described at the class."""
-        if not isinstance(threads, int) or isinstance(threads, bool) or threads < 1:
-            raise FilterConfigError(f"threads: expected an integer >= 1, got {short(threads)}")
+        is_integer = isinstance(threads, int) and not isinstance(threads, bool)
+        if not (is_integer and 1 <= threads <= _MOST_THREADS):
+            expected = f"an integer from 1 to {_MOST_THREADS}"
+            raise FilterConfigError(f"threads: expected {expected}, got {short(threads)}")
         self.steps = tuple(steps)
         self.threads = threads
 

@@ -114,7 +114,7 @@ def test_warnings_of_filters_are_shown_once(command):
         ("chain.yaml survey/survey_0.mcap survey --force", 1, "is the source, too"),
         ("- - out.npz", 2, "cannot both come from standard input"),
         ("chain.yaml site.npz out.npz --json", 2, "--timing"),
-        ("chain.yaml site.npz out.npz --threads 0", 1, "threads: expected an integer >= 1, got 0"),
+        ("chain.yaml site.npz out.npz --threads 0", 1, "expected an integer from 1 to 1000, got 0"),
     ],
 )
 def test_mistakes_are_one_line(line, code, text, refused):

@@ -88,6 +88,22 @@ def test_an_error_of_a_part_ends_the_step(grid_map, fails_in):
     assert len(begun) < 10**6
 
 
+def test_thread_that_cannot_start_ends_the_step(grid_map, monkeypatch):
+    start, begun = threading.Thread.start, []
+
+    def start_once(thread):
+        if starts:
+            raise RuntimeError("can't start new thread")
+        starts.append(thread)
+        start(thread)
+
+    starts = []
+    monkeypatch.setattr(threading.Thread, "start", start_once)
+    with pytest.raises(FilterError, match="RuntimeError: can't start new thread"):
+        run_parts(begun.append, range(10**6), grid_map, threads=3)
+    assert len(begun) < 10**6
+
+
 def test_warnings_name_the_step_in_every_thread(grid_map):
     barrier, texts = threading.Barrier(2, timeout=30), []
 
@@ -150,7 +166,7 @@ def test_parts_in_threads_give_the_bits_of_the_whole(type_name, data):
     assert_same_bits(found, expected)
 
 
-@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2"])
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2", 1001])
 def test_wrong_numbers_of_threads_are_refused(threads):
-    with pytest.raises(FilterConfigError, match="threads: expected an integer >= 1, got"):
+    with pytest.raises(FilterConfigError, match="threads: expected an integer from 1 to 1000, got"):
         FilterChain([], threads=threads)

@@ -78,10 +78,13 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
             shared.end()
             _helpers.reset(token)
 
-    helpers = [pool.submit(copy_context().run, work) for _ in range(count)]
+    helpers = []
     try:
+        for _ in range(count):
+            helpers.append(pool.submit(copy_context().run, work))
         work()
     finally:
+        shared.end()
         for helper in helpers:
             helper.cancel()
         errors = [helper.exception() for helper in helpers if not helper.cancelled()]
