@@ -69,7 +69,7 @@ def check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None
 
 
 def _directories(data: bytes | mmap) -> Iterator[dict[int, int]]:
-    """Yield the numbers of each directory; 0 if one is missing, the largest if it is repeated."""
+    """Yield the values of `_TAGS` in each directory: 0 if missing, the largest of several."""
     order, place, count_type, offset_type = HEADS[data[:4]]
     (start,) = struct.unpack_from(order + offset_type, data, place)
     entries, length = 0, 4 + 2 * place

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Machine code on disk, in the folder `grid_map_py` of the user's cache.
 
-Loading machine code means executing it. A folder or file is trusted only if it belongs to the user,
-nobody else can write to it, and nobody but the user and root can put another in its place; a link
-is never followed. Each file begins with a digest of its key and its content, so that a damaged one
+Loading machine code means executing it. A folder or file is trusted only if it belongs to the user
+and neither its group nor others can write to it. The folders above must belong to the user or root,
+and others must not be able to exchange what they hold. A link in place of the folder or of a file
+is not followed. Each file begins with a digest of its key and its content, so that a damaged one
 counts as missing. A process writes a file under another name and renames it: others see it complete
 or not at all.
 """

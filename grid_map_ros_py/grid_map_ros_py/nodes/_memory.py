@@ -30,7 +30,7 @@ def keep_memory() -> None:
 def return_memory() -> None:
     """Return freed arrays to the system: for a process that makes them in many sizes.
 
-    They would fragment the memory that it keeps.
+    Arrays of many sizes would fragment the memory that the process keeps.
     """
     _returns.append(True)
     _set({_M_MMAP_MAX: 2**16, _M_MMAP_THRESHOLD: 2**17, _M_TRIM_THRESHOLD: 2**17})
