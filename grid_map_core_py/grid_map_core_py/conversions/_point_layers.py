@@ -272,7 +272,7 @@ def _located(
     find, keep = map(point_loops.ready, (point_loops.FIND[points.dtype], point_loops.keep_found))
     if find is None or keep is None:
         for part, counts in _chunks(points, min_height, max_height):
-            cells, inside = _flat_cells(points[part], geometry)
+            cells, inside = flat_cells(points[part], geometry)
             counts &= inside
             yield part, counts, cells[counts]
         return
@@ -288,14 +288,14 @@ def _located(
         find(memory, steps, len(chunk), frame, geometry.size, limits, cells, found)
         if found[0]:
             doubtful = np.flatnonzero(cells == point_loops.DOUBTFUL)
-            exact, inside = _flat_cells(chunk[doubtful], geometry)
+            exact, inside = flat_cells(chunk[doubtful], geometry)
             cells[doubtful] = np.where(inside, exact, point_loops.OUTSIDE)
         keep(cells, len(chunk), places, found)
         kept = int(found[0])
         yield part, places[:kept], cells[:kept]
 
 
-def _flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
+def flat_cells(points: NDArray[Any], geometry: GridGeometry) -> tuple[Integers, Mask]:
     """Return the numbers of the cells of points, and which points are on the map."""
     (rows, columns), inside = geometry.cells_at(points[:, :2])
     return rows + geometry.size[0] * columns, inside

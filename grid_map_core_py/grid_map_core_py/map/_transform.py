@@ -32,7 +32,7 @@ def transformed_map(
     grid_map: GridMap, transform: ArrayLike, height_layer: str, frame_id: str, sample_ratio: float
 ) -> GridMap:
     """Return `grid_map` in another frame; see `GridMap.get_transformed_map`."""
-    matrix = _as_rigid(transform)
+    matrix = as_rigid(transform)
     ratio = as_finite(sample_ratio, "sample_ratio")
     step = ratio * grid_map.resolution
     steps = [(0.0, 0.0)]
@@ -53,7 +53,7 @@ def transformed_map(
     return result
 
 
-def _as_rigid(transform: ArrayLike) -> Positions:
+def as_rigid(transform: ArrayLike) -> Positions:
     """Return a transform as (4, 4) float64 after checking that it keeps distances."""
     matrix: Positions = as_array(transform, np.float64, "transform")
     if matrix.shape != (4, 4) or not np.isfinite(matrix).all():

@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import GridGeometry, GridMap
-from .arrays._checks import Layer
-from .conversions._point_layers import rasterize
-from .conversions._point_loops import prepare
-from .plugins import check
-
-__all__ = ["RollingMap"]
+from .. import GridGeometry, GridMap
+from ..arrays._checks import Layer
+from ..conversions._point_layers import rasterize
+from ..conversions._point_loops import prepare
+from ..plugins import check
 
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last")

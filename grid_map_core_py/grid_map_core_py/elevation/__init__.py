@@ -1,0 +1,20 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Elevation maps that move with a robot.
+
+`ElevationMapper` fuses scans of range sensors into heights with variances, and removes what beams
+pass through. `RollingMap` keeps the largest, smallest, mean or last height of each cell.
+"""
+
+from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
+from ._rolling_map import RollingMap as RollingMap
+from ._sensors import (
+    ConstantModel as ConstantModel,
+    LaserModel as LaserModel,
+    PerfectModel as PerfectModel,
+    SensorModel as SensorModel,
+    StereoModel as StereoModel,
+    StructuredLightModel as StructuredLightModel,
+)
+
+__all__ = [name for name in dir() if not name.startswith("_")]

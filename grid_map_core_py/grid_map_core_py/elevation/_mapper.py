@@ -1,0 +1,486 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`ElevationMapper`: one update after the other; the stages are in the modules beside this one."""
+
+from __future__ import annotations
+
+import operator
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays._checks import Integers, Mask, is_name
+from ..errors import GridMapError, LayerNotFoundError, short
+from ..limits import check_cells
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ..plugins import build
+from . import _drift as drift, _fusion as fusion
+from ._motion import Covariance, as_covariance, of_motion
+from ._order import Sorted, deal, sorted_by_cell
+from ._parameters import Parameters
+from ._points import (
+    OUTSIDE,
+    Limits,
+    Scan,
+    as_columns,
+    as_points,
+    as_rigid,
+    in_map_order,
+    located,
+)
+from ._sensors import LaserModel, Numbers, SensorModel
+from ._values import Chosen, ValueFusion
+from ._visibility import cleared_cells, entry_heights, trace
+
+BOUND = 2.486
+"""Standard deviations between the height and its bounds, as in the C++ package."""
+
+_OWN = ("elevation", "variance", "time", "upper_bound", "lower_bound")
+
+
+@dataclass(frozen=True)
+class UpdateReport:
+    """Summary of one update.
+
+    Attributes:
+        points_used: points that are part of the height of a cell now.
+        points_dropped: points that are not finite, beyond a limit or beside the map.
+        points_gated: points on the map that do not agree with their cell.
+        conflicts: cells whose height all points of the scan contradict, replaced ones included.
+        cells_cleared: cells that the visibility cleanup has cleared.
+        drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
+            the cells did not agree on it.
+        milliseconds: duration by stage [ms]: `points`, `sort`, `drift`, `fusion`, `visibility`,
+            `values`, `layers`.
+    """
+
+    points_used: int
+    points_dropped: int
+    points_gated: int
+    conflicts: int
+    cells_cleared: int
+    drift: float
+    milliseconds: Mapping[str, float]
+
+
+@dataclass
+class _State:
+    """The layers of a map while an update works on them: flat, column after column in map order."""
+
+    heights: Numbers
+    variances: Numbers
+    times: NDArray[np.float32]
+    others: dict[str, NDArray[np.float32]]
+
+
+class ElevationMapper:
+    """Map of heights with variances from the scans of range sensors, around a moving robot.
+
+    The layers are `elevation` [m], its `variance` [m^2], the `time` of its last confirmation
+    [s since the first scan], `upper_bound` and `lower_bound` of the height with a probability of
+    99 % [m], and one for each value of the points. NaN means unknown.
+
+    Args:
+        geometry: size, resolution and initial place of the map.
+        frame_id: frame of the map.
+        sensor: model of the noise of the sensor, unless `update` gets another one.
+        value_fusions: ways of fusion by names of values or regular expressions: `average`,
+            `latest`, `exponential`, `max`, `color` or `class_bayesian`. The default is `color` for
+            `rgb`, `rgba` and `color`, and `average` for others.
+        parameters: the parameters of elevation mapping, such as `min_variance`.
+
+    Raises:
+        ConfigError: a parameter is unknown or invalid.
+        LimitError: the map would have too many cells.
+
+    Example:
+        >>> import numpy as np
+        >>> from grid_map_core_py import GridGeometry
+        >>> mapper = ElevationMapper(GridGeometry((4.0, 4.0), 0.1))
+        >>> pose = np.eye(4)
+        >>> pose[2, 3] = 1.0  # the sensor is 1 m above the origin of the map
+        >>> report = mapper.update([[0.52, 0.03, -0.8]], pose, timestamp=0)
+        >>> report.points_used
+        1
+        >>> index = mapper.grid_map.get_index((0.52, 0.03))
+        >>> round(float(mapper.grid_map["elevation"][index]), 3)
+        0.2
+    """
+
+    def __init__(
+        self,
+        geometry: GridGeometry,
+        frame_id: str = "odom",
+        *,
+        sensor: SensorModel | None = None,
+        value_fusions: Mapping[str, str] | None = None,
+        **parameters: Any,
+    ) -> None:
+        if not isinstance(geometry, GridGeometry):
+            raise GridMapError(f"geometry: expected a GridGeometry, got {short(geometry)}")
+        self._parameters = build(Parameters, parameters)
+        self._sensor = _as_sensor(sensor or LaserModel())
+        self._values = ValueFusion(value_fusions or {}, self._parameters.exponential_alpha)
+        check_cells("geometry", geometry.size, len(_OWN))
+        self._map = GridMap.from_geometry(
+            geometry, _OWN, basic_layers=["elevation"], frame_id=frame_id
+        )
+        # Weights of values, over the same cells.
+        self._weights = GridMap.from_geometry(geometry)
+        self._pose: tuple[Covariance, NDArray[np.float64]] | None = None
+        self._start: int | None = None
+        self._last = 0
+        # The first scan shall not wait for compiled loops.
+        for made in (deal, fusion.fuse_cells, trace):
+            made.compiled()
+
+    @property
+    def grid_map(self) -> GridMap:
+        """The map. An update makes a new one, so that those before stay as they are."""
+        return self._map
+
+    @property
+    def parameters(self) -> Parameters:
+        """All parameters."""
+        return self._parameters
+
+    def update(
+        self,
+        points: ArrayLike,
+        transform: ArrayLike,
+        *,
+        timestamp: int,
+        pose_covariance: ArrayLike | None = None,
+        values: Mapping[str, ArrayLike] | None = None,
+        position: ArrayLike | None = None,
+        sensor: SensorModel | None = None,
+    ) -> UpdateReport:
+        """Fuse the points of a scan; after an error the map is unchanged.
+
+        The result does not depend on the order of the points.
+
+        Args:
+            points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite, and
+                those at the origin, are dropped.
+            transform: (4, 4) from the sensor to the map frame.
+            timestamp: time of the scan [ns]. If it goes back, the clock starts anew with a
+                `RuntimeWarning`, and all cells count as confirmed at that time.
+            pose_covariance: (6, 6) of x, y, z [m], roll, pitch, yaw [rad] of the sensor; rotations
+                are about the axes of the map. None is an exact pose.
+            values: (N,) further values of the points by the names of their layers.
+            position: (2,) where the map moves first [m]; None leaves it where it is.
+            sensor: model of the noise; None takes that of the constructor.
+
+        Raises:
+            GridMapError: an argument is invalid; the message names it.
+            LimitError: the layers of the values would be too large.
+        """
+        clock = _Stages()
+        with clock.stage("points"):
+            cloud = as_points(points)
+            matrix = as_rigid(transform)
+            covariance = as_covariance(pose_covariance)
+            stamp = _as_stamp(timestamp)
+            model = self._sensor if sensor is None else _as_sensor(sensor)
+            columns = as_columns(values, len(cloud))
+            self._check_names(columns)
+            moved = in_map_order(self._map.without_layers(_OWN[3:]), position)
+            weights = in_map_order(self._weights, moved.position)
+            scan = self._located(cloud, matrix, covariance, model, moved.geometry)
+        state = _State(
+            _flat(moved["elevation"]).astype(np.float64),
+            _flat(moved["variance"]).astype(np.float64),
+            _flat(moved["time"]),
+            {n: _flat(data) for part in (moved, weights) for n, data in part.items()},
+        )
+        now, start = self._advance(state, stamp, covariance, matrix, moved.geometry)
+        result = self._fuse(scan, columns, state, moved.geometry, now, clock)
+        with clock.stage("layers"):
+            done = self._stored(moved, state, timestamp=stamp)
+            kept = {n: data for n, data in state.others.items() if n.startswith("weight of ")}
+            weights = weights.with_layers(_shaped(kept, weights.size))
+        self._map, self._weights = done, weights
+        self._pose = None if covariance is None else (covariance, matrix)
+        self._start, self._last = start, stamp
+        used, conflicts, cleared, offset = result
+        on_map = int((scan.cells != OUTSIDE).sum())
+        return UpdateReport(
+            used, len(cloud) - on_map, on_map - used, conflicts, cleared, offset, clock.milliseconds
+        )
+
+    def clear(self) -> None:
+        """Make all cells unknown; the clock goes on."""
+        self._map = self._map.copy()
+        self._map.clear_all()
+        self._weights = GridMap.from_geometry(self._map.geometry)
+
+    def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
+        """Replace layers by those of another map, where the other one covers this map.
+
+        Each cell takes the values of the cell of the other map that its center is in, from all
+        layers that both have, NaN included. If the other map has no variance, new heights have
+        `min_variance`.
+
+        Args:
+            grid_map: the other map, in the same frame.
+            mask_layer: layer of the other map that is NaN where this map stays as it is; if there
+                is none, all cells are replaced.
+
+        Raises:
+            GridMapError: it is no map, or in another frame.
+            LayerNotFoundError: it has no layer in common with this map.
+        """
+        if not isinstance(grid_map, GridMap):
+            raise GridMapError(f"grid_map: expected a GridMap, got {short(grid_map)}")
+        frames = {frame for frame in (grid_map.frame_id, self._map.frame_id) if frame}
+        if len(frames) > 1:
+            raise GridMapError(
+                f"grid_map: expected the frame {self._map.frame_id!r}, got {grid_map.frame_id!r}"
+            )
+        common = [name for name in self._map if name in grid_map and name not in _OWN[2:]]
+        if not common:
+            raise LayerNotFoundError("elevation", tuple(grid_map))
+        target = in_map_order(self._map, None)
+        cells, inside = grid_map.get_indices(target.get_positions())
+        if mask_layer in grid_map:
+            inside &= ~np.isnan(grid_map[mask_layer][cells])
+        for name in common:
+            np.copyto(_flat(target[name]), grid_map[name][cells], where=inside)
+        heights, variances = _flat(target["elevation"]), _flat(target["variance"])
+        heights[~np.isfinite(heights)] = np.nan
+        least = np.float32(self._parameters.min_variance)
+        variances[inside & ~(variances >= least)] = least
+        if "elevation" in common:
+            _flat(target["time"])[inside] = self._now()
+        state = _State(
+            heights.astype(np.float64),
+            variances.astype(np.float64),
+            _flat(target["time"]),
+            {name: _flat(data) for name, data in target.items()},
+        )
+        self._map = self._stored(target, state, timestamp=self._map.timestamp)
+
+    # Stages
+
+    def _located(
+        self,
+        cloud: NDArray[Any],
+        matrix: NDArray[np.float64],
+        covariance: Covariance | None,
+        sensor: SensorModel,
+        geometry: GridGeometry,
+    ) -> Scan:
+        given = self._parameters
+        limits = Limits(
+            given.min_range, given.max_range, given.ignore_points_below, given.ignore_points_above
+        )
+        return located(cloud, matrix, covariance, sensor, geometry, limits)
+
+    def _advance(
+        self,
+        state: _State,
+        stamp: int,
+        covariance: Covariance | None,
+        matrix: NDArray[np.float64],
+        geometry: GridGeometry,
+    ) -> tuple[float, int]:
+        """Let cells lose certainty by time and motion; return the time [s], and its start [ns]."""
+        start = stamp if self._start is None else self._start
+        seconds = (stamp - self._last) * 1e-9 if self._start is not None else 0.0
+        if seconds < 0.0:
+            text = f"timestamp: expected at least {self._last} ns, got {stamp}; the clock is reset"
+            warnings.warn(text, RuntimeWarning, stacklevel=3)
+            start, seconds = stamp, 0.0
+            state.times[~np.isnan(state.times)] = 0.0
+        state.variances += self._parameters.time_variance * seconds
+        if covariance is not None and self._pose is not None:
+            old, pose = self._pose
+            x, y, _ = matrix[:3, 3]
+            added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
+            if added.matrix.any():
+                rows, columns = geometry.axes_in_map_order()
+                with np.errstate(over="ignore", invalid="ignore"):
+                    state.variances += added.vertical(
+                        (rows - x)[None, :], (columns - y)[:, None]
+                    ).ravel()
+        return (stamp - start) * 1e-9, start
+
+    def _fuse(
+        self,
+        scan: Scan,
+        columns: Mapping[str, NDArray[Any]],
+        state: _State,
+        geometry: GridGeometry,
+        now: float,
+        clock: _Stages,
+    ) -> tuple[int, int, int, float]:
+        """Return the numbers of used points, conflicts and cleared cells, and the offset."""
+        given = self._parameters
+        with clock.stage("sort"):
+            on_map = np.flatnonzero(scan.cells != OUTSIDE)
+            points = sorted_by_cell(
+                scan.cells[on_map],
+                scan.points[2, on_map],
+                scan.variances[on_map],
+                len(state.heights),
+            )
+        offset = 0.0
+        if given.enable_drift_compensation:
+            with clock.stage("drift"):
+                scan, points, offset = self._without_drift(scan, points, state)
+        with clock.stage("fusion"):
+            stale = np.float32(now) - state.times >= np.float32(given.scanning_duration)
+            entries = _entries(scan, points, on_map, stale, geometry)
+            rules = fusion.Rules(
+                given.mahalanobis_distance_threshold,
+                given.min_variance,
+                given.multi_height_noise,
+                given.conflict_points,
+            )
+            states, used = fusion.fuse(
+                points, entries, state.heights, state.variances, stale, rules
+            )
+            confirmed = points.cells[states < fusion.CONTRADICTED]
+            state.times[confirmed] = now
+            stale[confirmed] = False
+        cleared = np.zeros(0, np.int64)
+        if given.enable_visibility_cleanup and len(scan.places):
+            with clock.stage("visibility"):
+                cleared = cleared_cells(
+                    scan,
+                    points,
+                    state.heights,
+                    state.variances,
+                    stale,
+                    geometry,
+                    given.max_ray_length,
+                    given.cleanup_min_angle,
+                )
+        if columns:
+            with clock.stage("values"):
+                fresh = np.zeros(len(state.heights), np.bool_)
+                fresh[
+                    points.cells[(states > fusion.CONFIRMED) & (states < fusion.CONTRADICTED)]
+                ] = True
+                places = scan.places[on_map]
+                given_here = {name: column[places] for name, column in columns.items()}
+                self._values.fuse(Chosen(points, used, fresh), given_here, state.others)
+        state.heights[cleared] = np.nan
+        conflicts = int((states >= fusion.RAISED).sum())
+        return int(used.sum()), conflicts, len(cleared), offset
+
+    def _without_drift(
+        self, scan: Scan, points: Sorted, state: _State
+    ) -> tuple[Scan, Sorted, float]:
+        """Move the map by a share of its offset from the scan, and the scan by the rest."""
+        given = self._parameters
+        rules = drift.DriftRules(
+            given.mahalanobis_distance_threshold,
+            given.max_drift,
+            given.drift_compensation_variance_inlier,
+            given.min_drift_cells,
+        )
+        offset = drift.offset(points, state.heights, state.variances, rules)
+        if not offset:
+            return scan, points, 0.0
+        state.heights += given.drift_compensation_alpha * offset
+        rest = (1.0 - given.drift_compensation_alpha) * offset
+        down = np.array([0.0, 0.0, rest])
+        scan = replace(scan, sensor=scan.sensor - down, points=scan.points - down[:, None])
+        return scan, replace(points, heights=points.heights - rest), offset
+
+    def _stored(self, moved: GridMap, state: _State, *, timestamp: int) -> GridMap:
+        """Return the map of a state."""
+        given = self._parameters
+        with np.errstate(over="ignore", invalid="ignore"):
+            heights = state.heights.astype(np.float32)
+            variances = np.maximum(state.variances, given.min_variance).astype(np.float32)
+            variances = np.maximum(variances, np.float32(given.min_variance))
+            unknown = ~np.isfinite(heights) | ~np.isfinite(variances)
+            unknown |= state.variances > given.largest_variance
+            reach = np.float32(BOUND) * np.sqrt(variances)
+            layers = {
+                "elevation": heights,
+                "variance": variances,
+                "time": state.times,
+                "upper_bound": heights + reach,
+                "lower_bound": heights - reach,
+            }
+        for name, data in state.others.items():
+            if name not in layers and not name.startswith("weight of "):
+                layers[name] = data
+        for data in layers.values():
+            data[unknown] = np.nan
+        done = moved.with_layers(_shaped(layers, moved.size))
+        done.timestamp = timestamp
+        return done
+
+    # Small parts
+
+    def _now(self) -> float:
+        return 0.0 if self._start is None else (self._last - self._start) * 1e-9
+
+    def _check_names(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        new = [name for name in columns if name not in self._map]
+        for name in columns:
+            if name in _OWN or not is_name(name):
+                raise GridMapError(f"values: expected another name of a layer, got {name!r}")
+        if new:
+            check_cells("values", self._map.size, len(self._map) + 2 * len(new))
+
+
+@dataclass
+class _Stages:
+    """Durations of stages [ms]."""
+
+    milliseconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        begin = time.perf_counter()
+        yield
+        self.milliseconds[name] = 1e3 * (time.perf_counter() - begin)
+
+
+def _entries(
+    scan: Scan, points: Sorted, on_map: Integers, stale: Mask, geometry: GridGeometry
+) -> Numbers:
+    """Return the heights at which beams entered stale cells, -inf elsewhere; sorted."""
+    entries = np.full(len(points.order), -np.inf)
+    chosen = np.flatnonzero(stale[points.cells][points.groups])
+    if len(chosen):
+        entries[chosen] = entry_heights(scan, geometry, on_map[points.order[chosen]])
+    return entries
+
+
+def _flat(layer: NDArray[Any]) -> NDArray[Any]:
+    """Return a view of a layer in map order: column after column."""
+    return layer.reshape(-1, order="F")
+
+
+def _shaped(
+    layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]
+) -> dict[str, NDArray[np.float32]]:
+    return {name: data.reshape(size, order="F") for name, data in layers.items()}
+
+
+def _as_sensor(sensor: SensorModel) -> SensorModel:
+    if not callable(getattr(sensor, "vertical_variances", None)):
+        raise GridMapError(f"sensor: expected a sensor model, got {short(sensor)}")
+    return sensor
+
+
+def _as_stamp(timestamp: int) -> int:
+    try:
+        return operator.index(timestamp)
+    except TypeError:
+        raise GridMapError(
+            f"timestamp: expected an integer of nanoseconds, got {short(timestamp)}"
+        ) from None

@@ -1,0 +1,167 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Points of scans: from the frame of the sensor to cells, with poses and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays._checks import Integers, Positions, as_numbers
+from ..arrays._pieces import CHUNK, slices
+from ..conversions._point_layers import as_points as as_points, flat_cells
+from ..errors import GeometryError
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ..map._transform import as_rigid as as_rigid
+from ._motion import Covariance
+from ._sensors import Numbers, SensorModel
+
+OUTSIDE = -1
+"""In place of the cell of a point beside the map."""
+
+LEAST_VARIANCE = 1e-12
+"""Variance [m^2] of points that claim a smaller one, so that weights stay finite."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of points that count, inclusive.
+
+    Attributes:
+        min_range, max_range: distance from the sensor [m].
+        below, above: height above the sensor [m], map frame.
+    """
+
+    min_range: float
+    max_range: float
+    below: float
+    above: float
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The points of a scan that count.
+
+    Attributes:
+        sensor: (3,) position of the sensor [m], map frame.
+        points: (3, n) x, y, z [m], map frame.
+        variances: (n,) of z [m^2].
+        cells: (n,) number of the cell of each point, column after column in map order, or
+            `OUTSIDE`.
+        places: (n,) places in the cloud.
+    """
+
+    sensor: Positions
+    points: NDArray[np.float64]
+    variances: Numbers
+    cells: Integers
+    places: Integers
+
+
+def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (n, 3) or wider as x, y, z (3, n) after a rotation (3, 3).
+
+    The result of a point does not depend on its place in the array; that of a product of matrices
+    would, in the last bit.
+    """
+    x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
+    turned = np.empty((3, len(points)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for row, out in zip(rotation.tolist(), turned, strict=True):
+            np.multiply(x, row[0], out=out)
+            out += y * row[1]
+            out += z * row[2]
+    return turned
+
+
+def moved_geometry(geometry: GridGeometry, position: ArrayLike | None) -> GridGeometry:
+    """Return the geometry after the map has moved by whole cells; None leaves it where it is."""
+    return geometry if position is None else geometry.shifted(geometry.index_shift(position))
+
+
+def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
+    """Return a copy of a map, moved by whole cells and stored from start index (0, 0)."""
+    result = grid_map.copy()
+    if position is not None:
+        result.move(position)
+    result.convert_to_default_start_index()
+    return result
+
+
+def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
+    """Return values of points (n,) by name."""
+    columns = {}
+    for name, given in (values or {}).items():
+        column = as_numbers(given, f"values {name!r}")
+        if column.shape != (count,):
+            raise GeometryError(f"values {name!r}: expected shape ({count},), got {column.shape}")
+        columns[name] = column
+    return columns
+
+
+def located(
+    cloud: NDArray[Any],
+    transform: NDArray[np.float64],
+    covariance: Covariance | None,
+    sensor: SensorModel,
+    geometry: GridGeometry,
+    limits: Limits,
+) -> Scan:
+    """Return the points that are finite and within all limits, with their variances and cells.
+
+    Args:
+        cloud: (N, 3) or wider, sensor frame [m].
+        transform: (4, 4) from the sensor to the map frame.
+        covariance: of the pose of the sensor in the map frame; None is an exact pose.
+        sensor: model of the noise.
+        geometry: geometry of the map.
+        limits: limits of points.
+    """
+    parts = [
+        _located_part(cloud[part], part.start, transform, covariance, sensor, geometry, limits)
+        for part in slices(len(cloud), CHUNK)
+    ] or [_located_part(cloud, 0, transform, covariance, sensor, geometry, limits)]
+    points, variances, cells, places = zip(*parts, strict=True)
+    return Scan(
+        transform[:3, 3],
+        np.concatenate(points, axis=1),
+        np.concatenate(variances),
+        np.concatenate(cells),
+        np.concatenate(places),
+    )
+
+
+def _located_part(
+    cloud: NDArray[Any],
+    first: int,
+    transform: NDArray[np.float64],
+    covariance: Covariance | None,
+    sensor: SensorModel,
+    geometry: GridGeometry,
+    limits: Limits,
+) -> tuple[NDArray[np.float64], Numbers, Integers, Integers]:
+    turned = rotated(cloud, transform[:3, :3])
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        distances = np.sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2])
+        counts = (distances > 0.0) & (distances < np.inf)
+        counts &= (distances >= limits.min_range) & (distances <= limits.max_range)
+        counts &= (turned[2] >= limits.below) & (turned[2] <= limits.above)
+        own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
+        variances = sensor.vertical_variances(own, distances, transform[2, :3])
+        if covariance is not None:
+            variances = variances + covariance.vertical(turned[0], turned[1])
+        counts &= np.isfinite(variances)
+        points = turned + transform[:3, 3:4]
+        counts &= np.isfinite(points[2])
+    if not counts.all():
+        points, variances = points[:, counts], variances[counts]
+    places = np.flatnonzero(counts)
+    places += first
+    cells, inside = flat_cells(points[:2].T, geometry)
+    cells[~inside] = OUTSIDE
+    return points, np.maximum(variances, LEAST_VARIANCE), cells, places

@@ -1,0 +1,212 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Further values of points: one layer for each, fused by name.
+
+Values count for the points that became part of the height of their cell. A cell whose height starts
+anew forgets its values. Ways of fusion:
+
+- `average`: mean by inverse variances of the heights, over all scans.
+- `latest`: the same over the points of the last scan that has some.
+- `exponential`: `exponential_alpha` of that, and the rest of the layer.
+- `max`: the largest value.
+- `color`: packed colors; the mean of each channel over the points of the last scan.
+- `class_bayesian`: probabilities of classes. All such layers of one pattern are one set. They hold
+  the means of a Dirichlet distribution that begins with one count for each class; a point adds its
+  probabilities.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays._checks import Integers, Mask
+from ..conversions._packed_colors import color_value_to_bytes, join_channels
+from ..conversions._point_layers import COLOR_FIELDS, as_colors
+from ..errors import ConfigError
+from ..plugins import check
+from ._order import Sorted, in_one_order
+from ._sensors import Numbers
+
+FUSIONS = ("average", "latest", "exponential", "max", "color", "class_bayesian")
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """The points that are part of their cells now.
+
+    Attributes:
+        points: all points on the map.
+        used: (n,) which of them count.
+        fresh: (cells,) cells whose height has started anew.
+    """
+
+    points: Sorted
+    used: Mask
+    fresh: Mask
+
+
+class ValueFusion:
+    """Fuses values of points into layers.
+
+    Args:
+        fusions: ways of fusion by the name of the value, or by a regular expression that matches
+            the whole name; names come first, then the first expression that matches. The default is
+            `color` for `rgb`, `rgba` and `color`, and `average` for others.
+        exponential_alpha: share of the last scan in `exponential`.
+    """
+
+    def __init__(self, fusions: Mapping[str, str], exponential_alpha: float) -> None:
+        check(isinstance(fusions, Mapping), "value_fusions", "a mapping from names", fusions)
+        for pattern, fusion in fusions.items():
+            expected = f"one of {', '.join(FUSIONS)}"
+            check(fusion in FUSIONS, f"value_fusions of {pattern!r}", expected, fusion)
+            try:
+                re.compile(pattern)
+            except (re.error, TypeError) as error:
+                raise ConfigError(
+                    f"value_fusions: expected a regular expression, got {pattern!r}: {error}"
+                ) from error
+        self._fusions = dict(fusions)
+        self._alpha = exponential_alpha
+
+    def fuse(
+        self, chosen: Chosen, values: Mapping[str, NDArray[Any]], layers: dict[str, NDArray[Any]]
+    ) -> None:
+        """Fuse values (n,) of points into flat layers (cells,), which are replaced or added.
+
+        Args:
+            chosen: the points.
+            values: values of all points on the map before they were sorted, by layer.
+            layers: layers by name, and under `weight_name(name)` the weights of `average` and the
+                counts of `class_bayesian`.
+        """
+        sets: dict[str, list[str]] = {}
+        for name in values:
+            pattern, fusion = self._fusion_of(name)
+            if fusion == "class_bayesian":
+                sets.setdefault(pattern, []).append(name)
+            else:
+                self._fuse_one(name, fusion, chosen, values[name], layers)
+        for pattern, names in sets.items():
+            _fuse_classes(pattern, names, chosen, values, layers)
+
+    def _fusion_of(self, name: str) -> tuple[str, str]:
+        """Return the pattern that a name matches, and its way of fusion."""
+        if name in self._fusions:
+            return name, self._fusions[name]
+        for pattern, fusion in self._fusions.items():
+            if re.fullmatch(pattern, name):
+                return pattern, fusion
+        return name, "color" if name in COLOR_FIELDS else "average"
+
+    def _fuse_one(
+        self,
+        name: str,
+        fusion: str,
+        chosen: Chosen,
+        values: NDArray[Any],
+        layers: dict[str, NDArray[Any]],
+    ) -> None:
+        size = len(chosen.fresh)
+        old = _forgotten(layers.get(name), chosen.fresh)
+        if fusion == "color":
+            new = _mean_colors(*_used(chosen, as_colors(values), is_color=True)[:2], size)
+            layers[name] = np.where(np.isnan(new), old, new)
+            return
+        cells, found, weights = _used(chosen, values)
+        if fusion == "max":
+            new = np.full(size, -np.inf)
+            np.maximum.at(new, cells, found)
+            layers[name] = np.fmax(old, np.where(new == -np.inf, np.nan, new)).astype(np.float32)
+            return
+        weight = np.bincount(cells, weights, size)
+        seen = np.flatnonzero(weight)
+        mean = np.bincount(cells, weights * found, size)[seen] / weight[seen]
+        before, known = old[seen].astype(np.float64), ~np.isnan(old[seen])
+        if fusion == "exponential":
+            mean[known] += (1.0 - self._alpha) * (before - mean)[known]
+        elif fusion == "average":
+            hidden = _forgotten(layers.get(weight_name(name)), chosen.fresh, 0.0)
+            earlier = np.where(known, hidden[seen], 0.0).astype(np.float64)
+            total = earlier + weight[seen]
+            mean[known] += (earlier / total * (before - mean))[known]
+            hidden[seen] = np.minimum(total, np.finfo(np.float32).max)
+            layers[weight_name(name)] = hidden
+        with np.errstate(over="ignore"):
+            old[seen] = mean
+        layers[name] = old
+
+
+def weight_name(name: str) -> str:
+    """Return the name under which the weights of a layer are kept."""
+    return f"weight of {name}"
+
+
+def _forgotten(
+    layer: NDArray[Any] | None, fresh: Mask, nothing: float = np.nan
+) -> NDArray[np.float32]:
+    """Return a copy of a layer without the values of cells that have started anew."""
+    if layer is None:
+        return np.full(len(fresh), nothing, np.float32)
+    copy = layer.copy()
+    copy[fresh | np.isnan(layer)] = nothing
+    return copy
+
+
+def _used(
+    chosen: Chosen, values: NDArray[Any], *, is_color: bool = False
+) -> tuple[Integers, NDArray[Any], Numbers]:
+    """Return cells, values and weights of the points that count, in one order."""
+    points = chosen.points
+    # Values of float32 keep their bits: colors are such bits.
+    sortable = values.view(np.uint32) if is_color else values.astype(np.float64)
+    order = in_one_order(points, sortable)
+    found = values[order] if is_color else sortable[order]
+    counts = chosen.used & ~np.isnan(found)
+    if not is_color:
+        counts &= np.isfinite(found)
+    return points.cells[points.groups][counts], found[counts], 1.0 / points.variances[counts]
+
+
+def _mean_colors(cells: Integers, colors: NDArray[Any], size: int) -> NDArray[np.float32]:
+    """Return packed colors (size,): the rounded mean of each channel, NaN without colors."""
+    numbers = np.bincount(cells, minlength=size)
+    means = []
+    for channel in color_value_to_bytes(colors):
+        sums = np.bincount(cells, channel.astype(np.float64), size).astype(np.int64)
+        means.append(((sums + numbers // 2) // np.maximum(numbers, 1)).astype(np.uint32))
+    packed: NDArray[np.float32] = join_channels(*means).view(np.float32)
+    packed[numbers == 0] = np.nan
+    return packed
+
+
+def _fuse_classes(
+    pattern: str,
+    names: list[str],
+    chosen: Chosen,
+    values: Mapping[str, NDArray[Any]],
+    layers: dict[str, NDArray[Any]],
+) -> None:
+    size, hidden = len(chosen.fresh), weight_name(pattern)
+    total = _forgotten(layers.get(hidden), chosen.fresh, 0.0).astype(np.float64)
+    before = np.where(total > 0.0, total, float(len(names)))
+    sums = {}
+    for name in names:
+        cells, found, _ = _used(chosen, values[name])
+        sums[name] = np.bincount(cells, np.clip(found, 0.0, 1.0), size)
+    added = np.zeros(size)
+    for name in sorted(names):
+        added += sums[name]
+    seen = added > 0.0
+    for name in names:
+        old = _forgotten(layers.get(name), chosen.fresh)
+        share = np.where(np.isnan(old), 1.0 / len(names), old)
+        mean = (share * before + sums[name]) / (before + added)
+        layers[name] = np.where(seen, mean, old).astype(np.float32)
+    layers[hidden] = np.where(seen, before + added, total).astype(np.float32)
