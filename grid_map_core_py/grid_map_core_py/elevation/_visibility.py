@@ -73,28 +73,29 @@ def cleared_cells(
         max_length: length of beams that counts [m].
         min_angle: smallest angle to the surface [rad].
     """
-    ceilings = np.where(stale, heights - 3.0 * np.sqrt(variances), -np.inf)
-    ceilings[np.isnan(ceilings)] = -np.inf
-    ceiling = float(ceilings.max(initial=-np.inf))
-    if ceiling == -np.inf:
-        return np.zeros(0, np.int64)
+    candidates = np.flatnonzero(stale & ~np.isnan(heights))
+    lowest = heights[candidates] - 3.0 * np.sqrt(variances[candidates])
+    if not len(candidates):
+        return candidates
+    ceilings, places = np.full(len(heights), -np.inf), np.empty(len(heights), np.int64)
+    ceilings[candidates], places[candidates] = lowest, np.arange(len(candidates))
     floors = np.full(len(heights), -np.inf)
     floors[points.cells] = points.heights[points.begins] + geometry.resolution
-    beams, span = _beams(scan, geometry, max_length, ceiling)
+    normals = _normals(heights, candidates, geometry.size, geometry.resolution)
+    beams, span = _beams(scan, geometry, max_length, float(lowest.max()))
     frame = (
         *((geometry.corner - scan.sensor[:2]) / geometry.resolution).tolist(),
         float(scan.sensor[2]),
         geometry.resolution,
         math.sin(min(min_angle, 0.5 * math.pi)),
     )
-    cleared = np.zeros(len(heights), np.uint8)
-    run = trace.compiled()
-    if run:
-        flat = (*map(np.ascontiguousarray, beams), *map(np.ascontiguousarray, span))
-        run(*flat, beams.shape[1], frame, geometry.size, heights, ceilings, floors, cleared)
+    cleared = np.zeros(len(candidates), np.uint8)
+    surface = ceilings, places, floors[candidates], normals.T.ravel(), cleared
+    if run := trace.compiled():
+        run(*beams, *span, beams.shape[1], frame, geometry.size, *surface)
     else:
-        _trace_arrays(beams, span, frame, geometry.size, heights, ceilings, floors, cleared)
-    return np.flatnonzero(cleared)
+        _trace_arrays(beams, span, frame, geometry.size, *surface)
+    return candidates[cleared.view(np.bool_)]
 
 
 def _beams(
@@ -118,7 +119,8 @@ def _beams(
             ends = np.array([[0.0], [size]]) - start[axis]
             ends = ends / beams[axis]
             np.fmax(first, ends.min(axis=0), out=first)
-            np.fmin(last, ends.max(axis=0), out=last)
+            # Not beyond the border by rounding.
+            np.fmin(last, ends.max(axis=0) * (1.0 - 1e-9), out=last)
             if not 0.0 <= start[axis] <= size:
                 last[beams[axis] == 0.0] = -1.0
         crossing = (ceiling - scan.sensor[2]) / beams[2]
@@ -127,7 +129,7 @@ def _beams(
         else:
             last = np.where(beams[2] > 0.0, np.fmin(last, crossing), last)
     chosen = first < last
-    return beams[:, chosen], np.stack((first[chosen], last[chosen]))
+    return np.compress(chosen, beams, axis=1), np.stack((first[chosen], last[chosen]))
 
 
 def _trace_arrays(
@@ -135,9 +137,10 @@ def _trace_arrays(
     span: NDArray[np.float64],
     frame: tuple[float, ...],
     size: Size,
-    heights: Numbers,
     ceilings: Numbers,
+    places: Integers,
     floors: Numbers,
+    normals: Numbers,
     cleared: NDArray[np.uint8],
 ) -> None:
     """Do what `trace` does, with NumPy: one step of all beams at a time."""
@@ -147,66 +150,54 @@ def _trace_arrays(
         limits = np.array(size)[:, None] - 1
         lines = np.clip(np.floor(start + t * ways), 0, limits).astype(np.int64)
         forward = ways > 0.0
-        steps = np.where(forward, 1, -1)
+        steps = np.where(forward, 1, -1) * np.array([[1], [size[0]]])
         delta = np.where(ways == 0.0, np.inf, np.abs(1.0 / ways))
-        borders = np.where(ways == 0.0, np.inf, (lines + np.where(forward, 1, 0) - start) / ways)
+        borders = np.where(ways == 0.0, np.inf, (lines + forward - start) / ways)
+    cells = lines[0] + size[0] * lines[1]
     while t.size:
-        along_rows = borders[0] < borders[1]
-        out = np.where(along_rows, borders[0], borders[1])
-        goes_on = out < 1.0
+        by_row = borders[0] < borders[1]
+        out = np.where(by_row, borders[0], borders[1])
         beam = frame[2] + rise * np.where(rise < 0.0, t, np.minimum(out, last))
-        cells = lines[0] + size[0] * lines[1]
-        passes = np.flatnonzero(goes_on & (beam < ceilings[cells]) & (beam > floors[cells]))
-        for i in passes.tolist():
-            row, column = lines[:, i].tolist()
-            if not grazes(heights, row, column, *size, ways[0, i], ways[1, i], rise[i], *frame[3:]):
-                cleared[cells[i]] = 1
-        lines[0] += np.where(along_rows, steps[0], 0)
-        lines[1] += np.where(along_rows, 0, steps[1])
-        goes_on &= (out < last) & (lines >= 0).all(axis=0) & (lines <= limits).all(axis=0)
-        borders[0] += np.where(along_rows, delta[0], 0.0)
-        borders[1] += np.where(along_rows, 0.0, delta[1])
-        t, last, rise, ways = out[goes_on], last[goes_on], rise[goes_on], ways[:, goes_on]
-        lines, borders = lines[:, goes_on], borders[:, goes_on]
-        steps, delta = steps[:, goes_on], delta[:, goes_on]
+        passes = np.flatnonzero((out < 1.0) & (beam < ceilings[cells]))
+        place = places[cells[passes]]
+        seen = faces(normals, 3 * place, *ways[:, passes], rise[passes], *frame[3:])
+        cleared[place[seen & (beam[passes] > floors[place])]] = 1
+        cells += np.where(by_row, steps[0], steps[1])
+        borders[0] += np.where(by_row, delta[0], 0.0)
+        borders[1] += np.where(by_row, 0.0, delta[1])
+        left = (out < last) & (cells >= 0) & (cells < len(ceilings))
+        t, last, rise, ways = out[left], last[left], rise[left], ways[:, left]
+        cells, borders, steps, delta = cells[left], borders[:, left], steps[:, left], delta[:, left]
 
 
-def grazes(
-    heights: Any,
-    row: Any,
-    column: Any,
-    rows: Any,
-    columns: Any,
-    along_rows: Any,
-    along_columns: Any,
-    rise: Any,
-    resolution: Any,
-    sine: Any,
-) -> Any:
-    """Return whether a beam is nearly parallel to the plane through the neighbors of a cell."""
-    cell = row + rows * column
-    here = heights[cell]
-    before = heights[cell - 1] if row > 0 else here
-    after = heights[cell + 1] if row + 1 < rows else here
-    left = heights[cell - rows] if column > 0 else here
-    right = heights[cell + rows] if column + 1 < columns else here
-    slope_rows, slope_columns = 0.0, 0.0
-    # A neighbor without data counts as the cell itself.
-    spaces = (row > 0 and before == before) + (row + 1 < rows and after == after)
-    if spaces > 0:
-        before = before if before == before else here
-        after = after if after == after else here
-        slope_rows = (after - before) / (spaces * resolution)
-    spaces = (column > 0 and left == left) + (column + 1 < columns and right == right)
-    if spaces > 0:
-        left = left if left == left else here
-        right = right if right == right else here
-        slope_columns = (right - left) / (spaces * resolution)
-    x, y = along_rows * resolution, along_columns * resolution
-    across = abs(rise - slope_rows * x - slope_columns * y)
-    length = np.sqrt(x * x + y * y + rise * rise)
-    normal = np.sqrt(1.0 + slope_rows * slope_rows + slope_columns * slope_columns)
-    return across < sine * length * normal
+def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
+    """Return the upward unit normals (3, k), along rows, columns and z, of the surface in cells.
+
+    The surface is the plane through the neighbors along rows and columns. A neighbor without data,
+    or beside the map, counts as the cell itself.
+    """
+    here, normals = heights[cells], np.ones((3, len(cells)))
+    lines = cells % size[0], cells // size[0]
+    for axis, (line, step) in enumerate(zip(lines, (1, size[0]), strict=True)):
+        rise, spaces = np.zeros(len(cells)), np.zeros(len(cells))
+        for sign, is_there in ((-1, line > 0), (1, line + 1 < size[axis])):
+            neighbor = heights[np.where(is_there, cells + sign * step, cells)]
+            is_there &= ~np.isnan(neighbor)
+            rise += np.where(is_there, sign * (neighbor - here), 0.0)
+            spaces += is_there
+        normals[axis] = -rise / (np.maximum(spaces, 1.0) * resolution)
+    normals /= np.sqrt(normals[0] * normals[0] + normals[1] * normals[1] + 1.0)
+    return normals
+
+
+def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, sine: Any) -> Any:
+    """Return whether a beam does not graze the surface in a cell.
+
+    The sine of the angle between them is the share of the beam along the normal.
+    """
+    x, y = x * resolution, y * resolution
+    across = x * normals[place] + y * normals[place + 1] + rise * normals[place + 2]
+    return abs(across) >= sine * np.sqrt(x * x + y * y + rise * rise)
 
 
 @loop(
@@ -219,11 +210,12 @@ def grazes(
     ("float64", 5),
     ("int64", 2),
     "float64*",
+    "int64*",
     "float64*",
     "float64*",
     "uint8*",
 )
-def trace(  # noqa: C901  a helper would take and return all of its variables
+def trace(
     along_rows: Any,
     along_columns: Any,
     rises: Any,
@@ -232,52 +224,48 @@ def trace(  # noqa: C901  a helper would take and return all of its variables
     count: Any,
     frame: Any,
     size: Any,
-    heights: Any,
     ceilings: Any,
+    places: Any,
     floors: Any,
+    normals: Any,
     cleared: Any,
 ) -> None:
     """Mark the cells that beams prove to be free.
 
     Takes the beams and their spans as `_beams` returns them; the place of the sensor in rows and
-    columns, its height, the resolution and the sine of the smallest angle; then a height below
-    which beams clear a cell, and one above which they do.
+    columns, its height, the resolution and the sine of the smallest angle; the height of each cell
+    below which beams clear it, and the place of the cell among those that can be cleared, whose
+    floors, normals and marks follow.
     """
     rows, columns = size
     for i in range(count):
-        x, y, rise, last = along_rows[i], along_columns[i], rises[i], lasts[i]
-        t = firsts[i]
-        row = min(max(np.int64(np.floor(frame[0] + t * x)), 0), rows - 1)
-        column = min(max(np.int64(np.floor(frame[1] + t * y)), 0), columns - 1)
-        next_row, next_column, step_row, step_column = np.inf, np.inf, np.inf, np.inf
-        if x != 0.0:
-            step_row = abs(1.0 / x)
-            next_row = (row + (1 if x > 0.0 else 0) - frame[0]) / x
-        if y != 0.0:
-            step_column = abs(1.0 / y)
-            next_column = (column + (1 if y > 0.0 else 0) - frame[1]) / y
-        by_row, by_column = 1 if x > 0.0 else -1, 1 if y > 0.0 else -1
-        while True:
+        x, y, rise, last, t = along_rows[i], along_columns[i], rises[i], lasts[i], firsts[i]
+        row, next_row, step_row = begin(frame[0], x, t, rows)
+        column, next_column, step_column = begin(frame[1], y, t, columns)
+        by_row, by_column = 1 if x > 0.0 else -1, rows if y > 0.0 else -rows
+        cell = row + rows * column
+        while t < last and 0 <= cell and cell < rows * columns:
             is_row = next_row < next_column
             out = next_row if is_row else next_column
             if not out < 1.0:
                 break
-            cell = row + rows * column
             beam = frame[2] + rise * (t if rise < 0.0 else min(out, last))
-            passes = beam < ceilings[cell] and beam > floors[cell]
-            if passes and not grazes(heights, row, column, rows, columns, x, y, rise, *frame[3:]):
-                cleared[cell] = 1
-                ceilings[cell] = -np.inf
-            if not out < last:
-                break
+            if beam < ceilings[cell]:
+                place = places[cell]
+                passes = beam > floors[place]
+                if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
+                    cleared[place] = 1
+                    ceilings[cell] = -np.inf
             t = out
-            if is_row:
-                row += by_row
-                next_row += step_row
-                if row < 0 or row >= rows:
-                    break
-            else:
-                column += by_column
-                next_column += step_column
-                if column < 0 or column >= columns:
-                    break
+            # Sums without branches, which the processor could not foresee.
+            cell += by_row if is_row else by_column
+            next_row += step_row if is_row else 0.0
+            next_column += 0.0 if is_row else step_column
+
+
+def begin(start: Any, way: Any, t: Any, size: Any) -> Any:
+    """Return the first row, the share of the beam at its end, and the share from row to row."""
+    row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
+    if way == 0.0:
+        return row, np.inf, np.inf
+    return row, (row + (1 if way > 0.0 else 0) - start) / way, abs(1.0 / way)
