@@ -82,18 +82,28 @@ def cleared_cells(
     floors = np.full(len(heights), -np.inf)
     floors[points.cells] = points.heights[points.begins] + geometry.resolution
     normals = _normals(heights, candidates, geometry.size, geometry.resolution)
-    beams, span = _beams(scan, geometry, max_length, float(lowest.max()))
     frame = (
         *((geometry.corner - scan.sensor[:2]) / geometry.resolution).tolist(),
         float(scan.sensor[2]),
         geometry.resolution,
         math.sin(min(min_angle, 0.5 * math.pi)),
+        max_length,
     )
     cleared = np.zeros(len(candidates), np.uint8)
     surface = ceilings, places, floors[candidates], normals.T.ravel(), cleared
-    if run := trace.compiled():
-        run(*beams, *span, beams.shape[1], frame, geometry.size, *surface)
+    if (run := trace.compiled()) and (prepare := cover.compiled()):
+        table = np.full(SECTORS * RINGS, -np.inf)
+        prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
+        run(
+            *map(np.ascontiguousarray, (scan.points - scan.sensor[:, None])),
+            scan.points.shape[1],
+            frame,
+            geometry.size,
+            table,
+            *surface,
+        )
     else:
+        beams, span = _beams(scan, geometry, max_length, float(lowest.max()))
         _trace_arrays(beams, span, frame, geometry.size, *surface)
     return candidates[cleared.view(np.bool_)]
 
@@ -160,7 +170,7 @@ def _trace_arrays(
         beam = frame[2] + rise * np.where(rise < 0.0, t, np.minimum(out, last))
         passes = np.flatnonzero((out < 1.0) & (beam < ceilings[cells]))
         place = places[cells[passes]]
-        seen = faces(normals, 3 * place, *ways[:, passes], rise[passes], *frame[3:])
+        seen = faces(normals, 3 * place, *ways[:, passes], rise[passes], *frame[3:5])
         cleared[place[seen & (beam[passes] > floors[place])]] = 1
         cells += np.where(by_row, steps[0], steps[1])
         borders[0] += np.where(by_row, delta[0], 0.0)
@@ -200,15 +210,89 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
     return abs(across) >= sine * np.sqrt(x * x + y * y + rise * rise)
 
 
+SECTORS, RINGS = 512, 32
+"""Parts of the surroundings of the sensor, by direction and by distance.
+
+The highest cell in each part that could be cleared tells where a beam has nothing to look for.
+"""
+
+
+def direction(x: Any, y: Any) -> Any:
+    """Return a number from 0 to `SECTORS` that grows with the angle of a vector that is not 0."""
+    part = y / (abs(x) + abs(y))
+    turn = 2.0 - part if x < 0.0 else (part if y >= 0.0 else 4.0 + part)
+    return turn * (SECTORS / 4)
+
+
+def ring_width(frame: Any, size: Any) -> Any:
+    """Return the difference of distances within a ring [cells], so that rings hold the map."""
+    x = max(abs(frame[0]), abs(size[0] - frame[0]))
+    y = max(abs(frame[1]), abs(size[1] - frame[1]))
+    return min(np.sqrt(x * x + y * y), frame[5] / frame[3]) * 1.001 / RINGS + 0.1
+
+
+@loop("int64*", "float64*", "int64", ("float64", 6), ("int64", 2), "float64*")
+def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any) -> None:
+    """Write the largest `lowest` of the cells that a sector of a ring overlaps into the table."""
+    width = ring_width(frame, size)
+    for i in range(count):
+        x = cells[i] % size[0] + 0.5 - frame[0]
+        y = cells[i] // size[0] + 0.5 - frame[1]
+        distance = np.sqrt(x * x + y * y)
+        first, span = 0, SECTORS
+        if distance > 1.0:
+            middle, low, high = direction(x, y), 0.0, 0.0
+            for corner in range(4):
+                away = direction(x - 0.5 + corner % 2, y - 0.5 + corner // 2) - middle
+                away -= SECTORS * np.floor(away / SECTORS + 0.5)
+                low, high = min(low, away), max(high, away)
+            first = np.int64(np.floor(middle + low - 1e-6))
+            span = np.int64(np.floor(middle + high + 1e-6)) - first + 1
+        near = max(np.int64((distance - 0.7072) / width), 0)
+        far = min(np.int64((distance + 0.7072) / width), RINGS - 1)
+        for k in range(first, first + span):
+            for ring in range(near, far + 1):
+                place = k % SECTORS * RINGS + ring
+                table[place] = max(table[place], lowest[i])
+
+
+def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
+    """Return the span of a beam that is on the map along one axis."""
+    if way == 0.0:
+        return first, (last if 0.0 <= start <= size else -1.0)
+    one, other = -start / way, (size - start) / way
+    # Not beyond the border by rounding.
+    return max(first, min(one, other)), min(last, max(one, other) * (1.0 - 1e-9))
+
+
+def narrowed(
+    frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, first: Any, last: Any
+) -> Any:
+    """Return the span of a beam from the first to the last ring where it can clear cells."""
+    distance = np.sqrt(x * x + y * y)
+    sector = min(np.int64(direction(x, y)), SECTORS - 1) * RINGS
+    from_ring = min(np.int64(first * distance / width), RINGS - 1)
+    to_ring = min(np.int64(last * distance / width), RINGS - 1)
+    per_ring = rise * width / distance
+    offset = 1 if rise < 0.0 else 0
+    begin, end = RINGS, -1
+    for ring in range(from_ring, to_ring + 1):
+        if frame[2] + per_ring * (ring + offset) < table[sector + ring] + 1e-9:
+            begin, end = min(begin, ring), ring
+    if end < 0:
+        return 1.0, 0.0
+    step = width / distance
+    return max(first, begin * step * (1.0 - 1e-9)), min(last, (end + 1) * step * (1.0 + 1e-9))
+
+
 @loop(
     "float64*",
     "float64*",
     "float64*",
-    "float64*",
-    "float64*",
     "int64",
-    ("float64", 5),
+    ("float64", 6),
     ("int64", 2),
+    "float64*",
     "float64*",
     "int64*",
     "float64*",
@@ -216,14 +300,13 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
     "uint8*",
 )
 def trace(
-    along_rows: Any,
-    along_columns: Any,
+    along_x: Any,
+    along_y: Any,
     rises: Any,
-    firsts: Any,
-    lasts: Any,
     count: Any,
     frame: Any,
     size: Any,
+    table: Any,
     ceilings: Any,
     places: Any,
     floors: Any,
@@ -232,38 +315,67 @@ def trace(
 ) -> None:
     """Mark the cells that beams prove to be free.
 
-    Takes the beams and their spans as `_beams` returns them; the place of the sensor in rows and
-    columns, its height, the resolution and the sine of the smallest angle; the height of each cell
-    below which beams clear it, and the place of the cell among those that can be cleared, whose
-    floors, normals and marks follow.
+    Takes the beams, from the sensor to the point [m]; the place of the sensor in rows and columns,
+    its height, the resolution, the sine of the smallest angle and the length of beams; the table of
+    `cover`; the height of each cell below which beams clear it, and the place of the cell among
+    those that can be cleared, whose floors, normals and marks follow.
     """
     rows, columns = size
+    width = ring_width(frame, size)
     for i in range(count):
-        x, y, rise, last, t = along_rows[i], along_columns[i], rises[i], lasts[i], firsts[i]
-        row, next_row, step_row = begin(frame[0], x, t, rows)
-        column, next_column, step_column = begin(frame[1], y, t, columns)
-        by_row, by_column = 1 if x > 0.0 else -1, rows if y > 0.0 else -rows
-        cell = row + rows * column
-        while t < last and 0 <= cell and cell < rows * columns:
-            is_row = next_row < next_column
-            out = next_row if is_row else next_column
-            if not out < 1.0:
-                break
-            beam = frame[2] + rise * (t if rise < 0.0 else min(out, last))
-            if beam < ceilings[cell]:
-                place = places[cell]
-                passes = beam > floors[place]
-                if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
-                    cleared[place] = 1
-                    ceilings[cell] = -np.inf
-            t = out
-            # Sums without branches, which the processor could not foresee.
-            cell += by_row if is_row else by_column
-            next_row += step_row if is_row else 0.0
-            next_column += 0.0 if is_row else step_column
+        x, y, rise = along_x[i], along_y[i], rises[i]
+        length = np.sqrt(x * x + y * y + rise * rise)
+        x, y = -x / frame[3], -y / frame[3]
+        t, last = within(frame[0], x, rows, 0.0, min(frame[5] / length, 1.0))
+        t, last = within(frame[1], y, columns, t, last)
+        # A vertical beam stays in the cell of its point.
+        if not (t < last and x * x + y * y > 0.0):
+            continue
+        t, last = narrowed(frame, table, width, x, y, rise, t, last)
+        if t < last:
+            follow(x, y, rise, t, last, frame, size, ceilings, places, floors, normals, cleared)
 
 
-def begin(start: Any, way: Any, t: Any, size: Any) -> Any:
+def follow(
+    x: Any,
+    y: Any,
+    rise: Any,
+    t: Any,
+    last: Any,
+    frame: Any,
+    size: Any,
+    ceilings: Any,
+    places: Any,
+    floors: Any,
+    normals: Any,
+    cleared: Any,
+) -> None:
+    """Follow one beam from cell to cell."""
+    rows, columns = size
+    row, next_row, step_row = first_line(frame[0], x, t, rows)
+    column, next_column, step_column = first_line(frame[1], y, t, columns)
+    by_row, by_column = 1 if x > 0.0 else -1, rows if y > 0.0 else -rows
+    cell = row + rows * column
+    while t < last and cell >= 0 and cell < rows * columns:
+        is_row = next_row < next_column
+        out = next_row if is_row else next_column
+        if not out < 1.0:
+            break
+        beam = frame[2] + rise * (t if rise < 0.0 else min(out, last))
+        if beam < ceilings[cell]:
+            place = places[cell]
+            passes = beam > floors[place]
+            if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
+                cleared[place] = 1
+                ceilings[cell] = -np.inf
+        t = out
+        # Sums without branches, which the processor could not foresee.
+        cell += by_row if is_row else by_column
+        next_row += step_row if is_row else 0.0
+        next_column += 0.0 if is_row else step_column
+
+
+def first_line(start: Any, way: Any, t: Any, size: Any) -> Any:
     """Return the first row, the share of the beam at its end, and the share from row to row."""
     row = min(max(np.int64(np.floor(start + t * way)), 0), size - 1)
     if way == 0.0:
