@@ -307,7 +307,7 @@ class ElevationMapper:
             if added.matrix.any():
                 rows, columns = geometry.axes_in_map_order()
                 with np.errstate(over="ignore", invalid="ignore"):
-                    state.variances += added.vertical(
+                    state.variances += added.of_places(
                         (rows - x)[None, :], (columns - y)[:, None]
                     ).ravel()
         return (stamp - start) * 1e-9, start

@@ -30,14 +30,22 @@ class Covariance:
 
     matrix: NDArray[np.float64]
 
-    def vertical(self, x: Any, y: Any) -> Any:
-        """Return the vertical variance [m^2] at places x, y [m] relative to the sensor.
+    def of_points(self, x: Any, y: Any) -> Any:
+        """Return the variance of z [m^2] that the pose gives to points.
 
-        It is `J_q Q J_q^T` with J_q = (y, -x), plus the variance of z. Whoever turns by (roll,
-        pitch) about the sensor lifts the place by y * roll - x * pitch.
+        It is `J_q Q J_q^T` with J_q = (y, -x), plus the variance of z: a rotation by (roll, pitch)
+        about the sensor lifts a point by `roll * y - pitch * x`.
+
+        Args:
+            x, y: places relative to the sensor [m], map frame.
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
+
+    def of_places(self, x: Any, y: Any) -> Any:
+        """Return the same for cells, correlations of height and tilt included."""
+        _, with_roll, with_pitch = self.matrix[0].tolist()
+        return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:

@@ -154,7 +154,7 @@ def _located_part(
         own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
         variances = sensor.vertical_variances(own, distances, transform[2, :3])
         if covariance is not None:
-            variances = variances + covariance.vertical(turned[0], turned[1])
+            variances = variances + covariance.of_points(turned[0], turned[1])
         counts &= np.isfinite(variances)
         points = turned + transform[:3, 3:4]
         counts &= np.isfinite(points[2])

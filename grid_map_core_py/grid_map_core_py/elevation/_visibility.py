@@ -103,7 +103,7 @@ def cleared_cells(
             *surface,
         )
     else:
-        beams, span = _beams(scan, geometry, max_length, float(lowest.max()))
+        beams, span = _beams(scan, geometry, max_length, float(lowest.max()) + MARGIN)
         _trace_arrays(beams, span, frame, geometry.size, *surface)
     return candidates[cleared.view(np.bool_)]
 
@@ -170,7 +170,8 @@ def _trace_arrays(
         beam = frame[2] + rise * np.where(rise < 0.0, t, np.minimum(out, last))
         passes = np.flatnonzero((out < 1.0) & (beam < ceilings[cells]))
         place = places[cells[passes]]
-        seen = faces(normals, 3 * place, *ways[:, passes], rise[passes], *frame[3:5])
+        x, y = ways[:, passes]
+        seen = faces(normals, 3 * place, x, y, rise[passes], frame[3], frame[4])
         cleared[place[seen & (beam[passes] > floors[place])]] = 1
         cells += np.where(by_row, steps[0], steps[1])
         borders[0] += np.where(by_row, delta[0], 0.0)
@@ -210,6 +211,9 @@ def faces(normals: Any, place: Any, x: Any, y: Any, rise: Any, resolution: Any, 
     return abs(across) >= sine * np.sqrt(x * x + y * y + rise * rise)
 
 
+MARGIN = 1e-9
+"""Heights [m] by which beams are looked at too early, against rounding."""
+
 SECTORS, RINGS = 512, 32
 """Parts of the surroundings of the sensor, by direction and by distance.
 
@@ -246,10 +250,10 @@ def cover(cells: Any, lowest: Any, count: Any, frame: Any, size: Any, table: Any
                 away = direction(x - 0.5 + corner % 2, y - 0.5 + corner // 2) - middle
                 away -= SECTORS * np.floor(away / SECTORS + 0.5)
                 low, high = min(low, away), max(high, away)
-            first = np.int64(np.floor(middle + low - 1e-6))
-            span = np.int64(np.floor(middle + high + 1e-6)) - first + 1
-        near = max(np.int64((distance - 0.7072) / width), 0)
-        far = min(np.int64((distance + 0.7072) / width), RINGS - 1)
+            first = math.floor(middle + low - 1e-6)
+            span = math.floor(middle + high + 1e-6) - first + 1
+        near = math.floor(max(distance - 0.7072, 0.0) / width)
+        far = math.floor(min((distance + 0.7072) / width, RINGS - 1))
         for k in range(first, first + span):
             for ring in range(near, far + 1):
                 place = k % SECTORS * RINGS + ring
@@ -270,14 +274,14 @@ def narrowed(
 ) -> Any:
     """Return the span of a beam from the first to the last ring where it can clear cells."""
     distance = np.sqrt(x * x + y * y)
-    sector = min(np.int64(direction(x, y)), SECTORS - 1) * RINGS
-    from_ring = min(np.int64(first * distance / width), RINGS - 1)
-    to_ring = min(np.int64(last * distance / width), RINGS - 1)
+    sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
+    from_ring = math.floor(min(first * distance / width, RINGS - 1))
+    to_ring = math.floor(min(last * distance / width, RINGS - 1))
     per_ring = rise * width / distance
     offset = 1 if rise < 0.0 else 0
     begin, end = RINGS, -1
     for ring in range(from_ring, to_ring + 1):
-        if frame[2] + per_ring * (ring + offset) < table[sector + ring] + 1e-9:
+        if frame[2] + per_ring * (ring + offset) < table[sector + ring] + MARGIN:
             begin, end = min(begin, ring), ring
     if end < 0:
         return 1.0, 0.0

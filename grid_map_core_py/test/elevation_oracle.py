@@ -1,0 +1,284 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Elevation mapping as its model describes it: slow, one point and one cell after the other.
+
+Cells have integer places (i, j) in the world: i along x, j along y. Numbers are those of Python.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Cell:
+    height: float
+    variance: float
+    time: float
+
+
+@dataclass
+class Oracle:
+    """A map of `size` cells; `origin` is the world cell with the smallest i and j on the map."""
+
+    size: tuple[int, int]
+    resolution: float
+    origin: list[int]
+    sensor: object
+    threshold: float = 2.5
+    min_variance: float = 9e-6
+    max_variance: float = 0.01
+    noise: float = 9e-7
+    time_variance: float = 0.0
+    scanning_duration: float = 1.0
+    conflict_points: int = 2
+    max_ray_length: float = 10.0
+    min_angle: float = 0.1
+    drift_alpha: float = 0.1
+    max_drift: float = 0.1
+    inlier: float = 0.0025
+    min_drift_cells: int | None = None
+    cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
+    pose: tuple | None = None
+    last: float | None = None
+
+    def move(self, i: int, j: int) -> None:
+        self.origin = [self.origin[0] + i, self.origin[1] + j]
+        self.cells = {place: cell for place, cell in self.cells.items() if self.holds(place)}
+
+    def holds(self, place: tuple[int, int]) -> bool:
+        return all(0 <= place[k] - self.origin[k] < self.size[k] for k in (0, 1))
+
+    def place(self, x: float, y: float) -> tuple[int, int]:
+        # The upper borders of a cell belong to it.
+        return math.ceil(x / self.resolution) - 1, math.ceil(y / self.resolution) - 1
+
+    def update(self, points, transform, now, covariance=None):
+        self.age(now, transform, covariance)
+        sensor = np.array(transform[:3, 3], float)
+        beams, by_cell = [], {}
+        for p in points:
+            if not np.isfinite(p).all() or not np.any(p):
+                continue
+            r = self.variance_of(p, transform, covariance)
+            if math.isnan(r):
+                continue
+            q = [sum(transform[k, m] * p[m] for m in range(3)) + transform[k, 3] for k in range(3)]
+            beams.append(q)
+            place = self.place(q[0], q[1])
+            if self.holds(place):
+                by_cell.setdefault(place, []).append((q, max(r, 1e-12)))
+        drift = self.drift(by_cell)
+        if drift:
+            rest = (1 - self.drift_alpha) * drift
+            for cell in self.cells.values():
+                cell.height += self.drift_alpha * drift
+            sensor[2] -= rest
+            beams = [[x, y, z - rest] for x, y, z in beams]
+            by_cell = {
+                c: [([x, y, z - rest], r) for (x, y, z), r in found] for c, found in by_cell.items()
+            }
+        stale = {c for c, cell in self.cells.items() if now - cell.time >= self.scanning_duration}
+        for place, found in by_cell.items():
+            self.fuse(place, found, sensor, place in stale, now)
+        stale = {c for c, cell in self.cells.items() if now - cell.time >= self.scanning_duration}
+        tops = {place: max(q[2] for q, _ in found) for place, found in by_cell.items()}
+        gone = set()
+        for q in beams:
+            gone |= {
+                c
+                for c, low, high in self.crossed(sensor, q)
+                if c in stale and self.frees(c, low, high, sensor, q, tops)
+            }
+        for place in gone:
+            del self.cells[place]
+        self.finish()
+        return drift, len(gone)
+
+    def age(self, now, transform, covariance):
+        if self.last is not None:
+            for cell in self.cells.values():
+                cell.variance += self.time_variance * (now - self.last)
+        self.last = now
+        if covariance is not None and self.pose is not None:
+            added = self.motion(transform, covariance)
+            for (i, j), cell in self.cells.items():
+                x = (i + 0.5) * self.resolution - transform[0, 3]
+                y = (j + 0.5) * self.resolution - transform[1, 3]
+                row = np.array([1.0, y, -x])
+                cell.variance += float(row @ added @ row)
+        self.pose = None if covariance is None else (transform[:3, 3].copy(), covariance)
+
+    def motion(self, transform, covariance):
+        """Covariance of z, roll, pitch that the motion has added, its negative part left out."""
+        position, old = self.pose
+        way = transform[:3, 3] - position
+        # Position and rotation of a pose that moves on: the rotation turns the way.
+        skew = np.array([[0, -way[2], way[1]], [way[2], 0, -way[0]], [-way[1], way[0], 0]])
+        carry = np.eye(6)
+        carry[:3, 3:] = -skew
+        # Only height and tilt count.
+        pick = np.zeros((3, 6))
+        pick[0, 2] = pick[1, 3] = pick[2, 4] = 1
+        mask = pick.T @ pick
+        added = pick @ (covariance - carry @ (mask @ old @ mask) @ carry.T) @ pick.T
+        values, vectors = np.linalg.eigh(added)
+        return sum(max(v, 0.0) * np.outer(u, u) for v, u in zip(values, vectors.T, strict=True))
+
+    def variance_of(self, p, transform, covariance):
+        rotation = transform[:3, :3]
+        third = rotation[2]
+        spread = self.sensor(np.asarray(p, float))
+        if spread is None:
+            return math.nan
+        variance = spread if isinstance(spread, float) else float(third @ spread @ third)
+        if covariance is not None:
+            x, y, z = rotation @ np.asarray(p, float)
+            skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            row = -skew[2]
+            variance += float(row @ covariance[3:, 3:] @ row) + covariance[2, 2]
+        return variance
+
+    def agrees(self, height, variance, z, r):
+        return abs(z - height) <= self.threshold * math.sqrt(variance + r)
+
+    def clusters(self, found):
+        """Clusters of (z, r) from the highest down, each with mean and variance."""
+        result = []
+        for z, r in sorted(found, key=lambda pair: (-pair[0], pair[1])):
+            if result and self.agrees(*result[-1][1:], z, r):
+                members = result[-1][0] + [(z, r)]
+            else:
+                members = [(z, r)]
+                result.append(None)
+            weight = math.fsum(1 / r for _, r in members)
+            mean = math.fsum(z / r for z, r in members) / weight
+            result[-1] = members, mean, 1 / weight
+        return result
+
+    def fuse(self, place, found, sensor, is_stale, now):
+        cell = self.cells.get(place)
+        flat = [(q[2], r) for q, r in found]
+        if cell is None:
+            _, mean, variance = self.clusters(flat)[0]
+            self.cells[place] = Cell(mean, max(variance, self.min_variance), now)
+            return
+        agreeing = [(z, r) for z, r in flat if self.agrees(cell.height, cell.variance, z, r)]
+        if agreeing:
+            weight = 1 / cell.variance + math.fsum(1 / r for _, r in agreeing)
+            total = cell.height / cell.variance + math.fsum(z / r for z, r in agreeing)
+            self.cells[place] = Cell(total / weight, max(1 / weight, self.min_variance), now)
+            return
+        above = [(z, r) for z, r in flat if z > cell.height]
+        below = [
+            (q[2], r)
+            for q, r in found
+            if is_stale and q[2] < cell.height and self.entry(place, q, sensor) >= cell.height
+        ]
+        for group in (above, below):
+            for members, mean, variance in self.clusters(group):
+                if len(members) >= self.conflict_points:
+                    variance = max(variance, self.min_variance) + self.noise
+                    self.cells[place] = Cell(mean, variance, now)
+                    return
+        cell.variance += self.noise
+
+    def entry(self, place, q, sensor):
+        """Height of a beam where it enters the cell of its point."""
+        low = max((t for t in self.borders(sensor, q) if t <= 1.0), default=0.0)
+        # The last border before the point, or the sensor if it is in the same cell.
+        same = self.place(sensor[0], sensor[1]) == place
+        t = 0.0 if same else low
+        return sensor[2] + t * (q[2] - sensor[2])
+
+    def borders(self, sensor, q):
+        """Shares of a beam at which it crosses borders of cells."""
+        shares = []
+        for k in (0, 1):
+            way = q[k] - sensor[k]
+            if way == 0:
+                continue
+            low, high = sorted((sensor[k] / self.resolution, q[k] / self.resolution))
+            for number in range(math.ceil(low), math.floor(high) + 1):
+                shares.append((number * self.resolution - sensor[k]) / way)
+        return [t for t in shares if 0 < t < 1]
+
+    def crossed(self, sensor, q):
+        """Cells on the way of a beam but the last, with its highest height there."""
+        way = np.asarray(q) - sensor
+        length = float(np.linalg.norm(way))
+        end = min(1.0, self.max_ray_length / length)
+        shares = sorted([0.0, *self.borders(sensor, q), 1.0])
+        for first, last in zip(shares[:-2], shares[1:-1], strict=True):
+            if last <= first or first >= end:
+                continue
+            middle = sensor + 0.5 * (first + last) * way
+            heights = [float(sensor[2] + t * way[2]) for t in (first, min(last, end))]
+            yield self.place(middle[0], middle[1]), max(heights)
+
+    def frees(self, place, high, sensor, q, tops):
+        cell = self.cells[place]
+        if not high < cell.height - 3 * math.sqrt(cell.variance):
+            return False
+        if place in tops and high <= tops[place] + self.resolution:
+            return False
+        slopes = []
+        for di, dj in ((1, 0), (0, 1)):
+            after, before = ((place[0] + s * di, place[1] + s * dj) for s in (1, -1))
+            ends = [c for c in (before, after) if c in self.cells]
+            h = [self.cells[c].height if c in self.cells else cell.height for c in (before, after)]
+            slopes.append((h[1] - h[0]) / (max(len(ends), 1) * self.resolution))
+        normal = np.array([-slopes[0], -slopes[1], 1.0])
+        way = np.asarray(q) - sensor
+        sine = abs(normal @ way) / np.linalg.norm(normal) / np.linalg.norm(way)
+        return math.asin(min(sine, 1.0)) >= self.min_angle
+
+    def drift(self, by_cell):
+        if self.min_drift_cells is None:
+            return 0.0
+        seen = []
+        for place, found in by_cell.items():
+            cell = self.cells.get(place)
+            if cell is None or cell.variance > self.inlier:
+                continue
+            near = [
+                (q[2], r)
+                for q, r in found
+                if abs(q[2] - cell.height)
+                <= self.max_drift + self.threshold * math.sqrt(cell.variance + r)
+            ]
+            if near:
+                weight = math.fsum(1 / r for _, r in near)
+                mean = math.fsum(z / r for z, r in near) / weight
+                seen.append((mean - cell.height, cell.variance + 1 / weight))
+        if len(seen) < self.min_drift_cells:
+            return 0.0
+        middle = float(np.median([offset for offset, _ in seen]))
+        agree = [(o, v) for o, v in seen if abs(o - middle) <= self.threshold * math.sqrt(v)]
+        if len(agree) < max(self.min_drift_cells, 0.5 * len(seen)):
+            return 0.0
+        mean = math.fsum(o / v for o, v in agree) / math.fsum(1 / v for _, v in agree)
+        return mean if abs(mean) <= self.max_drift else 0.0
+
+    def finish(self):
+        """Round as layers of float32 do, and drop what is too uncertain."""
+        for place in [*self.cells]:
+            cell = self.cells[place]
+            if not cell.variance <= (self.max_variance if self.max_variance > 0 else math.inf):
+                del self.cells[place]
+                continue
+            cell.height, cell.time = float(np.float32(cell.height)), float(np.float32(cell.time))
+            least = max(np.float32(cell.variance), np.float32(self.min_variance))
+            cell.variance = float(least)
+
+    def layers(self):
+        """Heights, variances and times in map order."""
+        result = np.full((3, *self.size), np.nan)
+        for (i, j), cell in self.cells.items():
+            place = (
+                self.size[0] - 1 - (i - self.origin[0]),
+                self.size[1] - 1 - (j - self.origin[1]),
+            )
+            result[(slice(None), *place)] = cell.height, cell.variance, cell.time
+        return result

@@ -1,0 +1,176 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`ElevationMapper` beside a slow oracle, which handles one point and one cell after the other."""
+
+import math
+
+import numpy as np
+import pytest
+from elevation_oracle import Oracle
+
+from grid_map_core_py import GridGeometry
+from grid_map_core_py.elevation import (
+    ConstantModel,
+    ElevationMapper,
+    LaserModel,
+    PerfectModel,
+    StereoModel,
+    StructuredLightModel,
+    _fusion,
+    _order,
+    _visibility,
+)
+
+RESOLUTION = 0.25
+LOOPS = (_order.deal, _fusion.fuse_cells, _visibility.trace, _visibility.cover)
+
+
+@pytest.fixture(params=["compiled", "arrays"])
+def way(request, monkeypatch):
+    """Both ways: loops that numba has compiled, and NumPy alone."""
+    if request.param == "arrays":
+        for loop in LOOPS:
+            monkeypatch.setattr(loop, "compiled", lambda: None)
+    else:
+        pytest.importorskip("numba")
+    return request.param
+
+
+def diagonal(u, along, across):
+    return across**2 * np.eye(3) + (along**2 - across**2) * np.outer(u, u)
+
+
+def laser(model):
+    def spread(p):
+        d = float(np.linalg.norm(p))
+        return diagonal(p / d, model.min_radius, model.beam_constant + model.beam_angle * d)
+
+    return spread
+
+
+def light(model):
+    def spread(p):
+        z = p[2]
+        if not model.cutoff_min_depth <= z <= model.cutoff_max_depth:
+            return None
+        a, b, c, d, e = (getattr(model, f"normal_factor_{letter}") for letter in "abcde")
+        along = a + b * (z - c) ** 2 + d * z**e
+        return diagonal(np.array([0.0, 0, 1]), along, model.lateral_factor * z)
+
+    return spread
+
+
+def stereo(model):
+    def spread(p):
+        if p[2] <= 0:
+            return None
+        along = p[2] ** 2 / (model.focal_length * model.baseline) * model.disparity_std
+        return diagonal(np.array([0.0, 0, 1]), along, model.lateral_factor * p[2])
+
+    return spread
+
+
+SENSORS = {
+    "laser": (LaserModel(), laser),
+    "laser of another beam": (LaserModel(min_radius=0.03, beam_constant=0.01), laser),
+    "structured light": (StructuredLightModel(normal_factor_d=0.002, normal_factor_e=1.5), light),
+    "stereo": (StereoModel(disparity_std=0.3), stereo),
+    "perfect": (PerfectModel(), lambda _: lambda _: np.zeros((3, 3))),
+    "constant": (
+        ConstantModel(sensor_noise_factor=1e-3),
+        lambda m: lambda p: m.sensor_noise_factor * float(p @ p),
+    ),
+}
+
+
+def rotation(roll, pitch, yaw):
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (roll, pitch, yaw))
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return about_z @ about_y @ about_x
+
+
+def pose(x=0.0, y=0.0, z=1.5, roll=0.0, pitch=0.0, yaw=0.0):
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation(roll, pitch, yaw), (x, y, z)
+    return matrix
+
+
+def scene(random, count, matrix, step):
+    """Points of the ground, of boxes that come and go, and of noise, in the sensor frame."""
+    x, y = random.uniform(-2.2, 2.2, (2, count)) + matrix[:2, 3:4]
+    z = 0.05 * np.sin(3 * x) + random.normal(0, 0.01, count)
+    on_box = (x > 0.5) & (x < 1.2) & (y > -0.6) & (step % 5 < 2)
+    z[on_box] = 0.7 + random.normal(0, 0.01, on_box.sum())
+    outlier = random.random(count) < 0.03
+    z[outlier] += random.uniform(-1, 1, outlier.sum())
+    return (np.stack((x, y, z), axis=1) - matrix[:3, 3]) @ matrix[:3, :3]
+
+
+def random_covariance(random, scale):
+    root = random.normal(size=(6, 6)) * scale
+    return root @ root.T
+
+
+def check_layers(mapper, oracle):
+    expected = oracle.layers()
+    for name, layer in zip(("elevation", "variance", "time"), expected, strict=True):
+        found = mapper.grid_map.unwrapped(name)
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(layer), name)
+        np.testing.assert_allclose(found, layer, rtol=3e-7, atol=2e-7 if name != "variance" else 0)
+    reach = 2.486 * np.sqrt(expected[1])
+    for name, layer in (("upper_bound", expected[0] + reach), ("lower_bound", expected[0] - reach)):
+        np.testing.assert_allclose(mapper.grid_map.unwrapped(name), layer, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.usefixtures("way")
+@pytest.mark.parametrize("sensor", SENSORS)
+@pytest.mark.parametrize(
+    "options", [{}, {"drift_alpha": 0.3, "min_drift_cells": 20}], ids=["", "drift"]
+)
+def test_map_equals_oracle(sensor, options):
+    model, spread_of = SENSORS[sensor]
+    random = np.random.default_rng(sum(map(ord, sensor)))
+    given = {"time_variance": 1e-5, "scanning_duration": 0.25, "max_ray_length": 4.0}
+    drift = {}
+    if options:
+        drift = {
+            "enable_drift_compensation": True,
+            "drift_compensation_alpha": 0.3,
+            "min_drift_cells": 20,
+        }
+    rows, columns = 15, 12
+    geometry = GridGeometry.from_size((rows, columns), RESOLUTION, (0.5 * RESOLUTION, 0.0))
+    mapper = ElevationMapper(geometry, sensor=model, **given, **drift)
+    origin = [-(rows - 1) // 2, -columns // 2]
+    oracle = Oracle((rows, columns), RESOLUTION, origin, spread_of(model), **given, **options)
+    looks_down = sensor in ("structured light", "stereo")
+    cleared, conflicts, drifts = 0, 0, 0
+    for step in range(12):
+        tilt = math.pi if looks_down else 0.0
+        matrix = pose(
+            0.13 * step, -0.04 * step, 1.5 + 0.004 * step, tilt + 0.05, 0.03 * step, 0.2 * step
+        )
+        points = scene(random, 350, matrix, step)
+        points[:3] = [[np.nan, 0, 0], [np.inf, 0, 1], [0, 0, 0]]
+        covariance = random_covariance(random, 0.001 * (1 + step)) if step % 4 else None
+        target = [round(v / RESOLUTION) for v in (0.13 * step, -0.04 * step)]
+        report = mapper.update(
+            points,
+            matrix,
+            timestamp=10**12 + step * 10**8,
+            pose_covariance=covariance,
+            position=np.array(target) * RESOLUTION + (0.5 * RESOLUTION, 0.0),
+        )
+        oracle.move(*(origin[k] + target[k] - oracle.origin[k] for k in (0, 1)))
+        moved, gone = oracle.update(points, matrix, step * 0.1, covariance)
+        assert report.cells_cleared == gone
+        assert report.drift == pytest.approx(moved, abs=1e-9)
+        check_layers(mapper, oracle)
+        cleared += gone
+        conflicts += report.conflicts
+        drifts += moved != 0
+    assert conflicts
+    assert cleared or looks_down
+    assert bool(drifts) == bool(options) or looks_down
