@@ -7,6 +7,7 @@ Cells have integer places (i, j) in the world: i along x, j along y. Numbers are
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -55,46 +56,60 @@ class Oracle:
         return math.ceil(x / self.resolution) - 1, math.ceil(y / self.resolution) - 1
 
     def update(self, points, transform, now, covariance=None):
+        """Return the offset of the scan, and how many cells the visibility has cleared."""
         self.age(now, transform, covariance)
         sensor = np.array(transform[:3, 3], float)
-        beams, by_cell = [], {}
-        for p in points:
-            if not np.isfinite(p).all() or not np.any(p):
-                continue
-            r = self.variance_of(p, transform, covariance)
-            if math.isnan(r):
-                continue
-            q = [sum(transform[k, m] * p[m] for m in range(3)) + transform[k, 3] for k in range(3)]
-            beams.append(q)
-            place = self.place(q[0], q[1])
-            if self.holds(place):
-                by_cell.setdefault(place, []).append((q, max(r, 1e-12)))
-        drift = self.drift(by_cell)
-        if drift:
-            rest = (1 - self.drift_alpha) * drift
-            for cell in self.cells.values():
-                cell.height += self.drift_alpha * drift
-            sensor[2] -= rest
-            beams = [[x, y, z - rest] for x, y, z in beams]
-            by_cell = {
-                c: [([x, y, z - rest], r) for (x, y, z), r in found] for c, found in by_cell.items()
-            }
-        stale = {c for c, cell in self.cells.items() if now - cell.time >= self.scanning_duration}
+        beams = self.located(points, transform, covariance)
+        drift = self.drift(self.by_cell(beams))
+        rest = (1 - self.drift_alpha) * drift
+        for cell in self.cells.values():
+            cell.height += self.drift_alpha * drift
+        sensor[2] -= rest
+        beams = [((x, y, z - rest), r) for (x, y, z), r in beams]
+        by_cell, stale = self.by_cell(beams), self.stale(now)
         for place, found in by_cell.items():
             self.fuse(place, found, sensor, place in stale, now)
-        stale = {c for c, cell in self.cells.items() if now - cell.time >= self.scanning_duration}
         tops = {place: max(q[2] for q, _ in found) for place, found in by_cell.items()}
-        gone = set()
-        for q in beams:
-            gone |= {
-                c
-                for c, low, high in self.crossed(sensor, q)
-                if c in stale and self.frees(c, low, high, sensor, q, tops)
-            }
+        gone = self.freed(beams, sensor, tops, self.stale(now))
         for place in gone:
             del self.cells[place]
         self.finish()
         return drift, len(gone)
+
+    def located(self, points, transform, covariance):
+        """Points in the map frame, each with its variance; without those that do not count."""
+        found = []
+        for p in points:
+            if not np.isfinite(p).all() or not np.any(p):
+                continue
+            r = self.variance_of(p, transform, covariance)
+            if not math.isnan(r):
+                q = [
+                    sum(transform[k, m] * p[m] for m in range(3)) + transform[k, 3]
+                    for k in range(3)
+                ]
+                found.append((tuple(q), max(r, 1e-12)))
+        return found
+
+    def by_cell(self, beams):
+        found = {}
+        for q, r in beams:
+            place = self.place(q[0], q[1])
+            if self.holds(place):
+                found.setdefault(place, []).append((q, r))
+        return found
+
+    def stale(self, now):
+        since = {place: now - cell.time for place, cell in self.cells.items()}
+        return {place for place, time in since.items() if time >= self.scanning_duration}
+
+    def freed(self, beams, sensor, tops, stale):
+        return {
+            place
+            for q, _ in beams
+            for place, high in self.crossed(sensor, q)
+            if place in stale and self.frees(place, high, sensor, q, tops)
+        }
 
     def age(self, now, transform, covariance):
         if self.last is not None:
@@ -210,7 +225,7 @@ class Oracle:
         length = float(np.linalg.norm(way))
         end = min(1.0, self.max_ray_length / length)
         shares = sorted([0.0, *self.borders(sensor, q), 1.0])
-        for first, last in zip(shares[:-2], shares[1:-1], strict=True):
+        for first, last in pairwise(shares[:-1]):
             if last <= first or first >= end:
                 continue
             middle = sensor + 0.5 * (first + last) * way
