@@ -1,0 +1,471 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`ElevationMapper` at its edges: order, borders, extreme numbers, wrong arguments."""
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import (
+    ConfigError,
+    GridGeometry,
+    GridMap,
+    GridMapError,
+    LayerNotFoundError,
+    LimitError,
+)
+from grid_map_core_py.elevation import (
+    ConstantModel,
+    ElevationMapper,
+    LaserModel,
+    PerfectModel,
+    StereoModel,
+    StructuredLightModel,
+    _fusion,
+    _order,
+    _visibility,
+)
+from grid_map_core_py.limits import changed_limits
+from grid_map_core_py.testing import assert_maps_equal
+
+SECOND = 10**9
+GEOMETRY = GridGeometry.from_size((12, 9), 0.2)
+LOOPS = (_order.deal, _fusion.fuse_cells, _visibility.trace, _visibility.cover)
+UP = np.eye(4)
+UP[2, 3] = 1.0
+
+
+@pytest.fixture(params=["compiled", "arrays"])
+def way(request, monkeypatch):
+    """Both ways: loops that numba has compiled, and NumPy alone."""
+    if request.param == "arrays":
+        for loop in LOOPS:
+            monkeypatch.setattr(loop, "compiled", lambda: None)
+    else:
+        pytest.importorskip("numba")
+
+
+both_ways = pytest.mark.usefixtures("way")
+
+
+def mapper_of(geometry=GEOMETRY, **given):
+    return ElevationMapper(geometry, **given)
+
+
+def at(x, y, *heights):
+    """Points above one place, for a sensor 1 m above the origin."""
+    return [(x, y, z - 1.0) for z in heights]
+
+
+def height(mapper, x, y, layer="elevation"):
+    return float(mapper.grid_map[layer][mapper.grid_map.get_index((x, y))])
+
+
+def cloud(count=600, seed=1):
+    random = np.random.default_rng(seed)
+    points = random.uniform((-1.3, -1.0, -1.2), (1.3, 1.0, 0.5), (count, 3)).astype(np.float32)
+    # Equal points, and equal heights of unequal variance.
+    points[count // 2 :] = points[: count - count // 2]
+    points[-40:, 2] = -0.5
+    return points
+
+
+FUSIONS = {
+    "intensity": "average",
+    "newest": "latest",
+    "slow": "exponential",
+    "top": "max",
+    "class_.*": "class_bayesian",
+}
+
+
+def values_of(count, seed=2):
+    random = np.random.default_rng(seed)
+    names = ["intensity", "newest", "slow", "top", "class_grass", "class_stone"]
+    values = {name: random.uniform(0, 1, count) for name in names}
+    values["rgb"] = random.integers(0, 1 << 24, count, np.uint32).view(np.float32)
+    values["intensity"][:9] = np.nan
+    return values
+
+
+@both_ways
+def test_order_of_points_changes_no_bit():
+    one, other = (mapper_of(value_fusions=FUSIONS, scanning_duration=0.0) for _ in range(2))
+    random = np.random.default_rng(3)
+    for step in range(4):
+        points, values = cloud(seed=step), values_of(600, seed=step)
+        order = random.permutation(len(points))
+        covariance = 1e-4 * np.eye(6)
+        given = {"timestamp": step * SECOND, "pose_covariance": covariance}
+        first = one.update(points, UP, values=values, **given)
+        shuffled = {name: column[order] for name, column in values.items()}
+        second = other.update(points[order], UP, values=shuffled, **given)
+        assert first.points_used == second.points_used
+        for name, layer in one.grid_map.items():
+            found = other.grid_map[name]
+            np.testing.assert_array_equal(layer.view(np.uint32), found.view(np.uint32), name)
+
+
+def test_both_ways_give_the_same_maps(monkeypatch):
+    pytest.importorskip("numba")
+    maps = []
+    for is_compiled in (True, False):
+        if not is_compiled:
+            for loop in LOOPS:
+                monkeypatch.setattr(loop, "compiled", lambda: None)
+        mapper = mapper_of(scanning_duration=0.0, conflict_points=1)
+        for step in range(6):
+            points = cloud(20_000, seed=step) * np.float32(1.0 - 0.1 * step)
+            mapper.update(points, UP, timestamp=step * SECOND)
+        maps.append(mapper.grid_map)
+    assert_maps_equal(*maps)
+
+
+@both_ways
+def test_moved_map_equals_map_that_began_there():
+    shift = (0.6, -1.0)
+    mapper, fresh = mapper_of(), mapper_of(GEOMETRY.shifted(GEOMETRY.index_shift(shift)))
+    mapper.update(cloud(), UP, timestamp=0)
+    mapper.clear()
+    for step in range(3):
+        points = cloud(seed=step)
+        mapper.update(points, UP, timestamp=step * SECOND, position=shift)
+        fresh.update(points, UP, timestamp=step * SECOND)
+    assert_maps_equal(mapper.grid_map, fresh.grid_map)
+
+
+def test_map_that_the_caller_moved_keeps_its_values():
+    mapper, still = mapper_of(), mapper_of()
+    for one in (mapper, still):
+        one.update(cloud(), UP, timestamp=0, values=values_of(600))
+    mapper.grid_map.move((0.4, 0.2))
+    still.update(cloud(seed=5), UP, timestamp=SECOND, position=(0.4, 0.2), values=values_of(600))
+    mapper.update(cloud(seed=5), UP, timestamp=SECOND, values=values_of(600))
+    assert_maps_equal(mapper.grid_map, still.grid_map)
+
+
+@both_ways
+@pytest.mark.parametrize("points", [np.empty((0, 3)), np.full((4, 3), np.nan)])
+def test_scan_without_points_keeps_the_map(points):
+    mapper = mapper_of()
+    mapper.update(cloud(), UP, timestamp=0)
+    before = mapper.grid_map.copy()
+    report = mapper.update(points, UP, timestamp=SECOND)
+    before.timestamp = SECOND
+    assert_maps_equal(mapper.grid_map, before)
+    assert (report.points_used, report.points_dropped) == (0, len(points))
+
+
+@both_ways
+def test_map_of_one_cell():
+    mapper = mapper_of(GridGeometry.from_size((1, 1), 1.0), min_variance=1e-9)
+    mapper.update([(0.1, 0.2, -1.0), (3.0, 0.1, -0.9), (-0.3, 0.1, -1.01)], UP, timestamp=0)
+    assert height(mapper, 0, 0) == pytest.approx(-0.005, abs=5e-3)
+    mapper.update(at(0.1, 0.1, 0.5, 0.51), UP, timestamp=SECOND)
+    assert height(mapper, 0, 0) == pytest.approx(0.505, abs=1e-3)
+
+
+@both_ways
+def test_many_points_in_one_cell_are_averaged():
+    random = np.random.default_rng(0)
+    points = np.column_stack(
+        (*random.uniform(0.21, 0.39, (2, 100_000)), random.normal(-1, 0.01, 100_000))
+    )
+    mapper = mapper_of(sensor=ConstantModel(sensor_noise_factor=1e-4), min_variance=1e-12)
+    report = mapper.update(points, UP, timestamp=0)
+    assert report.points_used > 98_000
+    assert height(mapper, 0.3, 0.3) == pytest.approx(0.0, abs=5e-4)
+    assert height(mapper, 0.3, 0.3, "variance") == pytest.approx(1e-4 / 1e5, rel=0.3)
+
+
+def test_million_points():
+    points = np.random.default_rng(0).uniform((-1, -1, -1.01), (1, 1, -0.99), (1_000_000, 3))
+    mapper = mapper_of()
+    report = mapper.update(points.astype(np.float32), UP, timestamp=0)
+    counts = report.points_used, report.points_gated, report.points_dropped
+    assert sum(counts) == 1_000_000
+    known = mapper.grid_map["elevation"][np.isfinite(mapper.grid_map["elevation"])]
+    np.testing.assert_allclose(known, 0.0, atol=2e-3)
+
+
+def test_points_on_borders_belong_to_the_cells_of_the_geometry():
+    rows, columns = GEOMETRY.size
+    x, y = 0.1 * np.arange(-rows, rows + 1), 0.1 * np.arange(-columns, columns + 1)
+    grid = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)
+    points = np.column_stack((grid, np.full(len(grid), -1.0)))
+    mapper = mapper_of()
+    report = mapper.update(points, UP, timestamp=0)
+    assert report.points_used == GEOMETRY.is_inside(grid).sum()
+    assert np.isfinite(mapper.grid_map["elevation"]).all()
+
+
+def test_tree_and_ground_are_not_averaged():
+    mapper = mapper_of()
+    report = mapper.update(at(0.3, 0.3, 0.0, 2.0, 0.01, 2.01, -0.01), UP, timestamp=0)
+    assert (report.points_used, report.points_gated) == (2, 3)
+    assert height(mapper, 0.3, 0.3) == pytest.approx(2.005, abs=1e-3)
+
+
+@both_ways
+def test_obstacle_appears_with_enough_points():
+    mapper = mapper_of(conflict_points=3)
+    mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=0)
+    variance = height(mapper, 0.3, 0.3, "variance")
+    report = mapper.update(at(0.3, 0.3, 0.5, 0.51), UP, timestamp=1)
+    assert report.conflicts == 1
+    assert height(mapper, 0.3, 0.3) == pytest.approx(0.0, abs=1e-6)
+    assert height(mapper, 0.3, 0.3, "variance") == pytest.approx(variance + 9e-7, rel=1e-5)
+    mapper.update(at(0.3, 0.3, 0.5, 0.51, 0.5, 9.0, 4.0), UP, timestamp=2)
+    assert height(mapper, 0.3, 0.3) == pytest.approx(0.503, abs=1e-3)
+
+
+def test_points_below_lower_no_recent_cell():
+    mapper = mapper_of(enable_visibility_cleanup=False)
+    above = np.array([[0.3, 0.3, 3.0], [0.3, 0.3, 3.01]]) - (0.3, 0.3, 4.0)
+    over = np.eye(4)
+    over[:3, 3] = 0.3, 0.3, 4.0
+    mapper.update(above, over, timestamp=0)
+    ground = above - (0.0, 0.0, 3.0)
+    mapper.update(ground, over, timestamp=SECOND // 2)
+    assert height(mapper, 0.3, 0.3) == pytest.approx(3.005, abs=1e-3)
+    mapper.update(ground, over, timestamp=2 * SECOND)
+    assert height(mapper, 0.3, 0.3) == pytest.approx(0.005, abs=1e-3)
+
+
+def ring(distance, drop, count=720):
+    """Points around the sensor at a distance, lower than the sensor by `drop`."""
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    x, y = distance * np.cos(angle), distance * np.sin(angle)
+    return np.column_stack((x, y, np.full(count, -drop)))
+
+
+@both_ways
+def test_beams_clear_what_has_left():
+    mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1))
+    mapper.update(np.vstack((ring(1.0, 0.2), ring(2.5, 1.0))), UP, timestamp=0)
+    report = mapper.update(ring(2.5, 1.0), UP, timestamp=SECOND // 2)
+    assert report.cells_cleared == 0
+    report = mapper.update(ring(2.5, 1.0), UP, timestamp=2 * SECOND)
+    assert report.cells_cleared > 50
+    assert np.nanmax(mapper.grid_map["elevation"]) < 0.1
+
+
+@both_ways
+def test_wall_that_is_hit_below_its_top_stays():
+    mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1))
+    y = np.linspace(-2.5, 2.5, 500)
+    wall = [np.column_stack((2.0 + 0.7 * y, y, np.full(500, z))) for z in (-0.8, -0.3, 0.4)]
+    mapper.update(np.vstack(wall), UP, timestamp=0)
+    before = mapper.grid_map["elevation"].copy()
+    for second in range(2, 6):
+        report = mapper.update(np.vstack(wall[:2]), UP, timestamp=second * SECOND)
+        assert report.cells_cleared == 0
+    np.testing.assert_array_equal(mapper.grid_map["elevation"], before)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-30, 1e6, 1e100, 1e300])
+def test_extreme_covariances(scale):
+    mapper = mapper_of(max_variance=0)
+    singular = np.zeros((6, 6))
+    singular[2, 2] = singular[3, 3] = singular[2, 3] = singular[3, 2] = 1.0
+    for step in range(3):
+        pose = UP.copy()
+        pose[0, 3] = 0.1 * step
+        mapper.update(
+            cloud(), pose, timestamp=step * SECOND, pose_covariance=scale * (step + 1) * singular
+        )
+    known = np.isfinite(mapper.grid_map["elevation"])
+    assert (mapper.grid_map["variance"][known] >= np.float32(9e-6)).all()
+    assert known.any() == (scale < 1e30)
+
+
+def test_more_certain_pose_adds_no_variance():
+    mapper = mapper_of()
+    mapper.update(cloud(), UP, timestamp=0, pose_covariance=1e-4 * np.eye(6))
+    before = mapper.grid_map["variance"].copy()
+    mapper.update(np.empty((0, 3)), UP, timestamp=1, pose_covariance=1e-5 * np.eye(6))
+    np.testing.assert_array_equal(mapper.grid_map["variance"], before)
+    mapper.update(np.empty((0, 3)), UP, timestamp=2, pose_covariance=3e-5 * np.eye(6))
+    assert np.nanmin(mapper.grid_map["variance"] - before) >= 1.9e-5
+
+
+def test_uncertain_cells_become_unknown():
+    mapper = mapper_of(time_variance=0.1)
+    mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=0)
+    mapper.update(np.empty((0, 3)), UP, timestamp=SECOND)
+    assert np.isnan(mapper.grid_map["elevation"]).all()
+
+
+def test_time_that_goes_back_resets_the_clock():
+    mapper = mapper_of()
+    mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=100 * SECOND)
+    mapper.update(at(0.5, 0.3, 0.0), UP, timestamp=107 * SECOND)
+    assert height(mapper, 0.5, 0.3, "time") == 7.0
+    with pytest.warns(RuntimeWarning, match="timestamp"):
+        mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=50 * SECOND)
+    assert np.nanmax(mapper.grid_map["time"]) == 0.0
+    mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=51 * SECOND)
+    assert height(mapper, 0.7, 0.3, "time") == 1.0
+
+
+def test_drift_moves_the_map_as_a_whole():
+    mapper = mapper_of(enable_drift_compensation=True, min_drift_cells=20)
+    x, y = np.meshgrid(np.arange(-1.1, 1.1, 0.05), np.arange(-0.8, 0.8, 0.05))
+    ground = np.column_stack((x.ravel(), y.ravel(), np.full(x.size, -1.0)))
+    mapper.update(ground, UP, timestamp=0)
+    # The scans see the right half only.
+    half, offset = ground[ground[:, 0] > 0], 0.0
+    for step in range(1, 80):
+        pose = UP.copy()
+        pose[2, 3] += 0.001 * step
+        report = mapper.update(half, pose, timestamp=step * SECOND // 10)
+        offset = report.drift
+    heights = mapper.grid_map["elevation"]
+    assert np.nanmax(heights) - np.nanmin(heights) < 1e-3
+    assert offset == pytest.approx(0.01, abs=1e-3)
+
+
+BAD = {
+    "points": ({"points": [[1.0, 2.0]]}, "points"),
+    "text": ({"points": "abc"}, "points"),
+    "small transform": ({"transform": np.eye(3)}, "transform"),
+    "scaling transform": ({"transform": 2 * np.eye(4)}, "transform"),
+    "NaN in the transform": ({"transform": np.full((4, 4), np.nan)}, "transform"),
+    "float time": ({"timestamp": 1.5}, "timestamp"),
+    "small covariance": ({"pose_covariance": np.eye(3)}, "pose_covariance"),
+    "NaN in the covariance": ({"pose_covariance": np.full((6, 6), np.nan)}, "pose_covariance"),
+    "negative covariance": ({"pose_covariance": -np.eye(6)}, "pose_covariance"),
+    "skew covariance": ({"pose_covariance": np.triu(np.ones((6, 6)))}, "pose_covariance"),
+    "position": ({"position": (np.nan, 0.0)}, "position"),
+    "short values": ({"values": {"intensity": [1.0]}}, "values 'intensity'"),
+    "values of an own layer": ({"values": {"variance": np.ones(600)}}, "values"),
+    "values without a name": ({"values": {"": np.ones(600)}}, "values"),
+    "sensor": ({"sensor": "laser"}, "sensor"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_arguments_leave_the_map_unchanged(case):
+    mapper = mapper_of()
+    mapper.update(cloud(), UP, timestamp=0, values={"intensity": np.ones(600)})
+    before = mapper.grid_map.copy()
+    wrong, name = BAD[case]
+    given = {"points": cloud(seed=4), "transform": UP, "timestamp": SECOND, "position": (0.4, 0)}
+    with pytest.raises(GridMapError, match=f"^{name}"):
+        mapper.update(**{**given, **wrong})
+    assert_maps_equal(mapper.grid_map, before)
+
+
+def test_failing_stage_leaves_the_map_unchanged(monkeypatch):
+    mapper = mapper_of()
+    mapper.update(cloud(), UP, timestamp=0)
+    before = mapper.grid_map.copy()
+
+    class Broken:
+        def vertical_variances(self, *_):
+            raise ZeroDivisionError
+
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError):
+            mapper.update(cloud(), UP, timestamp=SECOND, position=(1, 1), sensor=Broken())
+        assert_maps_equal(mapper.grid_map, before)
+        monkeypatch.setattr(_fusion, "fuse", lambda *_: 1 / 0)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: mapper_of(min_variance=0.0), "min_variance"),
+        (lambda: mapper_of(max_variance=1e-9), "max_variance"),
+        (lambda: mapper_of(conflict_points=0), "conflict_points"),
+        (lambda: mapper_of(scanning_duration=-1.0), "scanning_duration"),
+        (lambda: mapper_of(drift_compensation_alpha=1.5), "drift_compensation_alpha"),
+        (lambda: mapper_of(min_range=3.0, max_range=2.0), "min_range"),
+        (lambda: mapper_of(max_drift=np.nan), "max_drift"),
+        (lambda: mapper_of(minimum=1), "minimum"),
+        (lambda: mapper_of(value_fusions={"a": "sum"}), "value_fusions"),
+        (lambda: mapper_of(value_fusions={"(": "max"}), "value_fusions"),
+        (lambda: LaserModel(min_radius=-1), "min_radius"),
+        (lambda: StereoModel(baseline=0), "baseline"),
+        (lambda: StructuredLightModel(cutoff_min_depth=9), "cutoff_min_depth"),
+    ],
+)
+def test_bad_parameters_are_named(make, name):
+    with pytest.raises(ConfigError, match=name):
+        make()
+
+
+def test_large_maps_are_refused_before_memory():
+    with pytest.raises(LimitError, match="geometry"):
+        mapper_of(GridGeometry((1e5, 1e5), 0.1))
+    mapper = mapper_of()
+    with changed_limits(max_bytes=4000), pytest.raises(LimitError, match="values"):
+        mapper.update(cloud(), UP, timestamp=0, values=values_of(600))
+
+
+def test_limits_of_range_and_height_drop_points():
+    given = {"min_range": 0.5, "max_range": 1.3, "ignore_points_above": -0.2}
+    mapper = mapper_of(**given, ignore_points_below=-0.9)
+    points = [(0, 0, -0.4), (0, 0, -0.8), (1.1, 0, -0.8), (0.6, 0, -0.1), (0, 0, -0.95)]
+    report = mapper.update(points, UP, timestamp=0)
+    assert (report.points_used, report.points_dropped) == (1, 4)
+
+
+def test_values_of_each_fusion():
+    mapper = mapper_of(sensor=PerfectModel(), value_fusions=FUSIONS)
+    names = ["intensity", "newest", "slow", "top"]
+    for step, pair in enumerate(((1.0, 3.0), (8.0, 8.0))):
+        values = dict.fromkeys(names, pair)
+        values |= {"class_grass": (1.0, 0.5), "class_stone": (0.0, 0.5)}
+        values["rgb"] = np.array([0x102030, 0x304050 + step], np.uint32)
+        points = at(0.3, 0.3, 0.0, 0.0)
+        mapper.update(points, UP, timestamp=step * SECOND, values=values)
+    found = {name: height(mapper, 0.3, 0.3, name) for name in names}
+    expected = {"intensity": 5.0, "newest": 8.0, "slow": 0.7 * 8 + 0.3 * 2, "top": 8.0}
+    assert found == pytest.approx(expected)
+    # One count for each class at first, then 3 and 1.
+    assert height(mapper, 0.3, 0.3, "class_grass") == pytest.approx(4 / 6)
+    assert height(mapper, 0.3, 0.3, "class_stone") == pytest.approx(2 / 6)
+    color = np.float32(height(mapper, 0.3, 0.3, "rgb")).view(np.uint32)
+    assert color == 0x203041
+
+
+def test_new_height_forgets_values():
+    mapper = mapper_of()
+    for step, (z, value) in enumerate(((0.0, 1.0), (0.5, 7.0))):
+        values = {"intensity": np.full(2, value)}
+        mapper.update(at(0.3, 0.3, z, z), UP, timestamp=step * SECOND, values=values)
+    assert height(mapper, 0.3, 0.3, "intensity") == 7.0
+
+
+def test_clear_makes_all_cells_unknown():
+    mapper = mapper_of()
+    mapper.update(cloud(), UP, timestamp=0, values=values_of(600))
+    earlier = mapper.grid_map
+    mapper.clear()
+    assert all(np.isnan(layer).all() for layer in mapper.grid_map.values())
+    assert np.isfinite(earlier["elevation"]).any()
+
+
+def test_masked_replace_sets_cells_of_the_mask():
+    mapper = mapper_of()
+    mapper.update(at(0.3, 0.3, 0.0) + at(-0.3, 0.3, 0.0), UP, timestamp=3 * SECOND)
+    patch = GridMap((0.8, 0.8), 0.2, (0.4, 0.4), {"elevation": 2.0, "mask": 1.0, "other": 1.0})
+    patch.move((0.6, 0.6))
+    patch["elevation"][...] = 2.0
+    mapper.masked_replace(patch)
+    assert height(mapper, -0.3, 0.3) == pytest.approx(0.0, abs=1e-6)
+    assert np.isnan(height(mapper, 0.9, 0.9))  # The mask is NaN where the patch has moved.
+    assert height(mapper, 0.5, 0.5) == 2.0
+    assert height(mapper, 0.5, 0.5, "variance") == pytest.approx(9e-6)
+    assert height(mapper, 0.5, 0.5, "upper_bound") == pytest.approx(2.0 + 2.486 * 3e-3)
+    assert "other" not in mapper.grid_map
+
+
+def test_masked_replace_refuses_other_maps():
+    mapper = mapper_of()
+    with pytest.raises(LayerNotFoundError):
+        mapper.masked_replace(GridMap((1, 1), 0.1, layers={"other": 1.0}))
+    with pytest.raises(GridMapError, match="frame"):
+        mapper.masked_replace(GridMap((1, 1), 0.1, layers={"elevation": 1.0}, frame_id="map"))
+    with pytest.raises(GridMapError, match="grid_map"):
+        mapper.masked_replace("map")
