@@ -339,6 +339,7 @@ BAD = {
     "short values": ({"values": {"intensity": [1.0]}}, "values 'intensity'"),
     "values of an own layer": ({"values": {"variance": np.ones(600)}}, "values"),
     "values without a name": ({"values": {"": np.ones(600)}}, "values"),
+    "values without names": ({"values": [1.0]}, "parameter 'values'"),
     "sensor": ({"sensor": "laser"}, "sensor"),
 }
 

@@ -227,3 +227,33 @@ def test_wrong_settings_are_refused(wrong: dict[str, Any], message: str) -> None
         RollingMap(GEOMETRY, **wrong)
     with pytest.raises(GridMapError, match="non-empty string"):
         RollingMap(GEOMETRY, layer="")
+
+
+def test_points_are_moved_one_by_one() -> None:
+    points = np.random.default_rng(2).uniform(-9, 9, (20, 3)).astype(np.float32)
+    points[3, 1], points[4, 0] = math.nan, math.inf
+    transform = np.eye(4)
+    transform[:3] = [[0, -0.6, 0.8, 2], [1, 0, 0, -1], [0, 0.8, 0.6, 3]]
+    heights = RollingMap(GridGeometry((40, 40), 40.0), fusion="mean")
+    heights.fuse(points, transform=transform)
+    moved = [transform @ (*p, 1.0) for p in points.tolist() if np.isfinite(p).all()]
+    assert heights.grid_map["count"].item() == len(moved) == 18
+    mean = statistics.fmean(p[2] for p in moved)
+    assert heights.grid_map["elevation"].item() == pytest.approx(mean)
+
+
+def test_range_is_measured_from_the_sensor() -> None:
+    transform = np.eye(4)
+    transform[:2, 3] = 1.0, -0.5
+    rolling = RollingMap(GEOMETRY, fusion="mean")
+    points = [(0.1, 0, 0), (-1, 0, 2), (-1, 0, 9), (math.nan, 0, 0)]
+    columns = {"n": np.arange(4.0)}
+    rolling.fuse(points, columns, transform=transform, min_range=1.0, max_range=5.0)
+    assert rolling.grid_map["count"].sum() == 1
+    assert np.nansum(rolling.grid_map["n"]) == 1.0
+
+
+@pytest.mark.parametrize("transform", [np.eye(3), 2 * np.eye(4), "text"])
+def test_wrong_transforms_are_refused(transform: Any) -> None:
+    with pytest.raises(GridMapError, match=r"^transform"):
+        RollingMap(GEOMETRY).fuse([(0, 0, 0)], transform=transform)

@@ -26,7 +26,6 @@ from grid_map_ros_py._mapping.poses import (
     Poses,
     between,
     from_xyz_rpy,
-    transformed,
 )
 from grid_map_ros_py.messages import to_stamp
 from grid_map_ros_py.nodes import TfPoses, has_tf
@@ -80,20 +79,6 @@ def test_between_two_poses_the_robot_turns_evenly_the_short_way(share: float) ->
     np.testing.assert_allclose(found[:3, 3], (4 * share, 0, 2 * share))
     turned = 3.0 + share * (2 * math.pi - 6.0)
     assert math.cos(yaw_of(found) - turned) == pytest.approx(1.0)
-
-
-def test_points_are_moved_one_by_one() -> None:
-    points = np.random.default_rng(2).uniform(-9, 9, (20, 3)).astype(np.float32)
-    points[3, 1], points[4, 0] = math.nan, math.inf
-    transform = from_xyz_rpy((5e6, -2, 3), (0.3, -0.4, 2.0))
-    found = transformed(points, transform)
-    assert found.dtype == np.float64
-    for before, after in zip(points.tolist(), found, strict=True):
-        if np.isfinite(before).all():
-            np.testing.assert_allclose(after, (transform @ (*before, 1.0))[:3])
-        else:
-            assert not np.isfinite(after).all()
-    assert transformed(points, np.eye(4)) is points
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from ..errors import GeometryError
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..map._transform import as_rigid as as_rigid
+from ..plugins import check
 from ._motion import Covariance
 from ._sensors import Numbers, SensorModel
 
@@ -79,6 +80,24 @@ def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.f
     return turned
 
 
+def distances_of(points: NDArray[np.float64]) -> Numbers:
+    """Return the distances (n,) of points (3, n) from the origin [m]."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        distances: Numbers = np.sqrt(
+            points[0] * points[0] + points[1] * points[1] + points[2] * points[2]
+        )
+    return distances
+
+
+def in_map_frame(points: NDArray[Any], transform: NDArray[np.float64]) -> NDArray[Any]:
+    """Return points (n, 3) in the frame of the map, as float64 unless nothing changes."""
+    if np.array_equal(transform, np.eye(4)):
+        return points
+    moved = rotated(points, transform[:3, :3])
+    moved += transform[:3, 3:4]
+    return moved.T
+
+
 def moved_geometry(geometry: GridGeometry, position: ArrayLike | None) -> GridGeometry:
     """Return the geometry after the map has moved by whole cells; None leaves it where it is."""
     return geometry if position is None else geometry.shifted(geometry.index_shift(position))
@@ -96,6 +115,7 @@ def in_map_order(grid_map: GridMap, position: ArrayLike | None) -> GridMap:
 def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, NDArray[Any]]:
     """Return values of points (n,) by name."""
     columns = {}
+    check(isinstance(values, Mapping | None), "values", "a mapping from names", values)
     for name, given in (values or {}).items():
         column = as_numbers(given, f"values {name!r}")
         if column.shape != (count,):
@@ -147,7 +167,7 @@ def _located_part(
 ) -> tuple[NDArray[np.float64], Numbers, Integers, Integers]:
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        distances = np.sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2])
+        distances = distances_of(turned)
         counts = (distances > 0.0) & (distances < np.inf)
         counts &= (distances >= limits.min_range) & (distances <= limits.max_range)
         counts &= (turned[2] >= limits.below) & (turned[2] <= limits.above)

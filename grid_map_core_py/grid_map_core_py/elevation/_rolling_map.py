@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Elevation maps that move with a robot: `RollingMap` fuses successive point clouds."""
+"""`RollingMap` keeps the largest, smallest, mean or last height of successive point clouds."""
 
 from __future__ import annotations
 
@@ -16,6 +16,14 @@ from ..arrays._checks import Layer
 from ..conversions._point_layers import rasterize
 from ..conversions._point_loops import prepare
 from ..plugins import check
+from ._points import (
+    as_columns,
+    as_points,
+    as_rigid,
+    distances_of,
+    in_map_frame,
+    moved_geometry,
+)
 
 _VARIANCE, _COUNT = "variance", "count"  # layers of the fusion `mean`
 _REDUCTIONS = ("max", "min", "mean", "median", "first", "last")
@@ -95,16 +103,22 @@ class RollingMap:
         points: ArrayLike,
         columns: _Columns = MappingProxyType({}),
         *,
+        transform: ArrayLike | None = None,
+        min_range: float = 0.0,
+        max_range: float = np.inf,
         position: ArrayLike | None = None,
         timestamp: int | None = None,
     ) -> None:
         """Fuse the points of a cloud into the map; after an error the map is unchanged.
 
         Args:
-            points: (N, 3) x, y, z [m], map frame. Those that are not finite, and those beside the
-                map, are left out.
+            points: (N, 3) x, y, z [m], sensor frame. Those that are not finite, and those beside
+                the map, are left out.
             columns: (N,) further values of the points by the names of their layers. These hold the
                 mean over the last cloud with values in the cell.
+            transform: (4, 4) from the sensor to the map frame; None for points in the map frame.
+            min_range, max_range: points at other distances from the origin of their frame are left
+                out [m].
             position: (2,) where the map moves first [m]; None leaves it where it is.
             timestamp: time of the cloud and then of the map [ns].
 
@@ -112,11 +126,16 @@ class RollingMap:
             GridMapError: a column is called like a layer of heights, or an array or the position
                 is invalid.
         """
-        geometry = self._map.geometry
-        if position is not None:
-            geometry = geometry.shifted(geometry.index_shift(position))
+        cloud = as_points(points)
+        columns = as_columns(columns, len(cloud))
+        if min_range > 0.0 or max_range < np.inf:
+            distances = distances_of(cloud[:, :3].T.astype(np.float64))
+            kept = (distances >= min_range) & (distances <= max_range)
+            cloud, columns = cloud[kept], {name: data[kept] for name, data in columns.items()}
+        if transform is not None:
+            cloud = in_map_frame(cloud, as_rigid(transform))
         # Everything that can fail happens before the map moves.
-        new = self._rasterized(geometry, points, columns)
+        new = self._rasterized(moved_geometry(self._map.geometry, position), cloud, columns)
         if position is not None:
             self.move(position)
         old, new = self._map, new.with_start_index(self._map.start_index)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py.elevation import RollingMap
@@ -20,7 +19,7 @@ from ..messages._cdr import view
 from ..messages._packages import messages_of
 from ..messages._point_cloud import read_columns
 from ..messages._time import from_stamp
-from .poses import Placement, Poses, transformed
+from .poses import Placement, Poses
 
 
 @dataclass
@@ -141,16 +140,12 @@ class CloudMapper:
         return True
 
     def _fuse(self, cloud: Cloud, placement: Placement) -> None:
-        points, columns = cloud.points, dict(cloud.columns)
-        if self.min_range > 0 or self.max_range < math.inf:
-            with np.errstate(over="ignore", invalid="ignore"):
-                squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
-                kept = (squares >= self.min_range**2) & (squares <= self.max_range**2)
-            points = points[kept]
-            columns = {name: values[kept] for name, values in columns.items()}
         self.rolling_map.fuse(
-            transformed(points, placement.transform),
-            columns,
+            cloud.points,
+            cloud.columns,
+            transform=placement.transform,
+            min_range=self.min_range,
+            max_range=self.max_range,
             position=placement.center if self.follow else None,
             timestamp=cloud.stamp,
         )

@@ -134,16 +134,5 @@ def between(begin: Matrix, end: Matrix, share: float) -> Matrix:
     return as_matrix(turn(share), (1 - share) * begin[:3, 3] + share * end[:3, 3])
 
 
-def transformed(points: npt.NDArray[Any], transform: Matrix) -> npt.NDArray[Any]:
-    """Return (N, 3) points in another frame, as float64 unless nothing changes."""
-    if np.array_equal(transform, np.eye(4)):
-        return points
-    # Points that are not finite stay unchanged.
-    with np.errstate(invalid="ignore", over="ignore"):
-        moved: npt.NDArray[np.float64] = points @ transform[:3, :3].T
-        moved += transform[:3, 3]
-    return moved
-
-
 def _seconds(stamp: int) -> str:
     return f"{stamp / NANOSECONDS:.3f} s"
