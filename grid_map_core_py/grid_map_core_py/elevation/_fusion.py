@@ -250,6 +250,50 @@ def cluster_end(
     return i, count, reference + lift / weight, 1.0 / weight
 
 
+def agreeing(
+    z: Any, r: Any, begin: Any, end: Any, height: Any, variance: Any, threshold: Any, used: Any
+) -> Any:
+    """Mark the points that agree with a height; return their number, weight and weighted offset."""
+    count, weight, lift = 0, 0.0, 0.0
+    for i in range(begin, end):
+        if abs(z[i] - height) <= threshold * np.sqrt(variance + r[i]):
+            weight += 1.0 / r[i]
+            lift += 1.0 / r[i] * (z[i] - height)
+            used[i] = 1
+            count += 1
+    return count, weight, lift
+
+
+def highest(
+    z: Any,
+    r: Any,
+    entries: Any,
+    begin: Any,
+    end: Any,
+    entry: Any,
+    threshold: Any,
+    least: Any,
+    used: Any,
+) -> Any:
+    """Mark the highest cluster of enough points; return their number or 0, mean and variance."""
+    while begin < end:
+        stop, count, mean, variance = cluster_end(z, r, entries, begin, end, entry, threshold)
+        if count >= least:
+            for i in range(begin, stop):
+                if entries[i] >= entry:
+                    used[i] = 1
+            return count, mean, variance
+        begin = stop
+    return 0, 0.0, 0.0
+
+
+def first_below(z: Any, begin: Any, end: Any, height: Any) -> Any:
+    """Return the first point that is not above a height."""
+    while begin < end and z[begin] > height:
+        begin += 1
+    return begin
+
+
 @loop(
     "int64*",
     "int64*",
@@ -266,7 +310,7 @@ def cluster_end(
     "uint8*",
     "uint8*",
 )
-def fuse_cells(  # noqa: C901  a helper would take and return all of its variables
+def fuse_cells(
     cells: Any,
     begins: Any,
     ends: Any,
@@ -287,45 +331,26 @@ def fuse_cells(  # noqa: C901  a helper would take and return all of its variabl
     for k in range(count):
         cell, begin, end = cells[k], begins[k], ends[k]
         height, variance = heights[cell], variances[cell]
-        state = CONTRADICTED
-        # The places of points above and below the height.
-        split, stop = end, end
-        weight, lift, agreeing = 0.0, 0.0, 0
-        if height == height:
-            split = begin
-            for i in range(begin, end):
-                if z[i] > height:
-                    split = i + 1
-                if abs(z[i] - height) <= threshold * np.sqrt(variance + r[i]):
-                    weight += 1.0 / r[i]
-                    lift += 1.0 / r[i] * (z[i] - height)
-                    used[i] = 1
-                    agreeing += 1
-        if agreeing > 0:
-            state = CONFIRMED
+        if height != height:
+            _, mean, spread = highest(z, r, entries, begin, end, -np.inf, threshold, 1, used)
+            heights[cell], variances[cell], states[k] = mean, max(spread, least), STARTED
+            continue
+        members, weight, lift = agreeing(z, r, begin, end, height, variance, threshold, used)
+        if members > 0:
             total = 1.0 / variance + weight
-            heights[cell] = height + lift / total
+            heights[cell], states[k] = height + lift / total, CONFIRMED
             variances[cell] = max(1.0 / total, least)
+            continue
+        split, state = first_below(z, begin, end, height), RAISED
+        members, mean, spread = highest(
+            z, r, entries, begin, split, -np.inf, threshold, conflict_points, used
+        )
+        if members == 0 and stale[cell] == 1:
+            state = LOWERED
+            members, mean, spread = highest(
+                z, r, entries, split, end, height, threshold, conflict_points, used
+            )
+        if members > 0:
+            heights[cell], variances[cell], states[k] = mean, max(spread, least) + noise, state
         else:
-            wanted = 1 if height != height else conflict_points
-            first, lowest, entry, new = begin, split, -np.inf, RAISED
-            if height != height:
-                new = STARTED
-            for attempt in range(2):
-                while first < lowest and state == CONTRADICTED:
-                    stop, members, mean, spread = cluster_end(
-                        z, r, entries, first, lowest, entry, threshold
-                    )
-                    if members >= wanted:
-                        state = new
-                        heights[cell], variances[cell] = mean, max(spread, least)
-                        for i in range(first, stop):
-                            if entries[i] >= entry:
-                                used[i] = 1
-                    first = stop
-                if attempt == 1 or state != CONTRADICTED or stale[cell] == 0 or height != height:
-                    break
-                first, lowest, entry, new = split, end, height, LOWERED
-            if state >= RAISED:
-                variances[cell] += noise
-        states[k] = state
+            variances[cell], states[k] = variance + noise, CONTRADICTED

@@ -83,7 +83,7 @@ def in_one_order(points: Sorted, values: NDArray[Any]) -> Integers:
     "float64*",
     "float64*",
 )
-def deal(  # noqa: C901  a helper would take and return all of its variables
+def deal(
     cells: Any,
     heights: Any,
     variances: Any,
@@ -107,25 +107,29 @@ def deal(  # noqa: C901  a helper would take and return all of its variables
         sorted_variances[place] = variances[i]
     begin = 0
     for cell in range(size):
-        end = borders[cell]
-        gap = (end - begin) // 2 if end - begin > 12 else 1
-        while gap > 0 and end - begin > 1:
-            for i in range(begin + gap, end):
-                height, variance, number = sorted_heights[i], sorted_variances[i], order[i]
-                place = i
-                while place - gap >= begin:
-                    above = sorted_heights[place - gap]
-                    if above > height or (
-                        above == height and sorted_variances[place - gap] <= variance
-                    ):
-                        break
-                    sorted_heights[place] = above
-                    sorted_variances[place] = sorted_variances[place - gap]
-                    order[place] = order[place - gap]
-                    place -= gap
-                sorted_heights[place] = height
-                sorted_variances[place] = variance
-                order[place] = number
-            # Gaps of Gonnet and Baeza-Yates: 5 / 11 of the last one, and 1 at the end.
-            gap = 1 if gap == 2 else (gap * 5 - 1) // 11
-        begin = end
+        sort_part(begin, borders[cell], order, sorted_heights, sorted_variances)
+        begin = borders[cell]
+
+
+def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
+    """Sort some points from the highest down, equal ones by variance (Shell's method)."""
+    gap = (end - begin) // 2 if end - begin > 12 else 1
+    while gap > 0:
+        for i in range(begin + gap, end):
+            height, variance, number = heights[i], variances[i], order[i]
+            place = i
+            while place - gap >= begin and comes_first(
+                height, variance, heights[place - gap], variances[place - gap]
+            ):
+                heights[place] = heights[place - gap]
+                variances[place] = variances[place - gap]
+                order[place] = order[place - gap]
+                place -= gap
+            heights[place], variances[place], order[place] = height, variance, number
+        # Gaps of Gonnet and Baeza-Yates: 5 / 11 of the last one, and 1 at the end.
+        gap = 1 if gap == 2 else (gap * 5 - 1) // 11
+
+
+def comes_first(height: Any, variance: Any, other_height: Any, other_variance: Any) -> Any:
+    """Return whether a point belongs before another one."""
+    return height > other_height or (height == other_height and variance < other_variance)

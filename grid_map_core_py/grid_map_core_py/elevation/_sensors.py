@@ -80,7 +80,8 @@ class LaserModel(_Model):
 class _Camera(_Model):
     """Noise along the optical axis, the z axis of the sensor, and beside it."""
 
-    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:  # noqa: ARG002
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del distances  # Only the depth matters.
         depth = points[2]
         share = min(float(axis[2]) ** 2, 1.0)
         along, lateral = self._deviations(depth)
@@ -166,7 +167,8 @@ class StereoModel(_Camera):
 class PerfectModel(_Model):
     """A sensor without noise, for simulations."""
 
-    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:  # noqa: ARG002
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del points, axis  # The same everywhere.
         return np.zeros_like(distances)
 
 
@@ -180,7 +182,8 @@ class ConstantModel(_Model):
 
     sensor_noise_factor: float = 0.05
 
-    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:  # noqa: ARG002
+    def vertical_variances(self, points: Any, distances: Any, axis: Any) -> Any:
+        del points, axis  # The same in all directions.
         return self.sensor_noise_factor * (distances * distances)
 
 
