@@ -470,3 +470,44 @@ def test_masked_replace_refuses_other_maps():
         mapper.masked_replace(GridMap((1, 1), 0.1, layers={"elevation": 1.0}, frame_id="map"))
     with pytest.raises(GridMapError, match="grid_map"):
         mapper.masked_replace("map")
+
+
+def test_fused_map_spreads_steps_by_the_horizontal_uncertainty():
+    mapper = mapper_of(GridGeometry.from_size((9, 5), 0.2), horizontal_variances=True)
+    x, y = np.meshgrid(0.2 * np.arange(-4, 5), 0.2 * np.arange(-2, 3))
+    points = np.column_stack((x.ravel(), y.ravel(), np.where(x.ravel() > 0.1, -0.5, -1.0)))
+    covariance = np.diag([0.04, 0.04, 0.0, 0.0, 0.0, 0.0])
+    mapper.update(points, UP, timestamp=0, pose_covariance=covariance)
+    fused = mapper.fused_map()
+    np.testing.assert_allclose(mapper.grid_map["horizontal_variance"], 0.04, rtol=0.02)
+    # One standard deviation is one cell; the step is half a cell away from the cell at 0.
+    assert height(mapper, 0.0, 0.0) == pytest.approx(0.0, abs=1e-6)
+    index = fused.get_index((0.0, 0.0))
+    assert fused["elevation"][index] == pytest.approx(0.5 * 0.3085, abs=2e-3)
+    assert fused["variance"][index] == pytest.approx(0.25 * 0.3085 * 0.6915, abs=2e-3)
+    for name, level in (("upper_bound", 0.5), ("lower_bound", 0.0)):
+        assert fused[name][index] == pytest.approx(level, abs=0.05)
+
+
+def test_fused_map_equals_map_without_horizontal_uncertainty():
+    mapper = mapper_of(sensor=PerfectModel(), horizontal_variances=True)
+    mapper.update(cloud(), UP, timestamp=0)
+    fused = mapper.fused_map()
+    for name, layer in mapper.grid_map.items():
+        np.testing.assert_allclose(fused[name], layer, rtol=1e-5, atol=1e-6)
+
+
+def test_motion_adds_horizontal_variance():
+    mapper = mapper_of(horizontal_variances=True)
+    mapper.update(cloud(), UP, timestamp=0, pose_covariance=np.zeros((6, 6)))
+    before = mapper.grid_map["horizontal_variance"].copy()
+    covariance = np.diag([1e-4, 3e-4, 0.0, 0.0, 0.0, 0.02])
+    mapper.update(np.empty((0, 3)), UP, timestamp=1, pose_covariance=covariance)
+    x, y = mapper.grid_map.get_position((1, 2))
+    added = mapper.grid_map["horizontal_variance"][1, 2] - before[1, 2]
+    assert added == pytest.approx(2e-4 + 0.01 * (x * x + y * y), rel=1e-3)
+
+
+def test_fused_map_needs_horizontal_variances():
+    with pytest.raises(ConfigError, match="horizontal_variances"):
+        mapper_of().fused_map()

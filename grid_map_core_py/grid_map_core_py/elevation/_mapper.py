@@ -20,10 +20,10 @@ from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ..plugins import build
-from . import _drift as drift, _fusion as fusion
+from ..plugins import build, check
+from . import _drift as drift, _fusion as fusion, _horizontal as horizontal
 from ._motion import Covariance, as_covariance, of_motion
-from ._order import Sorted, deal, sorted_by_cell
+from ._order import Sorted, deal, in_one_order, sorted_by_cell
 from ._parameters import Parameters
 from ._points import (
     OUTSIDE,
@@ -37,12 +37,13 @@ from ._points import (
 )
 from ._sensors import LaserModel, Numbers, SensorModel
 from ._values import Chosen, ValueFusion
-from ._visibility import cleared_cells, entry_heights, trace
+from ._visibility import cleared_cells, cover, entry_heights, trace
 
 BOUND = 2.486
 """Standard deviations between the height and its bounds, as in the C++ package."""
 
 _OWN = ("elevation", "variance", "time", "upper_bound", "lower_bound")
+_HORIZONTAL = "horizontal_variance"
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ class _State:
     variances: Numbers
     times: NDArray[np.float32]
     others: dict[str, NDArray[np.float32]]
+    weights: dict[str, NDArray[np.float32]]
 
 
 class ElevationMapper:
@@ -129,8 +131,9 @@ class ElevationMapper:
         self._sensor = _as_sensor(sensor or LaserModel())
         self._values = ValueFusion(value_fusions or {}, self._parameters.exponential_alpha)
         check_cells("geometry", geometry.size, len(_OWN))
+        own = (*_OWN, _HORIZONTAL) if self._parameters.horizontal_variances else _OWN
         self._map = GridMap.from_geometry(
-            geometry, _OWN, basic_layers=["elevation"], frame_id=frame_id
+            geometry, own, basic_layers=["elevation"], frame_id=frame_id
         )
         # Weights of values, over the same cells.
         self._weights = GridMap.from_geometry(geometry)
@@ -138,7 +141,7 @@ class ElevationMapper:
         self._start: int | None = None
         self._last = 0
         # The first scan shall not wait for compiled loops.
-        for made in (deal, fusion.fuse_cells, trace):
+        for made in (deal, fusion.fuse_cells, cover, trace):
             made.compiled()
 
     @property
@@ -198,14 +201,13 @@ class ElevationMapper:
             _flat(moved["elevation"]).astype(np.float64),
             _flat(moved["variance"]).astype(np.float64),
             _flat(moved["time"]),
-            {n: _flat(data) for part in (moved, weights) for n, data in part.items()},
+            *({n: _flat(data) for n, data in part.items()} for part in (moved, weights)),
         )
         now, start = self._advance(state, stamp, covariance, matrix, moved.geometry)
         result = self._fuse(scan, columns, state, moved.geometry, now, clock)
         with clock.stage("layers"):
             done = self._stored(moved, state, timestamp=stamp)
-            kept = {n: data for n, data in state.others.items() if n.startswith("weight of ")}
-            weights = weights.with_layers(_shaped(kept, weights.size))
+            weights = weights.with_layers(_shaped(state.weights, weights.size))
         self._map, self._weights = done, weights
         self._pose = None if covariance is None else (covariance, matrix)
         self._start, self._last = start, stamp
@@ -264,8 +266,28 @@ class ElevationMapper:
             variances.astype(np.float64),
             _flat(target["time"]),
             {name: _flat(data) for name, data in target.items()},
+            {},
         )
         self._map = self._stored(target, state, timestamp=self._map.timestamp)
+
+    def fused_map(self) -> GridMap:
+        """Return a map whose heights and bounds allow for the horizontal uncertainty.
+
+        Each known cell is a mixture of the cells where it may be in truth: its height and variance
+        are those of the mixture, and 99 % of the mixture are below `upper_bound` and above
+        `lower_bound`. The other layers stay as they are.
+
+        Raises:
+            ConfigError: the mapper was made without `horizontal_variances`.
+        """
+        wanted = self._parameters.horizontal_variances
+        check(wanted, "horizontal_variances", "True for a fused map", wanted)
+        names = "elevation", "variance", _HORIZONTAL
+        heights, variances, level = (self._map.unwrapped(name).astype(np.float64) for name in names)
+        layers = horizontal.fused(heights, variances, level, self._map.resolution)
+        result = in_map_order(self._map, None)
+        result.update(zip(("elevation", "variance", *_OWN[3:]), layers, strict=True))
+        return result
 
     # Stages
 
@@ -281,7 +303,15 @@ class ElevationMapper:
         limits = Limits(
             given.min_range, given.max_range, given.ignore_points_below, given.ignore_points_above
         )
-        return located(cloud, matrix, covariance, sensor, geometry, limits)
+        return located(
+            cloud,
+            matrix,
+            covariance,
+            sensor,
+            geometry,
+            limits,
+            horizontal=given.horizontal_variances,
+        )
 
     def _advance(
         self,
@@ -304,12 +334,13 @@ class ElevationMapper:
             old, pose = self._pose
             x, y, _ = matrix[:3, 3]
             added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
-            if added.matrix.any():
-                rows, columns = geometry.axes_in_map_order()
-                with np.errstate(over="ignore", invalid="ignore"):
-                    state.variances += added.of_places(
-                        (rows - x)[None, :], (columns - y)[:, None]
-                    ).ravel()
+            rows, columns = geometry.axes_in_map_order()
+            place = (rows - x)[None, :], (columns - y)[:, None]
+            with np.errstate(over="ignore", invalid="ignore"):
+                if added.matrix.any():
+                    state.variances += added.of_places(*place).ravel()
+                if _HORIZONTAL in state.others:
+                    state.others[_HORIZONTAL] += added.level_of_places(*place).ravel()
         return (stamp - start) * 1e-9, start
 
     def _fuse(
@@ -350,6 +381,8 @@ class ElevationMapper:
             confirmed = points.cells[states < fusion.CONTRADICTED]
             state.times[confirmed] = now
             stale[confirmed] = False
+            if len(scan.horizontal):
+                _keep_horizontal(scan.horizontal[on_map], points, used, state.others)
         cleared = np.zeros(0, np.int64)
         if given.enable_visibility_cleanup and len(scan.places):
             with clock.stage("visibility"):
@@ -371,7 +404,9 @@ class ElevationMapper:
                 ] = True
                 places = scan.places[on_map]
                 given_here = {name: column[places] for name, column in columns.items()}
-                self._values.fuse(Chosen(points, used, fresh), given_here, state.others)
+                self._values.fuse(
+                    Chosen(points, used, fresh), given_here, state.others, state.weights
+                )
         state.heights[cleared] = np.nan
         conflicts = int((states >= fusion.RAISED).sum())
         return int(used.sum()), conflicts, len(cleared), offset
@@ -414,7 +449,7 @@ class ElevationMapper:
                 "lower_bound": heights - reach,
             }
         for name, data in state.others.items():
-            if name not in layers and not name.startswith("weight of "):
+            if name not in layers:
                 layers[name] = data
         for data in layers.values():
             data[unknown] = np.nan
@@ -430,7 +465,7 @@ class ElevationMapper:
     def _check_names(self, columns: Mapping[str, NDArray[Any]]) -> None:
         new = [name for name in columns if name not in self._map]
         for name in columns:
-            if name in _OWN or not is_name(name):
+            if name in (*_OWN, _HORIZONTAL) or not is_name(name):
                 raise GridMapError(f"values: expected another name of a layer, got {name!r}")
         if new:
             check_cells("values", self._map.size, len(self._map) + 2 * len(new))
@@ -458,6 +493,18 @@ def _entries(
     if len(chosen):
         entries[chosen] = entry_heights(scan, geometry, on_map[points.order[chosen]])
     return entries
+
+
+def _keep_horizontal(
+    variances: Numbers, points: Sorted, used: Mask, layers: dict[str, NDArray[np.float32]]
+) -> None:
+    """Set the horizontal variance of each cell to the mean over the points that it uses now."""
+    groups, order = points.groups[used], in_one_order(points, variances)[used]
+    counts = np.bincount(groups, minlength=len(points.cells))
+    seen = np.flatnonzero(counts)
+    sums = np.bincount(groups, variances[order], len(points.cells))
+    with np.errstate(over="ignore"):
+        layers[_HORIZONTAL][points.cells[seen]] = sums[seen] / counts[seen]
 
 
 def _flat(layer: NDArray[Any]) -> NDArray[Any]:

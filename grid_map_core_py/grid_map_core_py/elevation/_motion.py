@@ -16,19 +16,21 @@ from ..errors import GeometryError, short
 _TOLERANCE = 1e-6
 """Tolerance of symmetry and of negative eigenvalues, relative to the largest element."""
 
-_HEIGHT_AND_TILT = np.array([2, 3, 4])
-"""Places of z, roll and pitch among x, y, z, roll, pitch, yaw."""
+_HEIGHT_AND_TILT, _LEVEL = np.array([2, 3, 4]), np.array([0, 1, 5])
+"""Places of z, roll and pitch, and of the others, among x, y, z, roll, pitch, yaw."""
 
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance of the height and the tilt of a sensor; rotations are about the map axes.
+    """Covariance of the pose of a sensor; rotations are about the map axes.
 
     Attributes:
-        matrix: (3, 3) of z [m], roll and pitch [rad].
+        matrix: (3, 3) of z [m], roll and pitch [rad]: height and tilt.
+        level: (3, 3) of x, y [m] and yaw [rad].
     """
 
     matrix: NDArray[np.float64]
+    level: NDArray[np.float64]
 
     def of_points(self, x: Any, y: Any) -> Any:
         """Return the variance of z [m^2] that the pose gives to points.
@@ -46,6 +48,16 @@ class Covariance:
         """Return the same for cells, correlations of height and tilt included."""
         _, with_roll, with_pitch = self.matrix[0].tolist()
         return self.of_points(x, y) + 2.0 * (with_roll * y - with_pitch * x)
+
+    def level_of_places(self, x: Any, y: Any) -> Any:
+        """Return the mean of the variances of x and y [m^2]: yaw turns a place by (-y, x)."""
+        (along_x, _, x_yaw), (_, along_y, y_yaw), (_, _, yaw) = self.level.tolist()
+        return 0.5 * (along_x + along_y + yaw * (x * x + y * y)) + y_yaw * x - x_yaw * y
+
+    def level_of_points(self, x: Any, y: Any, z: Any) -> Any:
+        """Return the same for points at a height z relative to the sensor, tilt included."""
+        tilt = 0.5 * float(self.matrix[1, 1] + self.matrix[2, 2])
+        return self.level_of_places(x, y) + tilt * z * z
 
 
 def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Covariance | None:
@@ -70,7 +82,8 @@ def as_covariance(values: ArrayLike | None, name: str = "pose_covariance") -> Co
             f"{least * scale:g}"
         )
     matrix = 0.5 * (matrix + matrix.T)
-    return Covariance(matrix[np.ix_(_HEIGHT_AND_TILT, _HEIGHT_AND_TILT)])
+    blocks = (matrix[np.ix_(places, places)] for places in (_HEIGHT_AND_TILT, _LEVEL))
+    return Covariance(*blocks)
 
 
 def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covariance:
@@ -83,10 +96,18 @@ def of_motion(old: Covariance, new: Covariance, dx: float, dy: float) -> Covaria
         old, new: covariances of both poses.
         dx, dy: motion of the sensor [m], map frame.
     """
-    moved = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    scale = max(float(np.abs(old.matrix).max()), float(np.abs(new.matrix).max())) or 1.0
-    added = new.matrix / scale - moved @ (old.matrix / scale) @ moved.T
-    added = 0.5 * (added + added.T)
-    values, vectors = np.linalg.eigh(added)
+    tilt = np.array([[1.0, dy, -dx], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    turn = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+    return Covariance(_added(old.matrix, new.matrix, tilt), _added(old.level, new.level, turn))
+
+
+def _added(
+    old: NDArray[np.float64], new: NDArray[np.float64], moved: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return `new - moved @ old @ moved.T` without its negative part."""
+    scale = max(float(np.abs(old).max()), float(np.abs(new).max())) or 1.0
+    added = new / scale - moved @ (old / scale) @ moved.T
+    values, vectors = np.linalg.eigh(0.5 * (added + added.T))
     with np.errstate(over="ignore"):
-        return Covariance((vectors * np.maximum(values, 0.0)) @ vectors.T * scale)
+        result: NDArray[np.float64] = (vectors * np.maximum(values, 0.0)) @ vectors.T * scale
+    return result

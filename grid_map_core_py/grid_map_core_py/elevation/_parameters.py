@@ -40,6 +40,8 @@ class Parameters:
         ignore_points_above, ignore_points_below: points that are higher or lower, relative to the
             sensor, are dropped [m].
         min_range, max_range: points that are nearer or farther are dropped [m].
+        horizontal_variances: True to keep the layer `horizontal_variance`, which
+            `ElevationMapper.fused_map` needs.
         exponential_alpha: share of a scan in values that are fused by `exponential`.
     """
 
@@ -62,6 +64,7 @@ class Parameters:
     ignore_points_below: float = -math.inf
     min_range: float = 0.0
     max_range: float = math.inf
+    horizontal_variances: bool = False
     exponential_alpha: float = 0.7
 
     def __post_init__(self) -> None:

@@ -55,6 +55,7 @@ class Scan:
         cells: (n,) number of the cell of each point, column after column in map order, or
             `OUTSIDE`.
         places: (n,) places in the cloud.
+        horizontal: (n,) variances along x and y [m^2], or (0,) if they are not wanted.
     """
 
     sensor: Positions
@@ -62,6 +63,7 @@ class Scan:
     variances: Numbers
     cells: Integers
     places: Integers
+    horizontal: Numbers
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -131,6 +133,8 @@ def located(
     sensor: SensorModel,
     geometry: GridGeometry,
     limits: Limits,
+    *,
+    horizontal: bool = False,
 ) -> Scan:
     """Return the points that are finite and within all limits, with their variances and cells.
 
@@ -141,19 +145,38 @@ def located(
         sensor: model of the noise.
         geometry: geometry of the map.
         limits: limits of points.
+        horizontal: True to compute variances along x and y, too.
     """
     parts = [
         _located_part(cloud[part], part.start, transform, covariance, sensor, geometry, limits)
         for part in slices(len(cloud), CHUNK)
     ] or [_located_part(cloud, 0, transform, covariance, sensor, geometry, limits)]
     points, variances, cells, places = zip(*parts, strict=True)
+    found = np.concatenate(places)
     return Scan(
         transform[:3, 3],
         np.concatenate(points, axis=1),
         np.concatenate(variances),
         np.concatenate(cells),
-        np.concatenate(places),
+        found,
+        _horizontal(cloud[found], transform, covariance, sensor) if horizontal else np.empty(0),
     )
+
+
+def _horizontal(
+    cloud: NDArray[Any],
+    transform: NDArray[np.float64],
+    covariance: Covariance | None,
+    sensor: SensorModel,
+) -> Numbers:
+    """Return the mean (n,) of the variances of points along x and along y [m^2]."""
+    own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
+    distances = distances_of(own)
+    along = [sensor.vertical_variances(own, distances, axis) for axis in transform[:2, :3]]
+    variances: Numbers = 0.5 * (along[0] + along[1])
+    if covariance is not None:
+        variances = variances + covariance.level_of_points(*rotated(cloud, transform[:3, :3]))
+    return variances
 
 
 def _located_part(

@@ -76,15 +76,20 @@ class ValueFusion:
         self._alpha = exponential_alpha
 
     def fuse(
-        self, chosen: Chosen, values: Mapping[str, NDArray[Any]], layers: dict[str, NDArray[Any]]
+        self,
+        chosen: Chosen,
+        values: Mapping[str, NDArray[Any]],
+        layers: dict[str, NDArray[np.float32]],
+        weights: dict[str, NDArray[np.float32]],
     ) -> None:
         """Fuse values (n,) of points into flat layers (cells,), which are replaced or added.
 
         Args:
             chosen: the points.
             values: values of all points on the map before they were sorted, by layer.
-            layers: layers by name, and under `weight_name(name)` the weights of `average` and the
-                counts of `class_bayesian`.
+            layers: layers by name.
+            weights: the weights of `average` by name, and the counts of `class_bayesian` by the
+                pattern of the classes.
         """
         sets: dict[str, list[str]] = {}
         for name in values:
@@ -92,9 +97,9 @@ class ValueFusion:
             if fusion == "class_bayesian":
                 sets.setdefault(pattern, []).append(name)
             else:
-                self._fuse_one(name, fusion, chosen, values[name], layers)
+                self._fuse_one(name, fusion, chosen, values[name], layers, weights)
         for pattern, names in sets.items():
-            _fuse_classes(pattern, names, chosen, values, layers)
+            _fuse_classes(pattern, names, chosen, values, layers, weights)
 
     def _fusion_of(self, name: str) -> tuple[str, str]:
         """Return the pattern that a name matches, and its way of fusion."""
@@ -111,7 +116,8 @@ class ValueFusion:
         fusion: str,
         chosen: Chosen,
         values: NDArray[Any],
-        layers: dict[str, NDArray[Any]],
+        layers: dict[str, NDArray[np.float32]],
+        weights: dict[str, NDArray[np.float32]],
     ) -> None:
         size = len(chosen.fresh)
         old = _forgotten(layers.get(name), chosen.fresh)
@@ -119,33 +125,28 @@ class ValueFusion:
             new = _mean_colors(*_used(chosen, as_colors(values), is_color=True)[:2], size)
             layers[name] = np.where(np.isnan(new), old, new)
             return
-        cells, found, weights = _used(chosen, values)
+        cells, found, shares = _used(chosen, values)
         if fusion == "max":
             new = np.full(size, -np.inf)
             np.maximum.at(new, cells, found)
             layers[name] = np.fmax(old, np.where(new == -np.inf, np.nan, new)).astype(np.float32)
             return
-        weight = np.bincount(cells, weights, size)
+        weight = np.bincount(cells, shares, size)
         seen = np.flatnonzero(weight)
-        mean = np.bincount(cells, weights * found, size)[seen] / weight[seen]
+        mean = np.bincount(cells, shares * found, size)[seen] / weight[seen]
         before, known = old[seen].astype(np.float64), ~np.isnan(old[seen])
         if fusion == "exponential":
             mean[known] += (1.0 - self._alpha) * (before - mean)[known]
         elif fusion == "average":
-            hidden = _forgotten(layers.get(weight_name(name)), chosen.fresh, 0.0)
+            hidden = _forgotten(weights.get(name), chosen.fresh, 0.0)
             earlier = np.where(known, hidden[seen], 0.0).astype(np.float64)
             total = earlier + weight[seen]
             mean[known] += (earlier / total * (before - mean))[known]
             hidden[seen] = np.minimum(total, np.finfo(np.float32).max)
-            layers[weight_name(name)] = hidden
+            weights[name] = hidden
         with np.errstate(over="ignore"):
             old[seen] = mean
         layers[name] = old
-
-
-def weight_name(name: str) -> str:
-    """Return the name under which the weights of a layer are kept."""
-    return f"weight of {name}"
 
 
 def _forgotten(
@@ -191,10 +192,11 @@ def _fuse_classes(
     names: list[str],
     chosen: Chosen,
     values: Mapping[str, NDArray[Any]],
-    layers: dict[str, NDArray[Any]],
+    layers: dict[str, NDArray[np.float32]],
+    weights: dict[str, NDArray[np.float32]],
 ) -> None:
-    size, hidden = len(chosen.fresh), weight_name(pattern)
-    total = _forgotten(layers.get(hidden), chosen.fresh, 0.0).astype(np.float64)
+    size = len(chosen.fresh)
+    total = _forgotten(weights.get(pattern), chosen.fresh, 0.0).astype(np.float64)
     before = np.where(total > 0.0, total, float(len(names)))
     sums = {}
     for name in names:
@@ -209,4 +211,4 @@ def _fuse_classes(
         share = np.where(np.isnan(old), 1.0 / len(names), old)
         mean = (share * before + sums[name]) / (before + added)
         layers[name] = np.where(seen, mean, old).astype(np.float32)
-    layers[hidden] = np.where(seen, before + added, total).astype(np.float32)
+    weights[pattern] = np.where(seen, before + added, total).astype(np.float32)

@@ -1,0 +1,95 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Heights and bounds over the horizontal uncertainty: a cell may be where its neighbor is seen.
+
+A cell is a mixture of the cells around it. The weight of a neighbor is the probability that a
+normal error with the `horizontal_variance` of the cell, along each axis, leads there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from ..arrays._checks import Layer
+from ..limits import check_cells
+
+_REACH = 3.0  # standard deviations from the cell to the farthest neighbor
+_FARTHEST = 4  # cells to the farthest neighbor
+_TAIL = 0.01  # probability beyond a bound
+
+Cells = NDArray[np.float64]
+"""(rows, cols) in map order."""
+
+
+def fused(heights: Cells, variances: Cells, horizontal: Cells, resolution: float) -> list[Layer]:
+    """Return height, variance, upper and lower bound of each known cell.
+
+    Mean and variance are those of the mixture. The bounds are the quantiles of 99 % and 1 % of the
+    bounds of its parts. Neighbors that are unknown, or more than four cells away, have no weight.
+
+    Args:
+        heights, variances: of the map; a height is NaN where it is unknown.
+        horizontal: variances along x and y [m^2].
+        resolution: side of a cell [m].
+
+    Raises:
+        LimitError: the neighbors of all cells would take too much memory.
+    """
+    known = ~np.isnan(heights)
+    deviations = np.sqrt(np.where(known, horizontal, 0.0)) / resolution
+    reach = min(int(np.ceil(_REACH * deviations.max(initial=0.0))), _FARTHEST)
+    check_cells("horizontal uncertainty", heights.shape, 8 * (2 * reach + 1) ** 2)
+    parts = [*_neighbors(heights, variances, deviations[known], known, reach)]
+    weights, means, spreads = map(np.array, zip(*parts, strict=True))
+    weights /= weights.sum(axis=0)
+    mean = (weights * means).sum(axis=0)
+    variance = (weights * (spreads + (means - mean) ** 2)).sum(axis=0)
+    reaches = 2.486 * np.sqrt(spreads)
+    upper = _quantile(means + reaches, weights)
+    lower = -_quantile(reaches - means, weights)
+    layers = []
+    for values in (mean, variance, upper, lower):
+        layer: Layer = np.full(heights.shape, np.nan, np.float32, order="F")
+        layer[known] = values
+        layers.append(layer)
+    return layers
+
+
+def _neighbors(
+    heights: Cells, variances: Cells, deviations: Cells, known: NDArray[np.bool_], reach: int
+) -> Iterator[tuple[Cells, Cells, Cells]]:
+    """Yield weight, height and variance of each neighbor of the known cells (k,)."""
+    padded = np.pad(heights, reach, constant_values=np.nan)
+    spread = np.pad(variances, reach, constant_values=np.nan)
+    shares = [_share(step, deviations) for step in range(-reach, reach + 1)]
+    rows, columns = heights.shape
+    for i, along in enumerate(shares):
+        for j, across in enumerate(shares):
+            here = padded[i : i + rows, j : j + columns][known]
+            there = ~np.isnan(here)
+            variance = spread[i : i + rows, j : j + columns][known]
+            yield (
+                np.where(there, along * across, 0.0),
+                np.where(there, here, 0.0),
+                np.where(there, variance, 0.0),
+            )
+
+
+def _share(step: int, deviations: Cells) -> Cells:
+    """Return the probability that an error lies within the cell `step` cells away."""
+    with np.errstate(divide="ignore"):
+        share: Cells = ndtr((step + 0.5) / deviations) - ndtr((step - 0.5) / deviations)
+    return share
+
+
+def _quantile(values: Cells, weights: Cells) -> Cells:
+    """Return the smallest value (k,) with at most a weight of `_TAIL` above it."""
+    order = np.argsort(-values, axis=0)
+    above = np.cumsum(np.take_along_axis(weights, order, axis=0), axis=0)
+    place = np.argmax(above > _TAIL, axis=0)
+    found: Cells = np.take_along_axis(values, np.take_along_axis(order, place[None], 0), axis=0)[0]
+    return found
