@@ -236,7 +236,8 @@ class Oracle:
         cell = self.cells[place]
         if not high < cell.height - 3 * math.sqrt(cell.variance):
             return False
-        if place in tops and high <= tops[place] + self.resolution:
+        around = [(place[0] + i, place[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        if any(near in tops and high <= tops[near] + self.resolution for near in around):
             return False
         slopes = []
         for di, dj in ((1, 0), (0, 1)):

@@ -8,8 +8,9 @@ the largest that it has there. A beam clears a cell that was not confirmed for `
 if it is below `h - 3 sqrt(v)`, unless
 
 - its own point lies in this cell,
-- a point of this scan in the cell is higher than the beam, or at most one resolution lower: the
-  beam passed beside something that still stands, such as the end of a wall, or
+- a point of this scan in the cell or one of its 8 neighbors is higher than the beam, or at most one
+  resolution lower: the beam passed beside something that still stands, such as a wall that covers
+  a part of the cell, or
 - it grazes the surface: the angle between the beam and the plane through the neighbors is less than
   `cleanup_min_angle`.
 """
@@ -90,7 +91,8 @@ def cleared_cells(
         max_length,
     )
     cleared = np.zeros(len(candidates), np.uint8)
-    surface = ceilings, places, floors[candidates], normals.T.ravel(), cleared
+    floors = _highest_around(floors, candidates, geometry.size)
+    surface = ceilings, places, floors, normals.T.ravel(), cleared
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
         prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
@@ -179,6 +181,18 @@ def _trace_arrays(
         left = (out < last) & (cells >= 0) & (cells < len(ceilings))
         t, last, rise, ways = out[left], last[left], rise[left], ways[:, left]
         cells, borders, steps, delta = cells[left], borders[:, left], steps[:, left], delta[:, left]
+
+
+def _highest_around(values: Numbers, cells: Integers, size: Size) -> Numbers:
+    """Return the largest value in each of some cells and its neighbors (k,)."""
+    rows, columns = size
+    row, column = cells % rows, cells // rows
+    found = values[cells]
+    for i in (-1, 0, 1):
+        for k in (-1, 0, 1):
+            near = np.clip(row + i, 0, rows - 1) + rows * np.clip(column + k, 0, columns - 1)
+            np.maximum(found, values[near], out=found)
+    return found
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
