@@ -23,7 +23,7 @@ from ..map._grid_map import GridMap
 from ..plugins import build, check
 from . import _drift as drift, _fusion as fusion, _horizontal as horizontal
 from ._motion import Covariance, as_covariance, of_motion
-from ._order import Sorted, deal, in_one_order, sorted_by_cell
+from ._order import Sorted, deal, sorted_by_cell
 from ._parameters import Parameters
 from ._points import (
     OUTSIDE,
@@ -36,14 +36,9 @@ from ._points import (
     located,
 )
 from ._sensors import LaserModel, Numbers, SensorModel
+from ._state import BOUNDS, HORIZONTAL, OWN, State, flat, shaped
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
-
-BOUND = 2.486
-"""Standard deviations between the height and its bounds, as in the C++ package."""
-
-_OWN = ("elevation", "variance", "time", "upper_bound", "lower_bound")
-_HORIZONTAL = "horizontal_variance"
 
 
 @dataclass(frozen=True)
@@ -69,17 +64,6 @@ class UpdateReport:
     cells_cleared: int
     drift: float
     milliseconds: Mapping[str, float]
-
-
-@dataclass
-class _State:
-    """The layers of a map while an update works on them: flat, column after column in map order."""
-
-    heights: Numbers
-    variances: Numbers
-    times: NDArray[np.float32]
-    others: dict[str, NDArray[np.float32]]
-    weights: dict[str, NDArray[np.float32]]
 
 
 class ElevationMapper:
@@ -130,8 +114,8 @@ class ElevationMapper:
         self._parameters = build(Parameters, parameters)
         self._sensor = _as_sensor(sensor or LaserModel())
         self._values = ValueFusion(value_fusions or {}, self._parameters.exponential_alpha)
-        check_cells("geometry", geometry.size, len(_OWN))
-        own = (*_OWN, _HORIZONTAL) if self._parameters.horizontal_variances else _OWN
+        check_cells("geometry", geometry.size, len(OWN))
+        own = (*OWN, HORIZONTAL) if self._parameters.horizontal_variances else OWN
         self._map = GridMap.from_geometry(
             geometry, own, basic_layers=["elevation"], frame_id=frame_id
         )
@@ -194,20 +178,16 @@ class ElevationMapper:
             model = self._sensor if sensor is None else _as_sensor(sensor)
             columns = as_columns(values, len(cloud))
             self._check_names(columns)
-            moved = in_map_order(self._map.without_layers(_OWN[3:]), position)
+            moved = in_map_order(self._map.without_layers(BOUNDS), position)
             weights = in_map_order(self._weights, moved.position)
             scan = self._located(cloud, matrix, covariance, model, moved.geometry)
-        state = _State(
-            _flat(moved["elevation"]).astype(np.float64),
-            _flat(moved["variance"]).astype(np.float64),
-            _flat(moved["time"]),
-            *({n: _flat(data) for n, data in part.items()} for part in (moved, weights)),
-        )
+        state = State.of(moved, weights)
         now, start = self._advance(state, stamp, covariance, matrix, moved.geometry)
         result = self._fuse(scan, columns, state, moved.geometry, now, clock)
         with clock.stage("layers"):
-            done = self._stored(moved, state, timestamp=stamp)
-            weights = weights.with_layers(_shaped(state.weights, weights.size))
+            done = moved.with_layers(shaped(state.layers(self._parameters), moved.size))
+            done.timestamp = stamp
+            weights = weights.with_layers(shaped(state.weights, weights.size))
         self._map, self._weights = done, weights
         self._pose = None if covariance is None else (covariance, matrix)
         self._start, self._last = start, stamp
@@ -246,7 +226,7 @@ class ElevationMapper:
             raise GridMapError(
                 f"grid_map: expected the frame {self._map.frame_id!r}, got {grid_map.frame_id!r}"
             )
-        common = [name for name in self._map if name in grid_map and name not in _OWN[2:]]
+        common = [name for name in self._map if name in grid_map and name not in OWN[2:]]
         if not common:
             raise LayerNotFoundError("elevation", tuple(grid_map))
         target = in_map_order(self._map, None)
@@ -254,21 +234,14 @@ class ElevationMapper:
         if mask_layer in grid_map:
             inside &= ~np.isnan(grid_map[mask_layer][cells])
         for name in common:
-            np.copyto(_flat(target[name]), grid_map[name][cells], where=inside)
-        heights, variances = _flat(target["elevation"]), _flat(target["variance"])
-        heights[~np.isfinite(heights)] = np.nan
-        least = np.float32(self._parameters.min_variance)
-        variances[inside & ~(variances >= least)] = least
+            np.copyto(flat(target[name]), grid_map[name][cells], where=inside)
+        state = State.of(target, GridMap.from_geometry(target.geometry))
+        state.heights[~np.isfinite(state.heights)] = np.nan
+        least = self._parameters.min_variance
+        state.variances[inside & ~(state.variances >= least)] = least
         if "elevation" in common:
-            _flat(target["time"])[inside] = self._now()
-        state = _State(
-            heights.astype(np.float64),
-            variances.astype(np.float64),
-            _flat(target["time"]),
-            {name: _flat(data) for name, data in target.items()},
-            {},
-        )
-        self._map = self._stored(target, state, timestamp=self._map.timestamp)
+            state.times[inside] = self._now()
+        self._map = target.with_layers(shaped(state.layers(self._parameters), target.size))
 
     def fused_map(self) -> GridMap:
         """Return a map whose heights and bounds allow for the horizontal uncertainty.
@@ -282,11 +255,11 @@ class ElevationMapper:
         """
         wanted = self._parameters.horizontal_variances
         check(wanted, "horizontal_variances", "True for a fused map", wanted)
-        names = "elevation", "variance", _HORIZONTAL
+        names = "elevation", "variance", HORIZONTAL
         heights, variances, level = (self._map.unwrapped(name).astype(np.float64) for name in names)
         layers = horizontal.fused(heights, variances, level, self._map.resolution)
         result = in_map_order(self._map, None)
-        result.update(zip(("elevation", "variance", *_OWN[3:]), layers, strict=True))
+        result.update(zip(("elevation", "variance", *BOUNDS), layers, strict=True))
         return result
 
     # Stages
@@ -315,7 +288,7 @@ class ElevationMapper:
 
     def _advance(
         self,
-        state: _State,
+        state: State,
         stamp: int,
         covariance: Covariance | None,
         matrix: NDArray[np.float64],
@@ -339,15 +312,15 @@ class ElevationMapper:
             with np.errstate(over="ignore", invalid="ignore"):
                 if added.matrix.any():
                     state.variances += added.of_places(*place).ravel()
-                if _HORIZONTAL in state.others:
-                    state.others[_HORIZONTAL] += added.level_of_places(*place).ravel()
+                if HORIZONTAL in state.others:
+                    state.others[HORIZONTAL] += added.level_of_places(*place).ravel()
         return (stamp - start) * 1e-9, start
 
     def _fuse(
         self,
         scan: Scan,
         columns: Mapping[str, NDArray[Any]],
-        state: _State,
+        state: State,
         geometry: GridGeometry,
         now: float,
         clock: _Stages,
@@ -382,7 +355,7 @@ class ElevationMapper:
             state.times[confirmed] = now
             stale[confirmed] = False
             if len(scan.horizontal):
-                _keep_horizontal(scan.horizontal[on_map], points, used, state.others)
+                state.keep_horizontal(scan.horizontal[on_map], points, used)
         cleared = np.zeros(0, np.int64)
         if given.enable_visibility_cleanup and len(scan.places):
             with clock.stage("visibility"):
@@ -412,7 +385,7 @@ class ElevationMapper:
         return int(used.sum()), conflicts, len(cleared), offset
 
     def _without_drift(
-        self, scan: Scan, points: Sorted, state: _State
+        self, scan: Scan, points: Sorted, state: State
     ) -> tuple[Scan, Sorted, float]:
         """Move the map by a share of its offset from the scan, and the scan by the rest."""
         given = self._parameters
@@ -431,32 +404,6 @@ class ElevationMapper:
         scan = replace(scan, sensor=scan.sensor - down, points=scan.points - down[:, None])
         return scan, replace(points, heights=points.heights - rest), offset
 
-    def _stored(self, moved: GridMap, state: _State, *, timestamp: int) -> GridMap:
-        """Return the map of a state."""
-        given = self._parameters
-        with np.errstate(over="ignore", invalid="ignore"):
-            heights = state.heights.astype(np.float32)
-            variances = np.maximum(state.variances, given.min_variance).astype(np.float32)
-            variances = np.maximum(variances, np.float32(given.min_variance))
-            unknown = ~np.isfinite(heights) | ~np.isfinite(variances)
-            unknown |= state.variances > given.largest_variance
-            reach = np.float32(BOUND) * np.sqrt(variances)
-            layers = {
-                "elevation": heights,
-                "variance": variances,
-                "time": state.times,
-                "upper_bound": heights + reach,
-                "lower_bound": heights - reach,
-            }
-        for name, data in state.others.items():
-            if name not in layers:
-                layers[name] = data
-        for data in layers.values():
-            data[unknown] = np.nan
-        done = moved.with_layers(_shaped(layers, moved.size))
-        done.timestamp = timestamp
-        return done
-
     # Small parts
 
     def _now(self) -> float:
@@ -465,7 +412,7 @@ class ElevationMapper:
     def _check_names(self, columns: Mapping[str, NDArray[Any]]) -> None:
         new = [name for name in columns if name not in self._map]
         for name in columns:
-            if name in (*_OWN, _HORIZONTAL) or not is_name(name):
+            if name in (*OWN, HORIZONTAL) or not is_name(name):
                 raise GridMapError(f"values: expected another name of a layer, got {name!r}")
         if new:
             check_cells("values", self._map.size, len(self._map) + 2 * len(new))
@@ -493,29 +440,6 @@ def _entries(
     if len(chosen):
         entries[chosen] = entry_heights(scan, geometry, on_map[points.order[chosen]])
     return entries
-
-
-def _keep_horizontal(
-    variances: Numbers, points: Sorted, used: Mask, layers: dict[str, NDArray[np.float32]]
-) -> None:
-    """Set the horizontal variance of each cell to the mean over the points that it uses now."""
-    groups, order = points.groups[used], in_one_order(points, variances)[used]
-    counts = np.bincount(groups, minlength=len(points.cells))
-    seen = np.flatnonzero(counts)
-    sums = np.bincount(groups, variances[order], len(points.cells))
-    with np.errstate(over="ignore"):
-        layers[_HORIZONTAL][points.cells[seen]] = sums[seen] / counts[seen]
-
-
-def _flat(layer: NDArray[Any]) -> NDArray[Any]:
-    """Return a view of a layer in map order: column after column."""
-    return layer.reshape(-1, order="F")
-
-
-def _shaped(
-    layers: Mapping[str, NDArray[np.float32]], size: tuple[int, int]
-) -> dict[str, NDArray[np.float32]]:
-    return {name: data.reshape(size, order="F") for name, data in layers.items()}
 
 
 def _as_sensor(sensor: SensorModel) -> SensorModel:

@@ -104,32 +104,33 @@ def deal(
         borders[cells[i]] = place + 1
         order[place] = i
         sorted_heights[place] = heights[i]
-        sorted_variances[place] = variances[i]
     begin = 0
     for cell in range(size):
-        sort_part(begin, borders[cell], order, sorted_heights, sorted_variances)
+        sort_part(begin, borders[cell], order, sorted_heights, variances)
         begin = borders[cell]
+    for i in range(count):
+        sorted_variances[i] = variances[order[i]]
 
 
 def sort_part(begin: Any, end: Any, order: Any, heights: Any, variances: Any) -> None:
-    """Sort some points from the highest down, equal ones by variance (Shell's method)."""
+    """Sort some points from the highest down, equal ones by variance (Shell's method).
+
+    Args:
+        begin, end: the places of the points.
+        order, heights: numbers and heights of the points, by place.
+        variances: variances of the points, by number.
+    """
     gap = (end - begin) // 2 if end - begin > 12 else 1
     while gap > 0:
         for i in range(begin + gap, end):
-            height, variance, number = heights[i], variances[i], order[i]
+            height, number = heights[i], order[i]
             place = i
-            while place - gap >= begin and comes_first(
-                height, variance, heights[place - gap], variances[place - gap]
-            ):
-                heights[place] = heights[place - gap]
-                variances[place] = variances[place - gap]
-                order[place] = order[place - gap]
+            while place - gap >= begin and not heights[place - gap] > height:
+                before = order[place - gap]
+                if heights[place - gap] == height and variances[before] <= variances[number]:
+                    break
+                heights[place], order[place] = heights[place - gap], before
                 place -= gap
-            heights[place], variances[place], order[place] = height, variance, number
+            heights[place], order[place] = height, number
         # Gaps of Gonnet and Baeza-Yates: 5 / 11 of the last one, and 1 at the end.
         gap = 1 if gap == 2 else (gap * 5 - 1) // 11
-
-
-def comes_first(height: Any, variance: Any, other_height: Any, other_variance: Any) -> Any:
-    """Return whether a point belongs before another one."""
-    return height > other_height or (height == other_height and variance < other_variance)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays._checks import Integers, Positions, as_numbers
-from ..arrays._pieces import CHUNK, slices
+from ..arrays._pieces import PIECE, slices
 from ..conversions._point_layers import as_points as as_points, flat_cells
 from ..errors import GeometryError
 from ..map._geometry import GridGeometry
@@ -147,19 +147,23 @@ def located(
         limits: limits of points.
         horizontal: True to compute variances along x and y, too.
     """
-    parts = [
-        _located_part(cloud[part], part.start, transform, covariance, sensor, geometry, limits)
-        for part in slices(len(cloud), CHUNK)
-    ] or [_located_part(cloud, 0, transform, covariance, sensor, geometry, limits)]
-    points, variances, cells, places = zip(*parts, strict=True)
-    found = np.concatenate(places)
+    count, kept = len(cloud), 0
+    points, variances = np.empty((3, count)), np.empty(count)
+    cells, places = np.empty((2, count), np.int64)
+    for part in slices(count, PIECE):
+        found = _located_part(cloud[part], transform, covariance, sensor, geometry, limits)
+        here = slice(kept, kept + len(found[0]))
+        places[here], points[:, here], variances[here], cells[here] = found
+        places[here] += part.start
+        kept = here.stop
+    places = places[:kept]
     return Scan(
         transform[:3, 3],
-        np.concatenate(points, axis=1),
-        np.concatenate(variances),
-        np.concatenate(cells),
-        found,
-        _horizontal(cloud[found], transform, covariance, sensor) if horizontal else np.empty(0),
+        points[:, :kept],
+        variances[:kept],
+        cells[:kept],
+        places,
+        _horizontal(cloud[places], transform, covariance, sensor) if horizontal else np.empty(0),
     )
 
 
@@ -181,13 +185,13 @@ def _horizontal(
 
 def _located_part(
     cloud: NDArray[Any],
-    first: int,
     transform: NDArray[np.float64],
     covariance: Covariance | None,
     sensor: SensorModel,
     geometry: GridGeometry,
     limits: Limits,
-) -> tuple[NDArray[np.float64], Numbers, Integers, Integers]:
+) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
+    """Return places, positions (3, n), variances and cells of the points that count."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)
@@ -201,10 +205,9 @@ def _located_part(
         counts &= np.isfinite(variances)
         points = turned + transform[:3, 3:4]
         counts &= np.isfinite(points[2])
-    if not counts.all():
-        points, variances = points[:, counts], variances[counts]
     places = np.flatnonzero(counts)
-    places += first
+    if len(places) < len(cloud):
+        points, variances = points.take(places, axis=1), variances[places]
     cells, inside = flat_cells(points[:2].T, geometry)
     cells[~inside] = OUTSIDE
-    return points, np.maximum(variances, LEAST_VARIANCE), cells, places
+    return places, points, np.maximum(variances, LEAST_VARIANCE), cells
