@@ -291,16 +291,17 @@ def narrowed(
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
     from_ring = math.floor(min(first * distance / width, RINGS - 1))
     to_ring = math.floor(min(last * distance / width, RINGS - 1))
-    per_ring = rise * width / distance
-    offset = 1 if rise < 0.0 else 0
-    begin, end = RINGS, -1
-    for ring in range(from_ring, to_ring + 1):
-        if frame[2] + per_ring * (ring + offset) < table[sector + ring] + MARGIN:
-            begin, end = min(begin, ring), ring
-    if end < 0:
-        return 1.0, 0.0
     step = width / distance
-    return max(first, begin * step * (1.0 - 1e-9)), min(last, (end + 1) * step * (1.0 + 1e-9))
+    per_ring = rise * step
+    # The lowest height of a beam in a ring is at its far end if the beam descends.
+    height = frame[2] + (per_ring if rise < 0.0 else 0.0) - MARGIN
+    while from_ring <= to_ring and height + per_ring * from_ring >= table[sector + from_ring]:
+        from_ring += 1
+    while from_ring <= to_ring and height + per_ring * to_ring >= table[sector + to_ring]:
+        to_ring -= 1
+    if from_ring > to_ring:
+        return 1.0, 0.0
+    return max(first, from_ring * step * (1.0 - 1e-9)), min(last, (to_ring + 1) * step)
 
 
 @loop(
