@@ -34,14 +34,12 @@ UP = np.eye(4)
 UP[2, 3] = 1.0
 
 
-@pytest.fixture(params=["compiled", "arrays"])
+@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.needs("numba")), "arrays"])
 def way(request, monkeypatch):
     """Both ways: loops that numba has compiled, and NumPy alone."""
     if request.param == "arrays":
         for loop in LOOPS:
             monkeypatch.setattr(loop, "compiled", lambda: None)
-    else:
-        pytest.importorskip("numba")
 
 
 both_ways = pytest.mark.usefixtures("way")
@@ -105,8 +103,8 @@ def test_order_of_points_changes_no_bit():
             np.testing.assert_array_equal(layer.view(np.uint32), found.view(np.uint32), name)
 
 
+@pytest.mark.needs("numba")
 def test_both_ways_give_the_same_maps(monkeypatch):
-    pytest.importorskip("numba")
     maps = []
     for is_compiled in (True, False):
         if not is_compiled:

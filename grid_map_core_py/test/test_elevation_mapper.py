@@ -25,15 +25,12 @@ RESOLUTION = 0.25
 LOOPS = (_order.deal, _fusion.fuse_cells, _visibility.trace, _visibility.cover)
 
 
-@pytest.fixture(params=["compiled", "arrays"])
+@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.needs("numba")), "arrays"])
 def way(request, monkeypatch):
     """Both ways: loops that numba has compiled, and NumPy alone."""
     if request.param == "arrays":
         for loop in LOOPS:
             monkeypatch.setattr(loop, "compiled", lambda: None)
-    else:
-        pytest.importorskip("numba")
-    return request.param
 
 
 def diagonal(u, along, across):
