@@ -3,6 +3,7 @@
 """Reading and writing bags, compared with the library rosbags and with C++ recordings."""
 
 import gc
+import json
 import shutil
 import sqlite3
 import sys
@@ -28,6 +29,7 @@ from hypothesis import given, settings, strategies as st
 from rclpy.serialization import deserialize_message
 
 from grid_map_core_py import GridMap, LayerNotFoundError
+from grid_map_core_py.commands import main
 from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.testing import assert_maps_equal, grid_maps
 from grid_map_msgs.msg import GridMap as GridMapMessage
@@ -546,3 +548,13 @@ def test_bag_in_read_only_folder_is_read(tmp_path):
     assert load_from_bag(tmp_path / "bag").size == (70, 70)
     (tmp_path / "bag").chmod(0o755)
     assert len([*(tmp_path / "bag").iterdir()]) == 2
+
+
+def test_info_looks_into_no_folder_below(tmp_path, capfd):
+    path = tmp_path / "bag"
+    save_to_bag(numbered_map(1), path, TOPIC)
+    size = sum(file.stat().st_size for file in path.iterdir())
+    (path / "other" / "files").mkdir(parents=True)
+    (path / "other" / "file").write_bytes(bytes(999))
+    assert main(["info", str(path), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["bytes"] == size

@@ -116,17 +116,22 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
     from ..files import map_facts, options_of
 
     found, given = _choose(options)
-    size = None
-    if options.source != STANDARD:
-        path = Path(options.source)
-        files = path.rglob("*") if path.is_dir() else [path]
-        size = sum(file.stat().st_size for file in files if file.is_file())
-    head = {"path": options.source, "format": found.name, "bytes": size}
     with _source(options.source) as path:
         if found.describe is None:
-            return head | {"map": map_facts(found.load(path, **given))}  # type: ignore[misc]
-        known = options_of(found.describe)
-        return head | found.describe(path, **{name: given[name] for name in known if name in given})
+            facts = {"map": map_facts(found.load(path, **given))}  # type: ignore[misc]
+        else:
+            known = options_of(found.describe)
+            facts = found.describe(path, **{n: given[n] for n in known if n in given})
+    return {"path": options.source, "format": found.name, "bytes": _size(options.source)} | facts
+
+
+def _size(source: str) -> int | None:
+    """Return the size of a file, or of the files in a folder [bytes]; None for standard input."""
+    if source == STANDARD:
+        return None
+    path = Path(source)
+    files = path.iterdir() if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 class _Only(NamedTuple):
