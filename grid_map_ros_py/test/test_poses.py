@@ -25,6 +25,8 @@ from grid_map_ros_py._mapping.poses import (
     PoseHistory,
     Poses,
     between,
+    carried,
+    from_covariance,
     from_xyz_rpy,
 )
 from grid_map_ros_py.messages import to_stamp
@@ -169,6 +171,95 @@ def test_without_poses_clouds_must_be_in_the_map_frame() -> None:
         Poses("map").place("lidar", 5)
 
 
+def test_track_point_turns_with_the_robot() -> None:
+    known = history(pose(1, 10.0, 20.0, math.pi / 2), track_point=(2.0, 0.0, 5.0))
+    placement = known.place("lidar", SECOND)
+    assert placement is not None
+    np.testing.assert_allclose(placement.center, (10, 22))
+    np.testing.assert_allclose(known.frame_at("foot", SECOND), placement.robot)
+    np.testing.assert_array_equal(known.frame_at("odom", SECOND), np.eye(4))
+
+
+def test_sensors_of_one_robot_share_its_poses() -> None:
+    known = history()
+    front, rear = (known.mounted(from_xyz_rpy((x, 0, 0), (0, 0, 0))) for x in (1.0, -1.0))
+    known.add(pose(1, 10.0))
+    assert front.place("front", SECOND).transform[0, 3] == 11.0
+    assert rear.place("rear", SECOND).transform[0, 3] == 9.0
+    assert rear.place("rear", 2 * SECOND) is None
+    assert rear.waits_for == "a later pose than that of 1.000 s"
+    known.reset()
+    assert (front.place("front", SECOND), front.waits_for) == (None, "poses")
+
+
+# --- covariances ----------------------------------------------------------------------------------
+
+
+def uncertain(seconds: float, *variances: float) -> PoseWithCovarianceStamped:
+    message = pose(seconds, kind=PoseWithCovarianceStamped)
+    message.pose.covariance = np.diag(variances).ravel()
+    return message
+
+
+@pytest.mark.parametrize(
+    ("seconds", "share"), [(0.5, 0), (1, 0), (1.25, 0.25), (2, 1), (9, 1), (0, 1)]
+)
+def test_covariance_is_interpolated_and_held_at_the_ends(seconds: float, share: float) -> None:
+    first, last = np.arange(1.0, 7.0), np.full(6, 10.0)
+    known = history(uncertain(1, *first), uncertain(2, *last), with_covariances=True)
+    found = known.covariance_at(round(seconds * SECOND))
+    np.testing.assert_allclose(found, np.diag(first + share * (last - first)))
+    assert history(uncertain(1, *first)).covariance_at(SECOND) is None
+
+
+def test_covariance_of_the_sensor_includes_its_lever() -> None:
+    generator = np.random.default_rng(3)
+    factor, lever = generator.normal(size=(6, 6)), np.array([0.4, -0.2, 1.1])
+    covariance = factor @ factor.T
+    step = 1e-6
+    columns = []
+    for axis in np.eye(6):
+        change = from_xyz_rpy(step * axis[:3], step * axis[3:])
+        moved = (change @ (*lever, 1.0))[:3] - lever
+        columns.append(np.append(moved / step, axis[3:]))
+    jacobian = np.array(columns).T
+    expected = jacobian @ covariance @ jacobian.T
+    np.testing.assert_allclose(carried(covariance, lever), expected, rtol=1e-5, atol=1e-4)
+    assert carried(None, lever) is None
+
+
+def test_placement_has_the_covariance_of_the_sensor() -> None:
+    sensor = from_xyz_rpy((2, 0, 0), (0, 0, 0))
+    given = uncertain(1, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03)
+    known = history(given, sensor=sensor, with_covariances=True)
+    covariance = known.place("lidar", SECOND).covariance
+    # A pitch of 0.02 rad^2 at 2 m.
+    assert covariance[2, 2] == pytest.approx(0.3 + 4 * 0.02)
+    assert known.place("odom", SECOND).covariance is None
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -0.5])
+def test_impossible_covariance_is_refused_only_if_used(wrong: float) -> None:
+    message = uncertain(1, 0.1, wrong, 0.1, 0.1, 0.1, 0.1)
+    with pytest.raises(MessageError, match=r"pose\.covariance: expected 36 numbers of a symm"):
+        history(message, with_covariances=True)
+    assert history(message).at(SECOND) is not None
+
+
+def test_covariance_with_rounding_errors_becomes_definite() -> None:
+    vector = np.arange(1.0, 7.0)
+    exact = np.outer(vector, vector)
+    exact[0, 1] += 1e-9
+    found = from_covariance(exact.ravel() - 1e-9 * np.eye(6).ravel())
+    np.testing.assert_array_equal(found, found.T)
+    assert np.linalg.eigvalsh(found)[0] > -1e-12
+    np.testing.assert_allclose(found, np.outer(vector, vector), atol=1e-7)
+    skew = np.zeros((6, 6))
+    skew[0, 1] = 1.0
+    with pytest.raises(MessageError, match="symmetric"):
+        from_covariance(skew.ravel())
+
+
 # --- tf -------------------------------------------------------------------------------------------
 
 
@@ -183,18 +274,26 @@ class Tree:
         if time.nanoseconds < SECOND:
             raise TransformException(f"no {source} in {target} yet")
         found = TransformStamped()
-        found.transform.translation.x = {"lidar": 3.0, "base": 2.0}[source]
+        found.transform.translation.x = {"lidar": 3.0, "base": 2.0, "foot": 1.0}[source]
         return found
 
+    def clear(self) -> None:
+        pass
 
-@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
-def test_tf_gives_poses_of_cloud_and_robot(monkeypatch, robot_frame: str, x: float) -> None:
+
+@pytest.fixture
+def tf2(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("tf2_ros")
     module.__spec__ = SimpleNamespace()
     module.Buffer = Tree
     module.TransformListener = lambda _buffer, _node: None
     module.TransformException = TransformException
     monkeypatch.setitem(sys.modules, "tf2_ros", module)
+
+
+@pytest.mark.usefixtures("tf2")
+@pytest.mark.parametrize(("robot_frame", "x"), [("base", 2.0), ("", 3.0)])
+def test_tf_gives_poses_of_cloud_and_robot(robot_frame: str, x: float) -> None:
     assert has_tf()
     poses = TfPoses(None, "map", robot_frame)
     assert poses.place("lidar", SECOND - 1) is None
@@ -203,6 +302,23 @@ def test_tf_gives_poses_of_cloud_and_robot(monkeypatch, robot_frame: str, x: flo
     assert isinstance(placement, Placement)
     np.testing.assert_array_equal(placement.transform[:3, 3], (3, 0, 0))
     np.testing.assert_array_equal(placement.center, (x, 0))
+
+
+@pytest.mark.usefixtures("tf2")
+def test_tf_takes_covariances_from_a_topic() -> None:
+    known = history(with_covariances=True)
+    poses = TfPoses(
+        None, "odom", "base", track_frame="foot", track_point=(0, 7, 0), covariances=known
+    )
+    assert poses.place("lidar", SECOND) is None
+    assert poses.waits_for == "poses"
+    known.add(uncertain(1, *[0.1] * 6))
+    placement = poses.place("lidar", 3 * SECOND)
+    np.testing.assert_array_equal(placement.center, (1, 7))
+    # The lidar is 1 m before the base.
+    assert placement.covariance[2, 2] == pytest.approx(0.2)
+    poses.reset()
+    assert poses.frame_at("foot", SECOND - 1) is None
 
 
 def test_error_names_tf_if_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

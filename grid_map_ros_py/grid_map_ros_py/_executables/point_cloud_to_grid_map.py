@@ -3,6 +3,7 @@
 """Node `point_cloud_to_grid_map`: fuses point clouds into a map that moves with the robot."""
 
 import math
+from functools import partial
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
@@ -18,8 +19,8 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import to_serialized_message
-from .._mapping.cloud_mapper import CloudMapper
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
+from .._mapping.scan_queue import RollingFusion, ScanQueue, read_cloud
 from ..nodes import (
     ConfiguredNode,
     LogThrottle,
@@ -68,7 +69,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         self._source = self.read_choice("pose_source", POSE_SOURCES, "auto", about)
         if self._source == "auto":
             self._source = "tf" if has_tf() else "odometry"
-        self._mapper = self._read_mapper()
+        self._clouds = self._read_clouds()
         self._publisher = self.create_publisher(GridMapMessage, output_topic, map_qos())
         about = "rate at which a changed map is published [Hz]; 0 means after every cloud"
         self._publish_rate = self.read_number("publish_rate", 0.0, 0.0, 1e9, about)
@@ -76,14 +77,14 @@ class PointCloudToGridMapNode(ConfiguredNode):
             steady_timer(self, 1 / self._publish_rate, self._publish)
         about = "time between two lines of statistics in the log [s]; 0 means none"
         if period := self.read_number("statistics_period", 0.0, 0.0, 1e9, about):
-            steady_timer(self, period, lambda: self.get_logger().info(str(self._mapper.statistics)))
+            steady_timer(self, period, lambda: self.get_logger().info(str(self._clouds.statistics)))
         steady_timer(self, WAIT_PERIOD, self._work)
         about = (
             "`best_effort` receives from every publisher; `reliable` requests lost clouds again, "
             "and receives from reliable publishers only"
         )
         reliability = self.read_choice("input_reliability", RELIABILITIES, "best_effort", about)
-        qos = QoSProfile(depth=self._mapper.queue_size, reliability=RELIABILITIES[reliability])
+        qos = QoSProfile(depth=self._clouds.queue_size, reliability=RELIABILITIES[reliability])
         # Raw clouds are read without a copy.
         events = SubscriptionEventCallbacks(message_lost=warn_of_gaps(self, topic))
         clouds = self.create_subscription(
@@ -93,7 +94,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
 
     # --- parameters -------------------------------------------------------------------------------
 
-    def _read_mapper(self) -> CloudMapper:
+    def _read_clouds(self) -> ScanQueue:
         map_frame = self.read("map_frame", "odom", "frame of the map")
         follow = self.read("robot_centric", True, "whether the map moves with the robot")
         has_poses = self._source != "none"
@@ -134,14 +135,12 @@ class PointCloudToGridMapNode(ConfiguredNode):
             min_height=low,
             max_height=high,
         )
-        return CloudMapper(
-            rolling_map,
+        self._map = rolling_map
+        return ScanQueue(
             self._read_poses(map_frame),
+            partial(read_cloud, fields=fields),
+            RollingFusion(rolling_map, follow, near, far),
             self._drop,
-            fields=fields,
-            follow=follow,
-            min_range=near,
-            max_range=far,
             timeout=timeout,
             queue_size=queue_size,
         )
@@ -178,7 +177,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
 
     def _on_cloud(self, data: bytes) -> None:
         self._health.receive()
-        self._note(self._mapper.add(data))
+        self._note(self._clouds.add(data))
 
     def _drop(self, text: str) -> None:
         self._health.drop(text)
@@ -190,12 +189,12 @@ class PointCloudToGridMapNode(ConfiguredNode):
             self._work()
 
     def _work(self) -> None:
-        self._note(self._mapper.work())
+        self._note(self._clouds.work())
 
     def _note(self, has_changed: bool) -> None:
         self._has_news |= has_changed
         if has_changed:
-            self._health.use(self._mapper.statistics.fused - self._health.used)
+            self._health.use(self._clouds.statistics.fused - self._health.used)
         if self._publish_rate == 0:
             self._publish()
 
@@ -203,7 +202,7 @@ class PointCloudToGridMapNode(ConfiguredNode):
         if not self._has_news:
             return
         with dropping(self._log, "dropped a map"):
-            self._publisher.publish(to_serialized_message(self._mapper.rolling_map.grid_map))
+            self._publisher.publish(to_serialized_message(self._map.grid_map))
         self._has_news = False
 
 

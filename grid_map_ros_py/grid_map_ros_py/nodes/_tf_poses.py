@@ -6,12 +6,14 @@ import importlib
 import importlib.util
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from rclpy.node import Node
 from rclpy.time import Time
 
 from grid_map_core_py.errors import MissingPackageError
 
-from .._mapping.poses import Placement, Poses
+from .._mapping.poses import Placement, PoseHistory, Poses, carried
 from ..messages._pose import Matrix, from_transform
 
 PACKAGE = "tf2_ros"
@@ -28,34 +30,67 @@ class TfPoses(Poses):
     Args:
         node: node that subscribes to `/tf` and `/tf_static`.
         map_frame: frame of the map.
-        robot_frame: frame of the robot; empty for the frame of the cloud.
+        robot_frame: frame of the robot; empty for the frame of the scan.
+        track_frame: frame of the track point; empty for that of the robot.
+        track_point: (3,) point that the map follows [m], in that frame.
+        covariances: poses of the robot whose covariances are used; None for none.
 
     Raises:
         MissingPackageError: tf2 is not installed.
     """
 
-    def __init__(self, node: Node, map_frame: str, robot_frame: str = "") -> None:
+    def __init__(
+        self,
+        node: Node,
+        map_frame: str,
+        robot_frame: str = "",
+        *,
+        track_frame: str = "",
+        track_point: npt.ArrayLike = (0.0, 0.0, 0.0),
+        covariances: PoseHistory | None = None,
+    ) -> None:
         if not has_tf():
             remedy = "install tf2_ros_py of your ROS distribution, or take another pose_source"
             raise MissingPackageError(PACKAGE, "pose_source 'tf'", remedy)
         super().__init__(map_frame)
         self._tf: Any = importlib.import_module(PACKAGE)
-        self._robot_frame = robot_frame
+        self._robot_frame, self._track_frame = robot_frame, track_frame
+        self._track_point = np.append(np.asarray(track_point, np.float64), 1.0)
+        self._covariances = covariances
         self._buffer = self._tf.Buffer()
         self._listener = self._tf.TransformListener(self._buffer, node)
         self.waits_for = "transforms"
 
     def place(self, frame_id: str, stamp: int) -> Placement | None:
-        """Return the placement of a cloud; None while tf2 does not know it."""
+        """Return the placement of a scan; None while tf2 does not know it."""
+        robot_frame = self._robot_frame or frame_id
+        found = []
+        for frame in (frame_id, robot_frame, self._track_frame or robot_frame):
+            matrix = self.frame_at(frame, stamp)
+            if matrix is None:
+                return None
+            found.append(matrix)
+        transform, robot, tracked = found
+        center, covariance = (tracked @ self._track_point)[:2], None
+        if self._covariances is not None:
+            covariance = self._covariances.covariance_at(stamp)
+            if covariance is None:
+                self.waits_for = self._covariances.waits_for
+                return None
+            covariance = carried(covariance, transform[:3, 3] - robot[:3, 3])
+        return Placement(transform, robot, center, covariance)
+
+    def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
+        """Return the transform from a frame to the map; None while tf2 does not know it."""
+        time = Time(nanoseconds=stamp)
         try:
-            transform = self._look_up(frame_id, stamp)
-            robot = self._look_up(self._robot_frame or frame_id, stamp)
+            found = self._buffer.lookup_transform(self._map_frame, frame_id, time)
         except self._tf.TransformException as error:
             # tf2 cannot tell whether the transform will become available.
             self.waits_for = str(error)
             return None
-        return Placement(transform, robot[:2, 3])
+        return from_transform(found)
 
-    def _look_up(self, frame_id: str, stamp: int) -> Matrix:
-        time = Time(nanoseconds=stamp)
-        return from_transform(self._buffer.lookup_transform(self._map_frame, frame_id, time))
+    def reset(self) -> None:
+        """Forget all transforms but those of `/tf_static`; tf2 would not take earlier ones."""
+        self._buffer.clear()

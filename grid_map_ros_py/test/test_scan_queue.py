@@ -4,6 +4,8 @@
 
 import array
 import math
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,19 +19,31 @@ from wire import set_field
 from grid_map_core_py import ConfigError, GridGeometry
 from grid_map_core_py.elevation import RollingMap
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py._mapping.cloud_mapper import CloudMapper
 from grid_map_ros_py._mapping.poses import Placement, Poses
+from grid_map_ros_py._mapping.scan_queue import RollingFusion, ScanQueue, read_cloud
 from grid_map_ros_py.messages import to_stamp
 
 
-class Mapper(CloudMapper):
-    """Mapper that keeps its reports, and whose clock `now` the test sets."""
+class Mapper(ScanQueue):
+    """Queue that keeps its reports, and whose clock `now` the test sets."""
 
-    def __init__(self, poses: Poses, **options: Any) -> None:
+    def __init__(self, poses: Poses, fields: Sequence[str] = (), **options: Any) -> None:
         self.reports: list[str] = []
         self.now = 0.0
-        rolling = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
-        super().__init__(rolling, poses, self.reports.append, clock=lambda: self.now, **options)
+        self.rolling_map = RollingMap(GridGeometry(np.array([8.0, 6.0]), 1.0), "odom")
+        settings = {
+            name: options.pop(name)
+            for name in ("follow", "min_range", "max_range")
+            if name in options
+        }
+        super().__init__(
+            poses,
+            partial(read_cloud, fields=fields),
+            RollingFusion(self.rolling_map, **settings),
+            self.reports.append,
+            clock=lambda: self.now,
+            **options,
+        )
 
     def height(self, x: float, y: float) -> float:
         return float(self.rolling_map.grid_map.at_position("elevation", (x, y)))
