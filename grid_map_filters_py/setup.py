@@ -55,5 +55,6 @@ setup(
             "filter_chain = grid_map_filters_py._executables.filter_chain:FilterChainNode.main",
         ],
         "grid_map_core_py.commands": ["filter = grid_map_filters_py._commands.filter"],
+        "grid_map_ros_py.chains": ["filters = grid_map_filters_py:FilterChain"],
     },
 )

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import shlex
 import sys
+from glob import glob
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -9,6 +10,7 @@ from setuptools import find_packages, setup
 
 PACKAGE = "grid_map_ros_py"
 NODES = (
+    "elevation_mapping",
     "grid_map_loader",
     "grid_map_saver",
     "grid_map_server",
@@ -52,7 +54,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", [f"{PACKAGE}/fastdds_large_maps.xml"]),
+        (
+            f"share/{PACKAGE}/config",
+            [f"{PACKAGE}/fastdds_large_maps.xml", *sorted(glob("config/*.yaml"))],
+        ),
     ],
     install_requires=requirements,
     tests_require=["pytest"],

@@ -11,6 +11,7 @@ and `<!-- end -->`. NAME is
                         and what it reads by `grid_map_ros_py.nodes` is listed.
     a filter            `gridMapFilters/SlopeFilter`: fields of the class, and what its docstring
     a visualization     or `surface`: says of them under `Attributes:`.
+    a sensor model      `laser`: the same.
 
 With `--check` nothing is written; the exit code is 1 if a table is outdated.
 """
@@ -40,6 +41,7 @@ from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.plugins import descriptions
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
+from grid_map_ros_py._mapping.elevation_parameters import MODELS
 from grid_map_ros_py.nodes import _parameters as parameters, _spin
 from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 
@@ -48,6 +50,7 @@ ROOT = Path(__file__).resolve().parents[1]
 BAG = ROOT / "grid_map_ros_py" / "test" / "data" / "cpp_move_mcap"
 
 GIVEN: dict[str, dict[str, object]] = {
+    "elevation_mapping": {"input_sources.NAME.topic": "/points", "pose_source": "topic"},
     "filter_chain": {"filters.filter1.name": "a", "filters.filter1.type": "BufferNormalizer"},
     "grid_map_loader": {"file_path": str(BAG), "bag_topic": ""},
     "grid_map_saver": {"file_path": "/tmp/a_bag_that_is_not_written"},
@@ -118,11 +121,11 @@ _read_parameter, _read_parameter_tree = parameters.read_parameter, parameters.re
 
 
 def record(
-    node: Node, name: str, what: type, default: object = None, *, description: str = ""
+    node: Node, name: str, what: type, default: object = None, *, description: str = "", **rest: Any
 ) -> object:
     text = "" if default is None else written(name, default)
     _read[name] = Row(name, kind(what), text, description)
-    return _read_parameter(node, name, what, default, description=description)
+    return _read_parameter(node, name, what, default, description=description, **rest)
 
 
 def record_tree(node: Node, prefix: str, *, description: str = "", **rest: Any) -> object:
@@ -177,7 +180,7 @@ def written(name: str, value: object) -> str:
 
 def table(name: str) -> str:
     """Return the table of an executable, a filter or a visualization."""
-    cls = FILTERS.get(name) or VISUALIZATIONS.get(name)
+    cls = FILTERS.get(name) or VISUALIZATIONS.get(name) or MODELS.get(name)
     rows = rows_of_class(cls) if cls else rows_of_node(name)
     if not rows:
         return "No parameters.\n"

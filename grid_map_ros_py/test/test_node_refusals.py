@@ -12,6 +12,18 @@ from grid_map_ros_py.testing import start_node
 BAG = DATA / "cpp_move_mcap" / "cpp_move_mcap_0.mcap"
 
 REFUSED = {
+    "elevation_mapping": [
+        ({"resolution": 0.0}, "resolution"),
+        ({"length_in_x": 1e4, "length_in_y": 9.0}, "length_in_x, length_in_y: expected at most"),
+        ({"max_variance": 1e-9}, "'max_variance': expected at least min_variance, or 0, got 1e-09"),
+        ({"sensor_processor.type": "sonar"}, "input_sources.points.sensor_processor: parameter"),
+        ({"input_sources.a.topic": "/a", "input_sources.a.type": "b"}, "'input_sources.a.type'"),
+        ({"input_sources": 3}, "'input_sources': expected parameters below it, got 3 (int)"),
+        ({"pose_source": "topic", "pose_type": "gps"}, "'pose_type': expected one of pose_with_"),
+        ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
+        ({"postprocessor_pipeline.filter2.name": "a"}, "filters: filter1 is missing before filt"),
+        *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),
+    ],
     "grid_map_loader": [
         ({"file_path": "cut_off.mcap"}, "is cut off"),
         ({"file_path": BAG, "max_cells": 9}, "on /grid_map: info: expected at most 9 cells"),

@@ -188,7 +188,10 @@ def test_sensors_of_one_robot_share_its_poses() -> None:
     assert rear.place("rear", SECOND).transform[0, 3] == 9.0
     assert rear.place("rear", 2 * SECOND) is None
     assert rear.waits_for == "a later pose than that of 1.000 s"
-    known.reset()
+    known.go_back(SECOND // 2)
+    assert front.place("front", SECOND)
+    known.add(pose(9))
+    known.go_back(SECOND)
     assert (front.place("front", SECOND), front.waits_for) == (None, "poses")
 
 
@@ -317,7 +320,7 @@ def test_tf_takes_covariances_from_a_topic() -> None:
     np.testing.assert_array_equal(placement.center, (1, 7))
     # The lidar is 1 m before the base.
     assert placement.covariance[2, 2] == pytest.approx(0.2)
-    poses.reset()
+    poses.go_back(0)
     assert poses.frame_at("foot", SECOND - 1) is None
 
 

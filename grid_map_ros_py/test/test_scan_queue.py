@@ -134,6 +134,22 @@ def test_outdated_cloud_does_not_delay_the_next() -> None:
     assert made.reports == ["dropped a cloud: no pose at 1.000 s: the first one is of 5.000 s"]
 
 
+def test_clouds_of_a_bag_that_loops_take_its_new_poses() -> None:
+    poses = history(pose(1), pose(60, 30.0))
+    made = Mapper(poses)
+    assert made.add(cloud(60))
+    assert not made.add(cloud(61))
+    # The first cloud after the jump comes before the first pose.
+    assert not made.add(cloud(1.5))
+    assert made.reports == ["dropped a cloud: its time is 59.5 s after that of the next"]
+    poses.add(pose(1))
+    poses.add(pose(2, 2.0))
+    assert made.work()
+    assert made.rolling_map.grid_map.position[0] == 1.0
+    assert made.add(cloud(1.2))
+    assert made.statistics.fused == 3
+
+
 def test_serialized_clouds_are_taken_as_well() -> None:
     made = fixed_mapper()
     data = serialize_message(cloud(1, (0.5, 0.5, 7.0), frame="odom"))

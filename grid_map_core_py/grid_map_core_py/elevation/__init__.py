@@ -7,6 +7,7 @@ pass through. `RollingMap` keeps the largest, smallest, mean or last height of e
 """
 
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
+from ._parameters import Parameters as Parameters
 from ._rolling_map import RollingMap as RollingMap
 from ._sensors import (
     ConstantModel as ConstantModel,

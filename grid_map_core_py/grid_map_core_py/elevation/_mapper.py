@@ -197,6 +197,28 @@ class ElevationMapper:
             used, len(cloud) - on_map, on_map - used, conflicts, cleared, offset, clock.milliseconds
         )
 
+    def configure(self, **parameters: Any) -> None:
+        """Change parameters; after an error all are what they were.
+
+        Raises:
+            ConfigError: a parameter is unknown or invalid, or `horizontal_variances` would change.
+        """
+        new = build(Parameters, {**vars(self._parameters), **parameters})
+        has_layer = self._parameters.horizontal_variances
+        kept = new.horizontal_variances == has_layer
+        check(kept, "horizontal_variances", f"{has_layer}, as at the start", not has_layer)
+        self._parameters = new
+        self._values.alpha = self._parameters.exponential_alpha
+
+    def move(self, position: ArrayLike) -> None:
+        """Move the map by whole cells to a new center (2,) [m]; cells that leave it are dropped.
+
+        Raises:
+            GeometryError: the position is not finite, or too far away to count the cells.
+        """
+        self._map = in_map_order(self._map, position)
+        self._weights = in_map_order(self._weights, position)
+
     def clear(self) -> None:
         """Make all cells unknown; the clock goes on."""
         self._map = self._map.copy()

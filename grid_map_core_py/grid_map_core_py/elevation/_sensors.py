@@ -106,8 +106,9 @@ class StructuredLightModel(_Camera):
 
     Attributes:
         cutoff_min_depth, cutoff_max_depth: points with another depth are dropped [m].
-        normal_factor_a, normal_factor_b, normal_factor_c, normal_factor_d, normal_factor_e:
-            factors of the formula above, for z in meters.
+        normal_factor_a, normal_factor_b, normal_factor_c: factors a, b, c of the standard deviation
+            a + b (z - c)^2 + d z^e of the depth z [m].
+        normal_factor_d, normal_factor_e: factors d, e of it.
         lateral_factor: standard deviation beside the optical axis, per meter of depth.
     """
 

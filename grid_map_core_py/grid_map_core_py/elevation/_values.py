@@ -73,7 +73,7 @@ class ValueFusion:
                     f"value_fusions: expected a regular expression, got {pattern!r}: {error}"
                 ) from error
         self._fusions = dict(fusions)
-        self._alpha = exponential_alpha
+        self.alpha = exponential_alpha
 
     def fuse(
         self,
@@ -136,7 +136,7 @@ class ValueFusion:
         mean = np.bincount(cells, shares * found, size)[seen] / weight[seen]
         before, known = old[seen].astype(np.float64), ~np.isnan(old[seen])
         if fusion == "exponential":
-            mean[known] += (1.0 - self._alpha) * (before - mean)[known]
+            mean[known] += (1.0 - self.alpha) * (before - mean)[known]
         elif fusion == "average":
             hidden = _forgotten(weights.get(name), chosen.fresh, 0.0)
             earlier = np.where(known, hidden[seen], 0.0).astype(np.float64)

@@ -13,7 +13,6 @@ A request that fails is logged and changes nothing. The response is a map withou
 resolution of 0, or `success: false`.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from .._mapping.map_server import part, place_to_read, place_to_write
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info
-from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, dropping, map_qos
+from ..nodes import ConfiguredNode, LogThrottle, MapSubscription, map_qos, offer_service
 
 
 class GridMapServerNode(ConfiguredNode):
@@ -67,31 +66,8 @@ class GridMapServerNode(ConfiguredNode):
             (ProcessFile, self._load_map),
             (ProcessFile, self._save_map),
         ):
-            self._offer(kind, action.__name__.removeprefix("_"), action)
+            offer_service(self, kind, action.__name__.removeprefix("_"), action, self._log)
         self.get_logger().info(f"serves {self._publisher.topic_name}")
-
-    def _offer(self, kind: type, name: str, action: Callable[[Any, Any], None]) -> None:
-        """Offer a service.
-
-        An error of its action is logged, and so is a response that cannot be sent for lack of
-        memory; then an empty response is sent.
-        """
-
-        def respond(request: Any, response: Any) -> Any:
-            with dropping(self._log, name):
-                action(request, response)
-                return response
-            return service.srv_type.Response()
-
-        def send(response: Any, header: Any) -> None:
-            with dropping(self._log, name):
-                send_once(response, header)
-                return
-            send_once(service.srv_type.Response(), header)
-
-        service = self.create_service(kind, f"~/{name}", respond)
-        send_once = service.send_response
-        service.send_response = send  # type: ignore[method-assign]
 
     def _take(self, grid_map: GridMap) -> None:
         # First: a map that cannot be published must not replace the last one.

@@ -20,6 +20,9 @@ from ..messages._time import NANOSECONDS, from_stamp
 Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
 
+LONGEST_JITTER = NANOSECONDS
+"""Time [ns] by which a scan may be earlier than the one before without time being reset."""
+
 INDEFINITE = 1e-6
 """Largest deviation of a covariance from a symmetric, positive semi-definite one, relative."""
 
@@ -74,8 +77,8 @@ class Poses:
         placement = self.place(frame_id, stamp)
         return None if placement is None else placement.transform
 
-    def reset(self) -> None:
-        """Forget all poses, as time has gone back."""
+    def go_back(self, stamp: int) -> None:
+        """Forget later poses, as time has gone back to `stamp` [ns]."""
 
 
 class PoseHistory(Poses):
@@ -135,14 +138,16 @@ class PoseHistory(Poses):
         given = getattr(message.pose, "covariance", None) if self._with_covariances else None
         covariance = None if given is None else from_covariance(given)
         if self._stamps and stamp < self._stamps[-1]:
-            self.reset()
+            self._forget(len(self._stamps))
         self._stamps.append(stamp)
         self._poses.append(matrix)
         self._covariances.append(covariance)
         self._forget(len(self._stamps) - self._limit)
 
-    def reset(self) -> None:
-        self._forget(len(self._stamps))
+    def go_back(self, stamp: int) -> None:
+        # The poses may have gone back before the scans.
+        if self._stamps and stamp < self._stamps[-1] - LONGEST_JITTER:
+            self._forget(len(self._stamps))
 
     def _forget(self, count: int) -> None:
         for values in (self._stamps, self._poses, self._covariances):

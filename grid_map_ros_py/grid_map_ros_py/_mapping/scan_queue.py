@@ -18,8 +18,8 @@ from ..errors import DROPPED, reason
 from ..messages._cdr import view
 from ..messages._packages import messages_of
 from ..messages._point_cloud import read_columns
-from ..messages._time import from_stamp
-from .poses import Placement, Poses
+from ..messages._time import NANOSECONDS, from_stamp
+from .poses import LONGEST_JITTER, Placement, Poses
 
 
 @dataclass
@@ -55,14 +55,21 @@ class Scan:
     points: npt.NDArray[Any]
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
+    def __len__(self) -> int:
+        return len(self.points)
+
 
 @dataclass
 class ScanQueue:
     """Scans of one sensor that wait for their poses.
 
+    A scan that is more than `LONGEST_JITTER` earlier than the one before means that time was reset,
+    as by a bag that is played again: poses and scans of later times are forgotten.
+
     Attributes:
         poses: source of the poses.
-        read: returns the scan in a message; raises `GridMapError` if the message is invalid.
+        read: returns the scan in a message, or another object with `frame_id`, `stamp` and a
+            length; raises `GridMapError` if the message is invalid.
         fuse: called with a scan and its placement; raises `GridMapError` if the scan is invalid.
         report: called with the reason when a scan is dropped.
         what: name of the messages, for the reasons.
@@ -73,15 +80,16 @@ class ScanQueue:
     """
 
     poses: Poses
-    read: Callable[[Any], Scan]
-    fuse: Callable[[Scan, Placement], object]
+    read: Callable[[Any], Any]
+    fuse: Callable[[Any, Placement], object]
     report: Callable[[str], object]
     what: str = "a cloud"
     timeout: float = 1.0
     queue_size: int = 10
     clock: Callable[[], float] = time.monotonic
     statistics: Statistics = field(default_factory=Statistics)
-    _waiting: deque[tuple[Scan, float]] = field(default_factory=deque, init=False)
+    _waiting: deque[tuple[Any, float]] = field(default_factory=deque, init=False)
+    _latest: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         check(self.timeout >= 0, "pose_timeout", "no negative number", self.timeout)
@@ -94,6 +102,7 @@ class ScanQueue:
         except DROPPED as error:
             self._drop(reason(error))
             return False
+        self._watch_time(scan.stamp)
         if len(self._waiting) == self.queue_size:
             self._waiting.popleft()
             self._drop(f"{self.queue_size} newer ones wait for {self.poses.waits_for}")
@@ -110,7 +119,19 @@ class ScanQueue:
         self._waiting = deque(entry for entry in self._waiting if not self._finish(*entry))
         return self.statistics.fused > fused
 
-    def _finish(self, scan: Scan, received: float) -> bool:
+    def _watch_time(self, stamp: int) -> None:
+        if stamp and stamp < self._latest - LONGEST_JITTER:
+            text = (
+                f"its time is {(self._latest - stamp) / NANOSECONDS:.1f} s after that of the next"
+            )
+            for _ in self._waiting:
+                self._drop(text)
+            self._waiting.clear()
+            self.poses.go_back(stamp)
+            self._latest = stamp
+        self._latest = max(self._latest, stamp)
+
+    def _finish(self, scan: Any, received: float) -> bool:
         """Fuse or drop a scan; return False if it has to wait longer."""
         begin = time.perf_counter()
         try:
@@ -118,7 +139,7 @@ class ScanQueue:
             if placement is not None:
                 self.fuse(scan, placement)
                 self.statistics.fused += 1
-                self.statistics.points += len(scan.points)
+                self.statistics.points += len(scan)
                 self.statistics.seconds += time.perf_counter() - begin
             elif self.clock() - received < self.timeout:
                 return False

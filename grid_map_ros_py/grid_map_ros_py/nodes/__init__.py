@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from ._memory import keep_memory as keep_memory, return_memory as return_memory
     from ._parameters import (
         check_topic as check_topic,
+        names_below as names_below,
         read_limits as read_limits,
         read_parameter as read_parameter,
         read_parameter_tree as read_parameter_tree,
@@ -47,11 +48,13 @@ if TYPE_CHECKING:
         read_topic as read_topic,
     )
     from ._profile import use_profile as use_profile
+    from ._services import offer_service as offer_service
     from ._spin import run as run, steady_timer as steady_timer
     from ._tf_poses import TfPoses as TfPoses, has_tf as has_tf
     from ._throttle import LogThrottle as LogThrottle
     from ._topics import (
         LatchedSubscription as LatchedSubscription,
+        MapPublisher as MapPublisher,
         MapSubscription as MapSubscription,
         map_qos as map_qos,
         warn_of_gaps as warn_of_gaps,
@@ -62,13 +65,14 @@ _OFFERED = {
     "_failures": "dropping",
     "_health": "Health health_of",
     "_memory": "keep_memory return_memory",
-    "_parameters": "check_topic read_limits read_parameter read_parameter_tree read_positive "
-    "read_topic",
+    "_parameters": "check_topic names_below read_limits read_parameter read_parameter_tree "
+    "read_positive read_topic",
     "_profile": "use_profile",
+    "_services": "offer_service",
     "_spin": "run steady_timer",
     "_tf_poses": "TfPoses has_tf",
     "_throttle": "LogThrottle",
-    "_topics": "LatchedSubscription MapSubscription map_qos warn_of_gaps",
+    "_topics": "LatchedSubscription MapPublisher MapSubscription map_qos warn_of_gaps",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
 """Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""

@@ -26,7 +26,13 @@ EXTREMES = (1e-9, 1e9)
 
 
 def read_parameter(
-    node: "Node", name: str, kind: type[T], default: T | None = None, *, description: str = ""
+    node: "Node",
+    name: str,
+    kind: type[T],
+    default: T | None = None,
+    *,
+    description: str = "",
+    read_only: bool = True,
 ) -> T:
     """Return one parameter, declared on the node.
 
@@ -38,6 +44,7 @@ def read_parameter(
         kind: bool, int, float, str, or a list of one of them, such as `list[str]`.
         default: the value if none is given; None makes the parameter required.
         description: text that `ros2 param describe` shows.
+        read_only: False lets the parameter be set later, to a value of any type.
 
     Raises:
         ConfigError: the parameter is required but not given, or has another type.
@@ -49,8 +56,20 @@ def read_parameter(
             raise mismatch(name, describe_type(kind), None)
         value = default
     typed: T = cast(name, value, kind)
-    _declare(node, name, typed, description)
+    _declare(node, name, typed, description, read_only=read_only)
     return typed
+
+
+def names_below(node: "Node", prefix: str) -> list[str]:
+    """Return the names of the parameters directly below a prefix, sorted.
+
+    Raises:
+        ConfigError: the prefix itself has a value other than an empty list.
+    """
+    value = _given(node).get(prefix)
+    check(not value, prefix, "parameters below it", value)
+    below = (name for name in node._parameter_overrides if name.startswith(f"{prefix}."))
+    return sorted({name.split(".")[prefix.count(".") + 1] for name in below})
 
 
 def read_positive(node: "Node", name: str, default: float, *, description: str = "") -> float:
@@ -116,12 +135,14 @@ def read_parameter_tree(
     """
     given = _given(node)
     below = {name: value for name, value in given.items() if f"{name}.".startswith(f"{prefix}.")}
-    tree: Any = nested(below)
+    # ROS 1 files may have slashes in place of the dots.
+    old = {name: value for name, value in given.items() if name.startswith(f"{prefix}/")}
+    tree: Any = nested(below | {name.replace("/", "."): value for name, value in old.items()})
     for part in prefix.split("."):
         tree = tree.get(part, {})
     check(isinstance(tree, dict | None), prefix, "parameters below it", tree)
     texts = describe(tree or {}) if describe else {}
-    for name, value in below.items():
+    for name, value in (below | old).items():
         text = texts.get(name.removeprefix(f"{prefix}."), description)
         _declare(node, name, value, text, read_only=read_only)
     return tree or {}

@@ -91,6 +91,6 @@ class TfPoses(Poses):
             return None
         return from_transform(found)
 
-    def reset(self) -> None:
+    def go_back(self, _stamp: int) -> None:
         """Forget all transforms but those of `/tf_static`; tf2 would not take earlier ones."""
         self._buffer.clear()

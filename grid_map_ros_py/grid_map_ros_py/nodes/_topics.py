@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
@@ -169,3 +169,44 @@ class MapSubscription(LatchedSubscription):
             callback(ReceivedMap(data))
 
         super().__init__(node, GridMapMessage, topic, decode_later, qos=qos, raw=True)
+
+
+class MapPublisher:
+    """Publishes maps, latched, while there are subscribers.
+
+    The current map is published again for a new subscriber, since the one that the middleware keeps
+    may be old.
+
+    Args:
+        node: the node that publishes.
+        topic: the topic.
+        serialized: returns the current map as bytes; None if there is none yet.
+
+    Attributes:
+        count: number of published messages.
+    """
+
+    def __init__(
+        self, node: Node, topic: str, serialized: Callable[[], bytes | None], log: LogThrottle
+    ) -> None:
+        self.count = 0
+        self._serialized, self._log = serialized, log
+        events = PublisherEventCallbacks(matched=self._match)
+        self._publisher = node.create_publisher(
+            GridMapMessage, topic, map_qos(), event_callbacks=events
+        )
+        self.topic_name: str = self._publisher.topic_name
+
+    def publish(self) -> None:
+        """Publish the current map if there is a subscriber; log a map that cannot be published."""
+        if not self._publisher.get_subscription_count():
+            return
+        with dropping(self._log, f"dropped a map for {self.topic_name}"):
+            data = self._serialized()
+            if data is not None:
+                self._publisher.publish(data)
+                self.count += 1
+
+    def _match(self, status: Any) -> None:
+        if status.total_count_change > 0:
+            self.publish()

@@ -1,0 +1,302 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cameras: points of depth images, and the cells of a map that an image shows.
+
+The frame of a camera is optical (REP-103): x to the right, y down, z forward. A pixel (u, v) is
+column and row; its center has whole coordinates.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Cells
+from grid_map_core_py.limits import check_cells
+
+from ..errors import MessageError
+from ..messages._checks import check_fields
+from ..messages._image import to_pixels
+from ..messages._pose import Matrix
+from ..messages._time import from_stamp
+from .scan_queue import Scan
+
+Floats = npt.NDArray[np.float64]
+
+MILLIMETERS = {"16UC1", "mono16"}
+"""Encodings of depths in millimeters (REP-118); other depths are floats in meters."""
+
+ROUNDS = 30
+"""Iterations that remove the distortion of a lens."""
+
+LARGEST_RESIDUE = 0.1
+"""Distance [pixels] between a pixel and its ray, projected, above which the ray is unknown."""
+
+OCCLUSION_TOLERANCE = 0.5
+"""Height above a line of sight up to which a cell does not occlude it [sides of a cell]."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole camera with a distorting lens.
+
+    Attributes:
+        size: height and width of its images [pixels].
+        focal: (fx, fy) focal lengths [pixels].
+        center: (cx, cy) pixel on the optical axis.
+        model: name of the distortion model, one of `DISTORTIONS`.
+        coefficients: coefficients of the distortion.
+    """
+
+    size: tuple[int, int]
+    focal: tuple[float, float]
+    center: tuple[float, float]
+    model: str = "plumb_bob"
+    coefficients: tuple[float, ...] = ()
+
+    def project(self, points: Floats) -> Floats:
+        """Return the pixels (N, 2) of points (N, 3) [m], camera frame; NaN where none shows them.
+
+        Formulas: OpenCV, "Camera Calibration and 3D Reconstruction".
+        """
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            flat = points[:, :2] / points[:, 2:]
+            pixels = self._pixels(flat)
+            height, width = self.size
+            is_seen = (points[:, 2] > 0) & (np.linalg.norm(flat, axis=1) <= self._reach)
+            is_seen &= (pixels > -0.5).all(axis=1) & (pixels < (width - 0.5, height - 0.5)).all(1)
+        return np.where(is_seen[:, None], pixels, np.nan)
+
+    def rays(self, stride: int = 1) -> npt.NDArray[np.float32]:
+        """Return the points (rows, cols, 2) x, y at depth 1 that every `stride`-th pixel shows.
+
+        NaN where the model of the distortion has no inverse.
+        """
+        height, width = self.size
+        u, v = np.meshgrid(np.arange(0, width, stride), np.arange(0, height, stride))
+        pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)
+        return self._flat(pixels).reshape(*u.shape, 2).astype(np.float32)
+
+    def _pixels(self, flat: Floats) -> Floats:
+        distorted = DISTORTIONS[self.model](flat, self.coefficients) if self._distorts else flat
+        pixels: Floats = distorted * self.focal + self.center
+        return pixels
+
+    def _flat(self, pixels: Floats) -> Floats:
+        """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
+        wanted: Floats = (pixels - self.center) / self.focal
+        if not self._distorts:
+            return wanted
+        flat = wanted.copy()
+        with np.errstate(all="ignore"):
+            for _ in range(ROUNDS):
+                flat += wanted - DISTORTIONS[self.model](flat, self.coefficients)
+            residue = np.abs(self._pixels(flat) - pixels).max(axis=1)
+        flat[~(residue < LARGEST_RESIDUE)] = np.nan
+        return flat
+
+    @property
+    def _distorts(self) -> bool:
+        return any(self.coefficients)
+
+    @cached_property
+    def _reach(self) -> float:
+        """Largest distance from the axis at depth 1 that the image shows; distortions fold."""
+        height, width = self.size
+        u, v = np.linspace(-0.5, width - 0.5, 50), np.linspace(-0.5, height - 0.5, 50)
+        edges = [(u, np.full(50, y)) for y in (v[0], v[-1])]
+        edges += [(np.full(50, x), v) for x in (u[0], u[-1])]
+        border = np.concatenate([np.stack(edge, axis=1) for edge in edges])
+        distances = np.linalg.norm(self._flat(border), axis=1)
+        distances = distances[np.isfinite(distances)]
+        return float(distances.max()) if len(distances) else 0.0
+
+
+def _polynomial(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
+    """Distort by `plumb_bob` (5 coefficients) or `rational_polynomial` (8)."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * 8)[:8]
+    x, y = flat.T
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    xy = 2 * x * y
+    return np.stack(
+        [
+            x * radial + p1 * xy + p2 * (r2 + 2 * x * x),
+            y * radial + p2 * xy + p1 * (r2 + 2 * y * y),
+        ],
+        axis=1,
+    )
+
+
+def _equidistant(flat: Floats, coefficients: tuple[float, ...]) -> Floats:
+    """Distort by the fisheye model (4 coefficients); Kannala and Brandt, 2006."""
+    k1, k2, k3, k4 = (*coefficients, *(0.0,) * 4)[:4]
+    r = np.linalg.norm(flat, axis=1)
+    theta = np.arctan(r)
+    square = theta * theta
+    bent = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+    scale = np.divide(bent, r, out=np.ones_like(r), where=r > 0)
+    result: Floats = flat * scale[:, None]
+    return result
+
+
+DISTORTIONS: dict[str, Callable[[Floats, tuple[float, ...]], Floats]] = {
+    "plumb_bob": _polynomial,
+    "rational_polynomial": _polynomial,
+    "equidistant": _equidistant,
+    "fisheye": _equidistant,
+}
+"""Distortion models by their names in `CameraInfo`; each distorts points (N, 2) at depth 1."""
+
+
+def from_camera_info(message: Any) -> Camera:
+    """Return the camera of a `CameraInfo`, for its images with their binning and region.
+
+    Raises:
+        MessageError: the camera is not calibrated, or the message contradicts itself.
+        LimitError: its images have too many pixels.
+    """
+    check_fields(message, "sensor_msgs/CameraInfo", "k", "distortion_model")
+    matrix = np.asarray(message.k, np.float64).reshape(3, 3)
+    fx, fy = matrix[0, 0], matrix[1, 1]
+    if not (np.isfinite(matrix).all() and fx > 0 and fy > 0):
+        expected = "finite numbers with positive focal lengths; calibrate the camera"
+        raise MessageError("k", expected, matrix.ravel().tolist())
+    coefficients = tuple(map(float, message.d))
+    if not np.isfinite(coefficients).all():
+        raise MessageError("d", "finite numbers", list(coefficients))
+    model = message.distortion_model
+    if any(coefficients) and model not in DISTORTIONS:
+        raise MessageError("distortion_model", f"one of {', '.join(DISTORTIONS)}", model)
+    roi, binning = message.roi, (max(message.binning_x, 1), max(message.binning_y, 1))
+    size = [
+        (part or whole) // step
+        for part, whole, step in zip(
+            (roi.height, roi.width), (message.height, message.width), binning[::-1], strict=True
+        )
+    ]
+    for name, count in zip(("height", "width"), size, strict=True):
+        if count < 1:
+            raise MessageError(name, "at least one pixel", count)
+    check_cells("camera_info", (size[0], size[1]))
+    # The center of a pixel is half a pixel inside, before and after binning.
+    cx = (matrix[0, 2] - roi.x_offset + 0.5) / binning[0] - 0.5
+    cy = (matrix[1, 2] - roi.y_offset + 0.5) / binning[1] - 0.5
+    return Camera(
+        (size[0], size[1]),
+        (float(fx / binning[0]), float(fy / binning[1])),
+        (float(cx), float(cy)),
+        model if any(coefficients) else "plumb_bob",
+        coefficients,
+    )
+
+
+@dataclass
+class DepthImages:
+    """Reads the points of depth images of one camera.
+
+    Attributes:
+        stride: rows and columns from one pixel to the next that is used.
+        camera: the camera; None before its `CameraInfo` has come.
+    """
+
+    stride: int = 1
+    camera: Camera | None = None
+    _rays: tuple[Camera, npt.NDArray[np.float32]] | None = None
+
+    def read(self, message: Any) -> Scan:
+        """Return the points of a depth image, without pixels of no or infinite depth.
+
+        Raises:
+            MessageError: the image contradicts itself or the camera, or has no depths.
+        """
+        pixels, camera = pixels_of(message, self.camera), self.camera
+        if camera is None or pixels.shape[2] != 1 or pixels.dtype.itemsize == 1:
+            raise MessageError("encoding", "16UC1, mono16, 32FC1 or 64FC1", message.encoding)
+        if self._rays is None or self._rays[0] != camera:
+            self._rays = camera, camera.rays(self.stride)
+        rays = self._rays[1]
+        depth = pixels[:: self.stride, :: self.stride, 0].astype(np.float32)
+        if message.encoding in MILLIMETERS:
+            depth *= np.float32(0.001)
+        with np.errstate(invalid="ignore"):
+            kept = (depth > 0) & (depth < np.inf) & np.isfinite(rays[..., 0])
+        points = np.empty((int(kept.sum()), 3), np.float32)
+        points[:, 2] = depth[kept]
+        np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
+        return Scan(message.header.frame_id, from_stamp(message.header.stamp), points)
+
+
+def pixels_of(message: Any, camera: Camera | None) -> npt.NDArray[Any]:
+    """Return the pixels (rows, cols, channels) of an image of a camera; colors are RGB.
+
+    Raises:
+        MessageError: the image contradicts itself, or has not the size that the camera has.
+    """
+    pixels, order = to_pixels(message)
+    if camera is None:
+        raise MessageError("camera_info", "a message before the first image", None)
+    if pixels.shape[:2] != camera.size:
+        raise MessageError("height, width", f"those of the camera, {camera.size}", pixels.shape[:2])
+    if pixels.shape[2] >= 3:
+        pixels = pixels[..., :3] if order == "rgb" else pixels[..., 2::-1]
+    return pixels
+
+
+def seen_cells(
+    grid_map: GridMap, layer: str, camera: Camera, transform: Matrix
+) -> tuple[Cells, tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+    """Return the cells of a map that a camera sees, and the pixels that show their centers.
+
+    A cell is hidden if another one rises above the line from its center to the camera. The line is
+    followed in steps of one cell, until it is above the whole map.
+
+    Args:
+        grid_map: the map; it may have moved.
+        layer: its layer of heights [m]; cells without a height are neither seen nor hide others.
+        camera: the camera.
+        transform: (4, 4) from the frame of the camera to that of the map.
+
+    Returns:
+        cells: rows and columns of the map.
+        pixels: rows and columns of the image.
+    """
+    heights = grid_map[layer]
+    rows, columns = np.nonzero(np.isfinite(heights))
+    x, y = grid_map.axes()
+    points = np.stack([x[rows], y[columns], heights[rows, columns]], axis=1, dtype=np.float64)
+    pixels = camera.project((points - transform[:3, 3]) @ transform[:3, :3])
+    shown = np.flatnonzero(np.isfinite(pixels[:, 0]))
+    shown = shown[~_hidden(grid_map, heights, points[shown], transform[:3, 3])]
+    u, v = np.rint(pixels[shown]).astype(np.intp).T
+    return (rows[shown], columns[shown]), (v, u)
+
+
+def _hidden(grid_map: GridMap, heights: Any, points: Floats, eye: Floats) -> npt.NDArray[np.bool_]:
+    """Return which of the points (N, 3) of a map other cells hide from the eye (3,)."""
+    hidden = np.zeros(len(points), bool)
+    if not len(points):
+        return hidden
+    side, top = grid_map.resolution, float(points[:, 2].max())
+    top = max(top, float(np.nanmax(heights)))
+    way = eye - points
+    distances = np.hypot(way[:, 0], way[:, 1])
+    left = np.flatnonzero(distances > side)
+    step = 0
+    while len(left):
+        step += 1
+        share = step * side / distances[left]
+        on_way = points[left] + share[:, None] * way[left]
+        goes_on = (share < 1) & (on_way[:, 2] < top)
+        left, on_way = left[goes_on], on_way[goes_on]
+        cells, inside = grid_map.get_indices(on_way[:, :2])
+        blocks = inside & (heights[cells] > on_way[:, 2] + OCCLUSION_TOLERANCE * side)
+        hidden[left[blocks]] = True
+        # A map is convex: a line that has left it does not come back.
+        left = left[inside & ~blocks]
+    return hidden

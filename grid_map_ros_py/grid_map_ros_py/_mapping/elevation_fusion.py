@@ -1,0 +1,300 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scans and images of several sensors in one elevation map."""
+
+import math
+import re
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.conversions import COLOR_LAYER, color_vector_to_value
+from grid_map_core_py.elevation import ElevationMapper, UpdateReport
+from grid_map_core_py.errors import ConfigError, GridMapError
+from grid_map_core_py.plugins import check
+
+from ..messages._pose import Matrix
+from ..messages._time import NANOSECONDS, from_stamp
+from .cameras import Camera, pixels_of, seen_cells
+from .elevation_parameters import InputSource
+from .poses import LONGEST_JITTER, Placement
+from .scan_queue import Scan
+
+IMAGE_FUSIONS = ("color", "latest", "exponential")
+"""Ways in which pixels become layers; a color is the latest one."""
+
+FORGETTING = 0.05
+"""Share of the last duration in a mean."""
+
+MEAN = 0.5
+"""Share of a new pixel in a layer that is fused by `exponential`, as in elevation_mapping_cupy."""
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A flat patch under the robot, with which a map begins.
+
+    Attributes:
+        length: (2,) side lengths along x and y [m].
+        height_offset: height above the origin of the robot's frame [m].
+        variance: variance of its heights [m^2].
+    """
+
+    length: tuple[float, float]
+    height_offset: float
+    variance: float
+
+
+@dataclass(frozen=True)
+class Picture:
+    """An image of a camera.
+
+    Attributes:
+        frame_id: optical frame of the camera.
+        stamp: time of the image [ns].
+        pixels: (rows, cols, channels); colors are RGB.
+        camera: the camera.
+    """
+
+    frame_id: str
+    stamp: int
+    pixels: npt.NDArray[Any]
+    camera: Camera
+
+    def __len__(self) -> int:
+        return math.prod(self.pixels.shape[:2])
+
+
+def read_picture(message: Any, camera: Camera | None) -> Picture:
+    """Return the picture in an `Image`.
+
+    Raises:
+        MessageError: the image contradicts itself or the camera.
+    """
+    pixels = pixels_of(message, camera)
+    assert camera is not None
+    return Picture(message.header.frame_id, from_stamp(message.header.stamp), pixels, camera)
+
+
+@dataclass
+class ElevationFusion:
+    """Fuses scans and pictures into the map of a mapper.
+
+    Attributes:
+        mapper: the mapper.
+        follow: whether the map moves with the robot.
+        covariance_scale: factor of all covariances of poses.
+        time_tolerance: time [s] by which a scan may be earlier than the last one of any sensor
+            without the clock of the map being reset.
+        clears_before_scan: whether each scan begins a new map.
+        image_fusions: ways of fusion of the channels of images, by names or regular expressions.
+        report: the last report of the mapper; None before.
+        milliseconds: last durations [ms] by stage, and their moving means.
+        version: number of changes of the map.
+        changed: time of the last change [s], on the steady clock; None before.
+        warnings: texts for the log, which the owner takes away.
+    """
+
+    mapper: ElevationMapper
+    follow: bool = True
+    covariance_scale: float = 1.0
+    time_tolerance: float = 0.0
+    clears_before_scan: bool = False
+    image_fusions: Mapping[str, str] = field(default_factory=dict)
+    report: UpdateReport | None = field(default=None, init=False)
+    milliseconds: dict[str, tuple[float, float]] = field(default_factory=dict, init=False)
+    version: int = field(default=0, init=False)
+    changed: float | None = field(default=None, init=False)
+    warnings: list[str] = field(default_factory=list, init=False)
+    _last: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        check(self.covariance_scale >= 0, "covariance_scale", "0 or more", self.covariance_scale)
+        check(self.time_tolerance >= 0, "time_tolerance", "0 or more", self.time_tolerance)
+        for pattern, fusion in self.image_fusions.items():
+            known = f"one of {', '.join(IMAGE_FUSIONS)}"
+            check(fusion in IMAGE_FUSIONS, f"image_channel_fusions.{pattern}", known, fusion)
+            try:
+                re.compile(pattern)
+            except re.error as error:
+                text = f"image_channel_fusions: expected a regular expression, got {pattern!r}"
+                raise ConfigError(f"{text}: {error}") from error
+
+    @property
+    def grid_map(self) -> GridMap:
+        """The map; the next change makes another one, but pictures paint this one."""
+        return self.mapper.grid_map
+
+    @property
+    def fused_map(self) -> GridMap:
+        """The map, with heights that allow for the horizontal uncertainty if that is kept."""
+        if self.mapper.parameters.horizontal_variances:
+            return self.mapper.fused_map()
+        return self.mapper.grid_map
+
+    def fuse(self, source: InputSource, scan: Scan, placement: Placement) -> None:
+        """Fuse a scan; after an error the map is unchanged.
+
+        Raises:
+            GridMapError: the mapper refuses the scan.
+        """
+        begin = time.perf_counter()
+        scan = _within(scan, source, placement)
+        covariance = placement.covariance
+        if covariance is not None:
+            covariance = self.covariance_scale * covariance
+        before = self.mapper.grid_map
+        if self.clears_before_scan:
+            self.mapper.clear()
+        stamp = self._in_time(scan.stamp)
+        try:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                self.report = self.mapper.update(
+                    scan.points,
+                    placement.transform,
+                    timestamp=stamp,
+                    pose_covariance=covariance,
+                    values=scan.columns,
+                    position=placement.center if self.follow else None,
+                    sensor=source.processor.model,
+                )
+        except GridMapError:
+            if self.clears_before_scan:
+                self.mapper.masked_replace(before)
+            raise
+        self.warnings += [str(entry.message) for entry in caught]
+        self._last = stamp
+        self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
+
+    def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
+        """Put the pixels of a picture into layers, in the cells that it shows.
+
+        Raises:
+            GridMapError: the source has not as many names as the picture has channels.
+        """
+        begin = time.perf_counter()
+        layers = _channels(source, picture)
+        grid_map = self.mapper.grid_map
+        cells, pixels = seen_cells(grid_map, "elevation", picture.camera, placement.transform)
+        for name, values in layers.items():
+            new = values(picture.pixels[pixels])
+            fusion = self._fusion_of(name)
+            if name not in grid_map:
+                grid_map.add(name)
+            old = grid_map[name][cells]
+            if fusion == "exponential":
+                new = np.where(np.isnan(old), new, (1 - MEAN) * old + MEAN * new)
+            grid_map[name][cells] = new
+        self._note({"image": 1e3 * (time.perf_counter() - begin)})
+
+    def lay(self, patch: Patch, frame: Matrix) -> None:
+        """Begin the map with a flat patch around a frame (4, 4), given in the frame of the map."""
+        x, y, z = frame[:3, 3]
+        if self.follow:
+            self.mapper.move((x, y))
+        geometry = GridGeometry(np.array(patch.length), self.grid_map.resolution, np.array((x, y)))
+        layers = {"elevation": z + patch.height_offset, "variance": patch.variance}
+        flat = GridMap.from_geometry(geometry, frame_id=self.grid_map.frame_id)
+        for name, value in layers.items():
+            flat.add(name, value)
+        self.mapper.masked_replace(flat)
+        self._note({})
+
+    def replace(self, grid_map: GridMap, mask_layer: str) -> None:
+        """Replace layers where a map covers this one; see `ElevationMapper.masked_replace`."""
+        self.mapper.masked_replace(grid_map, mask_layer)
+        self._note({})
+
+    def load(self, grid_map: GridMap) -> None:
+        """Take over a saved map: its place, and the layers that both have.
+
+        Raises:
+            GridMapError: it is in another frame, or has no layer in common with this map.
+        """
+        kept = self.mapper.grid_map.copy()
+        try:
+            self.mapper.move(grid_map.position)
+            self.mapper.clear()
+            self.mapper.masked_replace(grid_map, mask_layer="")
+        except GridMapError:
+            self.mapper.move(kept.position)
+            self.mapper.masked_replace(kept, mask_layer="")
+            raise
+        self._note({})
+
+    def time(self, stage: str, last: float) -> None:
+        """Note the duration of a stage [ms]."""
+        _, mean = self.milliseconds.get(stage, (last, last))
+        self.milliseconds[stage] = last, mean + FORGETTING * (last - mean)
+
+    def clear(self) -> None:
+        """Make all cells unknown."""
+        self.mapper.clear()
+        self._note({})
+
+    def _fusion_of(self, name: str) -> str:
+        """Return the way of fusion of a channel, by its name, or by the first matching pattern."""
+        found = "color" if name == COLOR_LAYER else self.image_fusions.get(name)
+        matching = (f for p, f in self.image_fusions.items() if re.fullmatch(p, name))
+        return found or next(matching, "latest")
+
+    def _in_time(self, stamp: int) -> int:
+        """Return the time of a scan; scans of several sensors come out of order by a little."""
+        tolerance = max(LONGEST_JITTER, round(self.time_tolerance * NANOSECONDS))
+        return self._last if self._last - tolerance <= stamp < self._last else stamp
+
+    def _note(self, milliseconds: Mapping[str, float]) -> None:
+        self.version += 1
+        self.changed = time.monotonic()
+        for stage, last in milliseconds.items():
+            self.time(stage, last)
+
+
+def _within(scan: Scan, source: InputSource, placement: Placement) -> Scan:
+    """Return the points of a scan in the ranges and heights of its source."""
+    processor = source.processor
+    has_range = source.min_range > 0 or source.max_range < np.inf
+    has_height = processor.above < np.inf or processor.below > -np.inf
+    if not (has_range or has_height):
+        return scan
+    points, kept = scan.points, np.ones(len(scan.points), bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if has_range:
+            squares = np.einsum("ij,ij->i", points, points, dtype=np.float64)
+            kept &= (squares >= source.min_range**2) & (squares <= source.max_range**2)
+        if has_height:
+            reference = placement.transform if placement.robot is None else placement.robot
+            heights = points @ placement.transform[2, :3]
+            heights += placement.transform[2, 3] - reference[2, 3]
+            kept &= (heights >= processor.below) & (heights <= processor.above)
+    columns = {name: values[kept] for name, values in scan.columns.items()}
+    return Scan(scan.frame_id, scan.stamp, points[kept], columns)
+
+
+def _channels(source: InputSource, picture: Picture) -> dict[str, Any]:
+    """Return functions from pixels (n, channels) to values (n,), by the names of their layers."""
+    count = picture.pixels.shape[2]
+    names = source.channels or (("rgb",) if count == 3 else ("gray",))
+    if names == ("rgb",) and count == 3:
+        return {COLOR_LAYER: _colors}
+    if len(names) != count:
+        place = f"input_sources.{source.name}.channels"
+        raise GridMapError(f"{place}: expected {count} names, as the image has, got {list(names)}")
+    return {name: _channel(number) for number, name in enumerate(names)}
+
+
+def _channel(number: int) -> Any:
+    return lambda pixels: pixels[:, number].astype(np.float32)
+
+
+def _colors(pixels: npt.NDArray[Any]) -> Any:
+    if pixels.dtype.itemsize == 2 and pixels.dtype.kind == "u":
+        pixels = pixels >> 8
+    return color_vector_to_value(pixels)

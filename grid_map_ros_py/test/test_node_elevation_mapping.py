@@ -1,0 +1,436 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node `elevation_mapping` as a process, over DDS."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from clouds import xyz_cloud
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from std_srvs.srv import Empty, Trigger
+
+from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.srv import GetGridMap, ProcessFile, SetGridMap
+from grid_map_ros_py import from_message, load_from_bag, to_message
+from grid_map_ros_py.messages import to_stamp
+from grid_map_ros_py.messages._image import from_pixels
+from grid_map_ros_py.testing import Peer, Process, running_node
+
+MODULE = "grid_map_ros_py._executables.elevation_mapping"
+RAW, FILTERED = "/elevation_mapping/elevation_map_raw", "/elevation_mapping/elevation_map"
+SECOND = 1_000_000_000
+SERVICES = {
+    "get_submap": GetGridMap,
+    "get_raw_submap": GetGridMap,
+    "masked_replace": SetGridMap,
+    "save_map": ProcessFile,
+    "load_map": ProcessFile,
+    "clear_map": Empty,
+    "trigger_fusion": Empty,
+    "disable_updates": Empty,
+    "enable_updates": Empty,
+    "reload_parameters": Trigger,
+}
+BASE = {
+    "map_frame_id": "odom",
+    "length_in_x": 4,
+    "length_in_y": 3.0,
+    "resolution": 0.1,
+    "pose_source": "topic",
+    "robot_pose_with_covariance_topic": "/odom",
+    "pose_type": "odometry",
+    "min_update_rate": 20.0,
+}
+LIDAR = {
+    "topic": "/points",
+    "sensor_xyz": [0.0, 0.0, 1.0],
+    "sensor_processor": {"type": "laser", "min_radius": 0.02},
+}
+
+
+def options(folder: Path, sources: dict[str, Any] | None = None, **parameters: Any) -> list[str]:
+    """Return arguments with a parameter file, which only its heading tells from one of ROS 1."""
+    values = {**BASE, "input_sources": {"lidar": LIDAR} if sources is None else sources}
+    return write(folder, {**values, **parameters})
+
+
+def write(folder: Path, parameters: dict[str, Any]) -> list[str]:
+    path = folder / "mapping.yaml"
+    content = {"elevation_mapping": {"ros__parameters": parameters}}
+    # JSON is YAML without aliases, which ROS refuses.
+    path.write_text(json.dumps(content))
+    return ["--ros-args", "--params-file", str(path)]
+
+
+class Robot:
+    """Publishes poses, and scans of a ground whose height is that of `ground`."""
+
+    def __init__(self, other: Peer) -> None:
+        self.peer = other
+        self._clients: dict[str, Any] = {}
+        other.listen(RAW, GridMapMessage)
+        other.listen(FILTERED, GridMapMessage)
+
+    def drive(self, seconds: float, x: float = 0.0, frame: str = "odom") -> None:
+        message = Odometry()
+        message.header.frame_id, message.header.stamp = frame, to_stamp(round(seconds * SECOND))
+        message.pose.pose.position.x, message.pose.pose.orientation.w = x, 1.0
+        message.pose.covariance = np.diag([1e-6] * 6).ravel()
+        self.peer.publish("/odom", message, 10)
+
+    def scan(self, seconds: float, ground: float = 0.0, frame: str = "lidar") -> None:
+        self.peer.publish("/points", cloud(seconds, ground, frame), qos_profile_sensor_data)
+
+    def until_mapped(self, seconds: float, ground: float = 0.0, x: float = 0.0) -> GridMap:
+        """Drive and scan until a map of that time comes; the first messages may get lost."""
+
+        def step() -> bool:
+            if not self.maps() or self.maps()[-1].timestamp != round(seconds * SECOND):
+                self.drive(seconds, x)
+                self.scan(seconds, ground)
+                self.peer.spin(0.1)
+                return False
+            return True
+
+        self.peer.wait_until(step, f"a map of {seconds} s")
+        return self.maps()[-1]
+
+    def maps(self, topic: str = RAW) -> list[GridMap]:
+        return [from_message(message) for message in self.peer.received[topic][-1:]]
+
+    def until(self, condition: Any, what: str, topic: str = RAW) -> GridMap:
+        self.peer.wait_until(lambda: self.maps(topic) and condition(self.maps(topic)[-1]), what)
+        return self.maps(topic)[-1]
+
+    def call(self, name: str, **request: Any) -> Any:
+        kind, node = SERVICES[name], self.peer.node
+        if name not in self._clients:
+            self._clients[name] = node.create_client(kind, f"/elevation_mapping/{name}")
+        client = self._clients[name]
+        self.peer.wait_until(client.service_is_ready, name)
+        answer = client.call_async(kind.Request(**request))
+        self.peer.wait_until(answer.done, f"an answer of {name}")
+        return answer.result()
+
+    def set_parameter(self, name: str, value: Any) -> Any:
+        client = self.peer.node.create_client(SetParameters, "/elevation_mapping/set_parameters")
+        self.peer.wait_until(client.service_is_ready, "the services of its parameters")
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        answer = client.call_async(SetParameters.Request(parameters=parameters))
+        self.peer.wait_until(answer.done, "an answer")
+        return answer.result().results[0]
+
+
+def cloud(seconds: float, ground: float = 0.0, frame: str = "lidar") -> PointCloud2:
+    """Return points in all cells up to 1 m from the robot, seen from 1 m above it."""
+    axis = np.arange(-0.95, 1, 0.1)
+    points = [(x, y, ground - 1.0) for x in axis for y in axis]
+    message = xyz_cloud(points, frame)
+    message.header.stamp = to_stamp(round(seconds * SECOND))
+    return message
+
+
+@pytest.fixture
+def robot(other_side: Peer) -> Robot:
+    return Robot(other_side)
+
+
+def known(grid_map: GridMap) -> int:
+    return int(np.isfinite(grid_map["elevation"]).sum())
+
+
+def details(other: Peer) -> dict[str, str]:
+    (status,) = other.expect("/diagnostics").status
+    return {value.key: value.value for value in status.values}
+
+
+# --- sensors --------------------------------------------------------------------------------------
+
+
+def camera_message(kind: type, **fields: Any) -> Any:
+    message = kind(**fields)
+    message.header.frame_id, message.header.stamp = "camera", to_stamp(2 * SECOND)
+    return message
+
+
+def test_lidar_depth_camera_and_colors_share_one_map(robot: Robot, tmp_path: Path) -> None:
+    # Both cameras look down from 1 m; up in their images is +x.
+    down = {"sensor_xyz": [0.0, 0.0, 1.0], "sensor_rpy": [math.pi, 0.0, -math.pi / 2]}
+    info = camera_message(CameraInfo, height=40, width=40)
+    info.k = np.array([40.0, 0, 19.5, 0, 40.0, 19.5, 0, 0, 1])
+    header = camera_message(Image).header
+    depths = from_pixels(np.full((40, 40), 700, np.uint16), "16UC1", header)
+    colors = from_pixels(np.full((40, 40, 3), (0, 0, 255), np.uint8), "bgr8", header)
+    sources = {
+        "lidar": LIDAR,
+        "depth": {
+            "type": "depth_image",
+            "topic": "/depth/image",
+            "sensor_processor": {"type": "perfect"},
+            **down,
+        },
+        "color": {
+            "type": "image",
+            "topic": "/color/image",
+            "camera_info_topic": "/depth/camera_info",
+            **down,
+        },
+    }
+    with running_node(MODULE, *options(tmp_path, sources, conflict_points=1)) as node:
+        robot.peer.wait_until(
+            lambda: "poses: topic" in node.text or not node.is_running, "the node"
+        )
+        assert "maps /color/image, /depth/image, /points" in node.text
+        lidar = robot.until_mapped(1.0)
+        assert known(lidar) == 400
+        assert lidar.layers[:3] == ("elevation", "variance", "time")
+
+        def show() -> None:
+            robot.drive(2.0)
+            robot.peer.publish("/depth/camera_info", info, 10)
+            robot.peer.publish("/depth/image", depths, qos_profile_sensor_data)
+            robot.peer.publish("/color/image", colors, qos_profile_sensor_data)
+            robot.peer.spin(0.1)
+
+        def is_seen(grid_map: GridMap) -> bool:
+            show()
+            return "color" in grid_map and bool(np.nanmax(grid_map["elevation"]) > 0.2)
+
+        both = robot.until(is_seen, "a map with colors and a plateau")
+        heights = both["elevation"]
+        # The depth camera sees 0.35 m to each side at its depth.
+        assert both.at_position("elevation", (0.05, 0.05)) == pytest.approx(0.3, abs=0.01)
+        assert both.at_position("elevation", (0.75, 0.05)) == pytest.approx(0.0, abs=0.01)
+        assert np.isfinite(heights).sum() == 400
+        red = both["color"][np.isfinite(both["color"])].view(np.uint32)
+        assert set(red.tolist()) == {0xFF0000}
+    assert "Traceback" not in node.text
+
+
+# --- services -------------------------------------------------------------------------------------
+
+PIPELINE = {
+    "filter1": {
+        "name": "double",
+        "type": "gridMapFilters/MathExpressionFilter",
+        "params": {"expression": "2 * elevation", "output_layer": "twice"},
+    }
+}
+
+
+def test_services_change_ask_save_and_load_the_map(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    arguments = options(
+        tmp_path,
+        postprocessor_pipeline=PIPELINE,
+        fused_map_publishing_rate=0.0,
+        directory=str(tmp_path / "maps"),
+    )
+    with running_node(MODULE, *arguments) as node:
+        assert robot.call("get_submap").map.layers == [
+            "elevation",
+            "variance",
+            "time",
+            "upper_bound",
+            "lower_bound",
+            "twice",
+        ]
+        robot.until_mapped(1.0, ground=0.5)
+        part = robot.call("get_raw_submap", length_x=0.5, length_y=0.5, layers=["elevation"]).map
+        assert from_message(part).size == (6, 6)
+        assert robot.call("get_raw_submap", frame_id="base").map.layers == []
+        assert "frame_id: expected 'odom', that of the map, got 'base'" in node.text
+
+        # Only the service publishes the filtered map.
+        assert robot.peer.received[FILTERED] == robot.peer.received[FILTERED][:1]
+        robot.call("trigger_fusion")
+        twice = robot.until(lambda m: known(m) == 400, "the filtered map", FILTERED)
+        assert np.nanmax(twice["twice"]) == pytest.approx(1.0)
+
+        patch = GridMap((0.4, 0.4), 0.1, layers={"elevation": 2.0, "mask": 1.0}, frame_id="odom")
+        patch["mask"][0, :] = math.nan
+        robot.call("masked_replace", map=to_message(patch))
+        changed = robot.until(lambda m: np.nanmax(m["elevation"]) == 2.0, "the patch")
+        assert int((changed["elevation"] == 2.0).sum()) == 12
+
+        assert robot.call("save_map", file_path="first").success
+        assert load_from_bag(tmp_path / "maps" / "first", "/elevation_map").layers[-1] == "twice"
+        assert not robot.call("save_map", file_path="../second").success
+        assert not robot.call("save_map", file_path="second", topic_name="/map").success
+        robot.call("clear_map")
+        robot.until(lambda m: known(m) == 0, "an empty map")
+        assert not robot.call("load_map", file_path="second").success
+        assert robot.call("load_map", file_path="first").success
+        loaded = robot.until(lambda m: known(m) == 400, "the loaded map")
+        np.testing.assert_array_equal(loaded["elevation"], changed["elevation"])
+
+        robot.call("disable_updates")
+        robot.drive(2.0)
+        robot.scan(2.0, ground=9.0)
+        robot.call("enable_updates")
+        assert robot.until_mapped(3.0, 0.5).timestamp == 3 * SECOND
+        assert "9.0" not in str(np.nanmax(robot.maps()[-1]["elevation"]))
+
+        assert robot.set_parameter("max_variance", 1e-12).successful
+        answer = robot.call("reload_parameters")
+        assert not answer.success
+        assert "'max_variance': expected at least min_variance" in answer.message
+        assert robot.set_parameter("max_variance", 1e-5).successful
+        assert robot.call("reload_parameters").success
+        robot.until_mapped(4.0, 0.5)
+        assert not robot.set_parameter("resolution", 0.2).successful
+        assert [name for name in ("save_map", "load_map") if f"{name}: " not in node.text] == []
+
+
+# --- what gets lost -------------------------------------------------------------------------------
+
+
+def test_lost_poses_bad_clouds_and_a_looping_bag_are_survived(robot: Robot, tmp_path: Path) -> None:
+    arguments = options(tmp_path, use_sim_time=True, pose_timeout=0.2)
+    robot.peer.listen("/diagnostics", DiagnosticArray, 10)
+
+    def lines(node: Process, text: str) -> int:
+        return sum(text in line for line in node.lines)
+
+    with running_node(MODULE, *arguments) as node:
+        # Simulated time stands still: nobody publishes /clock.
+        robot.until_mapped(100.0, x=1.0)
+        for k in range(10):
+            robot.scan(101.0 + k)
+        robot.peer.wait_until(lambda: lines(node, "a later pose than that of"), "lost poses")
+        for k in range(10):
+            bad = cloud(100.0)
+            bad.data = bad.data[: -k - 1]
+            robot.peer.publish("/points", bad, qos_profile_sensor_data)
+            robot.drive(100.0, frame="map")
+        robot.peer.wait_until(lambda: lines(node, "dropped a cloud of lidar: data: "), "bad clouds")
+        robot.peer.wait_until(lambda: lines(node, "dropped a pose: header.frame_id"), "bad poses")
+        # The bag begins again.
+        grid_map = robot.until_mapped(5.0, ground=0.2)
+        assert grid_map.position.tolist() == [0.0, 0.0]
+        assert grid_map.at_position("elevation", (-0.5, 0.5)) == pytest.approx(0.2, abs=0.01)
+        robot.peer.wait_until(lambda: lines(node, "the clock is reset"), "a warning of the reset")
+        robot.until_mapped(6.0, ground=0.2)
+        # No sensor any more.
+        robot.peer.wait_until(lambda: lines(node, "no messages of lidar on /points"), "silence")
+        for text in ("a later pose than", "lidar: data: ", "a pose: header", "clock is reset"):
+            assert 1 <= lines(node, text) <= 3, text
+        found = details(robot.peer)
+        assert int(found["scans dropped"]) >= 10
+        total = sum(int(found[f"scans {what}"]) for what in ("out", "dropped"))
+        assert int(found["scans in"]) == total
+        assert float(found["mean ms update"]) > 0
+        assert int(found["points used"]) > 0
+
+
+def test_pose_with_covariance_makes_far_points_uncertain(robot: Robot, tmp_path: Path) -> None:
+    arguments = options(
+        tmp_path,
+        {"lidar": {**LIDAR, "sensor_processor": {"type": "perfect"}}},
+        robot_pose_with_covariance_topic="/pose",
+        pose_type="pose_with_covariance",
+        max_variance=0,
+    )
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id, message.header.stamp = "odom", to_stamp(SECOND)
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance = np.diag([0, 0, 0.01, 0.04, 0, 0]).ravel()
+    with running_node(MODULE, *arguments):
+
+        def is_mapped() -> bool:
+            robot.peer.publish("/pose", message, 10)
+            robot.scan(1.0)
+            robot.peer.spin(0.1)
+            return bool(robot.maps())
+
+        robot.peer.wait_until(is_mapped, "the map")
+        (grid_map,) = robot.maps()
+        variances = grid_map["variance"]
+        near, far = (grid_map.at_position("variance", (0.0, y)) for y in (0.05, 0.95))
+        assert (near, far) == (pytest.approx(0.01, rel=0.05), pytest.approx(0.046, rel=0.05))
+        assert np.nanmin(variances) > 0.009
+
+
+# --- rates, names of ROS 1 ------------------------------------------------------------------------
+
+
+def test_maps_are_published_at_their_rates_while_heard(robot: Robot, tmp_path: Path) -> None:
+    quiet = {**LIDAR, "publish_on_update": False}
+    patch = {
+        "initialize_elevation_map": True,
+        "length_in_x_init_submap": 1.0,
+        "length_in_y_init_submap": 0.6,
+        "init_submap_height_offset": -0.1,
+    }
+    arguments = options(
+        tmp_path, {"lidar": quiet}, min_update_rate=2.0, fused_map_publishing_rate=1.0, **patch
+    )
+    with running_node(MODULE, *arguments):
+        robot.peer.wait_until(lambda: robot.drive(0.5, 0.3) or robot.maps(), "a map")
+        begun = robot.until(known, "the patch")
+        assert (known(begun), np.nanmax(begun["elevation"])) == (60, np.float32(-0.1))
+        robot.until_mapped(1.0)
+        before = {topic: len(robot.peer.received[topic]) for topic in (RAW, FILTERED)}
+        begin = robot.peer.node.get_clock().now()
+        for k in range(30):
+            robot.drive(2.0 + k)
+            robot.scan(2.0 + k)
+            robot.peer.spin(0.05)
+        seconds = 1e-9 * (robot.peer.node.get_clock().now() - begin).nanoseconds
+        counts = {topic: len(robot.peer.received[topic]) - before[topic] for topic in before}
+        assert 1 <= counts[RAW] <= 2 * seconds + 2
+        assert 1 <= counts[FILTERED] <= seconds + 2
+        # A late subscriber gets the map of now, though nothing changes.
+        robot.peer.received["late"] = []
+        late = robot.peer.node.create_subscription(
+            GridMapMessage, RAW, robot.peer.received["late"].append, 10
+        )
+        robot.peer.wait_until(lambda: robot.peer.received["late"], "a map for a late subscriber")
+        robot.peer.node.destroy_subscription(late)
+
+
+def test_file_of_ros_1_works_below_another_heading(robot: Robot, tmp_path: Path) -> None:
+    parameters = {
+        "point_cloud_topic": "/points",
+        "map_frame_id": "/odom",
+        "robot_base_frame_id": "/base",
+        "track_point_frame_id": "/base",
+        "track_point_x": 0.5,
+        "robot_pose_with_covariance_topic": "/odom",
+        "robot_pose_cache_size": 200,
+        "length_in_x": 4.0,
+        "length_in_y": 3.0,
+        "resolution": 0.1,
+        "max_variance": 10000,
+        "surface_normal_positive_axis": "z",
+        "relocate_rate": 3.0,
+        "sensor_processor/type": "laser",
+        "sensor_processor/min_radius": 0.018,
+        "sensor_processor/ignore_points_above": 0.4,
+        "robot_motion_map_update/covariance_scale": 0.01,
+        # Where tf2 is not installed, this is what has to be added.
+        "pose_source": "topic",
+        "pose_type": "odometry",
+    }
+    with running_node(MODULE, *write(tmp_path, parameters)) as node:
+        # The lidar is at the robot here.
+        grid_map = robot.until_mapped(1.0, ground=1.2)
+        assert known(grid_map) == 400
+        assert grid_map.position.tolist() == [0.5, 0.0]
+        robot.scan(1.0, ground=1.9)
+        text = "parameters without effect: relocate_rate (the map moves with every scan); surf"
+        assert text in node.text
+        assert "unknown" not in node.text
+        assert known(robot.until_mapped(2.0, ground=1.2)) == 400
+        assert np.nanmax(robot.maps()[-1]["elevation"]) == pytest.approx(0.2, abs=0.01)
