@@ -39,7 +39,6 @@ sys.path.append(str(Path(__file__).parents[1] / "grid_map_ros_py" / "test"))
 import nav2_stand_in
 import numpy as np
 import octomap_stand_in
-from nav_msgs.msg import Odometry
 
 from grid_map_core_py import GridMap, Polygon
 from grid_map_core_py.errors import GridMapError
@@ -64,7 +63,6 @@ from grid_map_ros_py import (
     to_polygon,
     to_serialized_message,
 )
-from grid_map_ros_py._mapping.poses import PoseHistory
 from grid_map_ros_py.messages import serialize, view
 
 LONGEST = 2.0
@@ -135,22 +133,6 @@ def _costmap() -> nav2_stand_in.Costmap:
     return costmap
 
 
-def _odometry() -> Odometry:
-    odometry = Odometry()
-    odometry.header.frame_id = "odom"
-    odometry.header.stamp.sec = 3
-    odometry.pose.pose.orientation.x, odometry.pose.pose.orientation.w = 0.6, 0.8
-    return odometry
-
-
-def _read_pose(odometry: Odometry) -> Any:
-    history = PoseHistory("odom")
-    history.add(odometry)
-    pose = history.at(0)
-    assert np.isfinite(pose).all()
-    return pose
-
-
 def _read_cloud(cloud: Any) -> GridMap:
     read_points(cloud)
     return from_point_cloud(cloud, resolution=0.1)
@@ -164,6 +146,7 @@ def targets(folder: Path) -> list[Target]:
     """Return all readers of messages, files and texts; `folder` is for files."""
     # Needs optional packages.
     import fuzz_files
+    import fuzz_mapping
 
     grid_map = world()
     images = [to_image(grid_map, "elevation", code) for code in ("mono16", "rgba8", "64FC1")]
@@ -180,7 +163,6 @@ def targets(folder: Path) -> list[Target]:
             lambda message: from_image(message, "elevation", 0.1),
         ),
         ((polygon,), from_polygon),
-        ((_odometry(),), _read_pose),
     ]
     result = []
     for seeds, read in messages:
@@ -193,6 +175,7 @@ def targets(folder: Path) -> list[Target]:
         Target("Costmap", (_costmap(),), _read_costmap),
         Target("Octomap", _octrees(), from_octomap),
         Target("points of Octomap", _octrees(), octomap_to_points),
+        *(Target(*mapping) for mapping in fuzz_mapping.targets(grid_map)),
         *(Target(*files) for files in fuzz_files.targets(folder)),
     ]
     for target in result:

@@ -83,6 +83,8 @@ class Executable(NamedTuple):
 
 ARGUMENTS = {
     "demo_report": "-p output_directory:={folder} -p messages:=100000",
+    "elevation_mapping": "-p pose_source:=none -p map_frame_id:=map -p directory:={folder} "
+    "-p length_in_x:=20.0 -p length_in_y:=20.0 -p resolution:=0.1",
     "filter_chain": f"--params-file {CHAIN}",
     "grid_map_loader": "-p file_path:={data}/bag",
     "grid_map_saver": "-p file_path:={folder}/bag -p continuous:=true",

@@ -89,7 +89,10 @@ SILENCE = 3.0
 
 @dataclass
 class Sensor:
-    """A source, its scans that wait for poses, and the time of its last message [s]."""
+    """A source, its scans that wait for poses, and the time of its last message [s].
+
+    The time is infinite once the log has said that the source is silent.
+    """
 
     source: InputSource
     queue: ScanQueue
@@ -403,6 +406,7 @@ class ElevationMappingNode(ConfiguredNode):
         for sensor in self._sensors:
             self._note(sensor, sensor.queue.work())
             if now - sensor.heard > SILENCE:
+                sensor.heard = math.inf
                 self._log.warning(f"no messages of {sensor.source.name} on {sensor.source.topic}")
 
     def _lay_patch(self) -> None:
@@ -475,7 +479,7 @@ class ElevationMappingNode(ConfiguredNode):
         if fusion.report is not None:
             for name, value in vars(fusion.report).items():
                 if name != "milliseconds":
-                    found[name.replace("_", " ")] = f"{value:g}"
+                    found[f"{name.replace('_', ' ')} in the last scan"] = f"{value:g}"
         for stage, (last, mean) in fusion.milliseconds.items():
             found[f"ms {stage}"], found[f"mean ms {stage}"] = f"{last:.3f}", f"{mean:.3f}"
         return found
