@@ -12,9 +12,9 @@
 - Statistics of finite values: `mean_of_finites` and its siblings.
 - Errors: all derive from `GridMapError`.
 
-The rooms `map`, `regions`, `conversions`, `files`, `elevation`, `plugins`, `arrays`, `loops`,
-`errors` and `testing` offer more, each with a list of its own. Conversions and files are imported
-when they are first used.
+The rooms `map`, `regions`, `conversions`, `files`, `elevation`, `simulation`, `plugins`, `arrays`,
+`loops`, `errors` and `testing` offer more, each with a list of its own. Conversions and files are
+imported when they are first used.
 """
 
 from importlib import import_module
@@ -83,7 +83,7 @@ _OFFERED = {
     "map_cells polygon_cells sliding_windows spiral_cells submap_cells window_array",
 }
 _ROOM_OF = {name: room for room, names in _OFFERED.items() for name in names.split()}
-_ROOMS = (*_OFFERED, "elevation", "limits", "loops", "plugins", "testing")
+_ROOMS = (*_OFFERED, "elevation", "limits", "loops", "plugins", "simulation", "testing")
 """Rooms, which are imported when they are first used, so that programs such as `grid-map --help`
 need not wait for NumPy, SciPy and OpenCV."""
 

@@ -1,0 +1,103 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Objects on a terrain. Each function returns a map that shares the other layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays._checks import as_finite, as_pair
+from ..map import GridMap
+from ..regions import polygon_cells
+
+_Profile: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Share of the full height, from the share of the length."""
+
+
+def with_box(
+    grid_map: GridMap,
+    center: ArrayLike,
+    length: ArrayLike,
+    height: float,
+    *,
+    yaw: float = 0.0,
+    layer: str = "elevation",
+) -> GridMap:
+    """Return a map with a box on the ground; a box of another center for every scan walks.
+
+    Args:
+        grid_map: the terrain, which stays as it is.
+        center: (2,) center of the object [m], map frame; beside the map there is nothing to see.
+        length: (2,) sides of the object along its own x and y [m].
+        height: its height above the mean of the ground under it [m]. Higher ground sticks out.
+        yaw: rotation of its x axis from that of the map [rad].
+        layer: name of the layer of heights. Cells belong to the object if their centers do;
+            those without ground become known.
+
+    Raises:
+        GeometryError: an argument is not finite.
+        LayerNotFoundError: the map has no such layer.
+    """
+    return _with_object(grid_map, center, length, height, yaw, layer, np.ones_like)
+
+
+def with_ramp(
+    grid_map: GridMap,
+    center: ArrayLike,
+    length: ArrayLike,
+    height: float,
+    *,
+    yaw: float = 0.0,
+    layer: str = "elevation",
+) -> GridMap:
+    """Return a map with a ramp that rises to `height` along its x axis; else as `with_box`."""
+    return _with_object(grid_map, center, length, height, yaw, layer, lambda share: share)
+
+
+def with_stairs(
+    grid_map: GridMap,
+    center: ArrayLike,
+    length: ArrayLike,
+    height: float,
+    steps: int,
+    *,
+    yaw: float = 0.0,
+    layer: str = "elevation",
+) -> GridMap:
+    """Return a map with stairs of equal steps that rise along their x axis; else as `with_box`."""
+    count = as_finite(steps, "steps", "a number of steps", least=1.0)
+
+    def profile(share: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.minimum(np.floor(share * count) + 1.0, count) / count
+
+    return _with_object(grid_map, center, length, height, yaw, layer, profile)
+
+
+def _with_object(
+    grid_map: GridMap,
+    center: ArrayLike,
+    length: ArrayLike,
+    height: float,
+    yaw: float,
+    layer: str,
+    profile: _Profile,
+) -> GridMap:
+    middle, sides = np.array(as_pair(center, "center")), np.array(as_pair(length, "length"))
+    height, yaw = as_finite(height, "height"), as_finite(yaw, "yaw")
+    x_axis = np.array([np.cos(yaw), np.sin(yaw)])
+    axes = np.array([x_axis, (-x_axis[1], x_axis[0])])
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+    cells = polygon_cells(grid_map, middle + corners * sides @ axes)
+    heights = grid_map[layer].copy("K")
+    if cells[0].size:
+        ground = heights[cells]
+        known = ground[np.isfinite(ground)]
+        base = float(known.mean(dtype=np.float64)) if known.size else 0.0
+        along = (grid_map.get_positions(cells) - middle) @ x_axis
+        share = np.clip(along / sides[0] + 0.5, 0.0, 1.0)
+        heights[cells] = np.fmax(ground, base + height * profile(share))
+    return grid_map.with_layers({layer: heights})

@@ -1,0 +1,149 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Sensors: the directions of their beams, and the points that they measure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays._checks import Positions, as_array
+from ..elevation import SensorModel
+from ..errors import GeometryError
+from ..map import GridMap
+from ..plugins import check
+from ._rays import cast_rays
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpinningLidar:
+    """Directions of a lidar that spins around its z axis; x is forward.
+
+    Attributes:
+        rings: number of rings, at elevation angles with equal distances.
+        lowest, highest: elevation angles of the outermost rings [rad].
+        azimuths: number of beams per ring and turn.
+    """
+
+    rings: int = 16
+    lowest: float = math.radians(-15.0)
+    highest: float = math.radians(15.0)
+    azimuths: int = 1800
+
+    def __post_init__(self) -> None:
+        check(self.rings >= 1, "rings", "at least 1", self.rings)
+        check(self.azimuths >= 1, "azimuths", "at least 1", self.azimuths)
+
+    @property
+    def directions(self) -> Positions:
+        """(rings * azimuths, 3) of length 1, ring by ring from the lowest, from x towards y."""
+        elevations = np.linspace(self.lowest, self.highest, self.rings)
+        azimuths = np.linspace(0.0, 2.0 * np.pi, self.azimuths, endpoint=False)
+        elevation, azimuth = np.meshgrid(elevations, azimuths, indexing="ij")
+        level = np.cos(elevation)
+        axes = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)
+        return np.stack(axes, axis=-1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthCamera:
+    """Directions of the pixels of a pinhole camera; z is forward, x right and y down.
+
+    Attributes:
+        width, height: number of pixels.
+        angle: horizontal field of view between the outer borders of the image [rad].
+    """
+
+    width: int = 106
+    height: int = 60
+    angle: float = math.radians(87.0)
+
+    def __post_init__(self) -> None:
+        for name, count in (("width", self.width), ("height", self.height)):
+            check(count >= 1, name, "at least 1", count)
+        check(0.0 < self.angle < math.pi, "angle", "more than 0 and less than pi", self.angle)
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length in pixels; the principal point is the middle of the image."""
+        return 0.5 * self.width / math.tan(0.5 * self.angle)
+
+    @property
+    def directions(self) -> Positions:
+        """(height * width, 3) of depth 1, row by row from the top, each from the left."""
+        x = (np.arange(self.width) - 0.5 * (self.width - 1)) / self.focal_length
+        y = (np.arange(self.height) - 0.5 * (self.height - 1)) / self.focal_length
+        down, right = np.meshgrid(y, x, indexing="ij")
+        return np.stack((right, down, np.ones_like(right)), axis=-1).reshape(-1, 3)
+
+
+def scan(
+    grid_map: GridMap,
+    directions: ArrayLike,
+    transform: ArrayLike,
+    *,
+    sensor: SensorModel | None = None,
+    random: np.random.Generator | None = None,
+    layer: str = "elevation",
+    max_range: float = np.inf,
+) -> Positions:
+    """Return the points that a sensor measures on a terrain, all at the same time.
+
+    Args:
+        grid_map: the terrain; `cast_rays` says what its surface is.
+        directions: (N, 3) of the beams, sensor frame, such as `SpinningLidar().directions`.
+        transform: (4, 4) from the sensor frame to the map frame.
+        sensor: model of the noise, which is normal with the covariance of the model at the true
+            point; points that the sensor cannot measure do not return. None is without noise.
+        random: source of the noise; None takes another one in every call.
+        layer: name of the layer of heights [m].
+        max_range: range from which on a beam does not return [m].
+
+    Returns:
+        (N, 3) in the order of the beams, sensor frame; NaN for beams that do not return.
+
+    Raises:
+        GeometryError: an array has another shape.
+    """
+    pose = as_array(transform, np.float64, "transform")
+    if pose.shape != (4, 4):
+        raise GeometryError(f"transform: expected the shape (4, 4), got {pose.shape}")
+    along = as_array(directions, np.float64, "directions")
+    rotation, origin = pose[:3, :3], pose[:3, 3]
+    ranges = cast_rays(grid_map, origin, along @ rotation.T, layer=layer, max_range=max_range)
+    points: Positions = along * (ranges / np.linalg.norm(along, axis=1))[:, None]
+    if sensor is not None:
+        returned = np.flatnonzero(np.isfinite(ranges))
+        random = np.random.default_rng() if random is None else random
+        points[returned] += _noise(_covariances(sensor, points[returned]), random)
+    return points
+
+
+def _covariances(sensor: SensorModel, points: Positions) -> NDArray[np.float64]:
+    """Return the covariances (N, 3, 3) of points (N, 3), NaN where there is no measurement.
+
+    A model gives a variance along an axis, `axis @ S @ axis`; six axes determine S.
+    """
+    coordinates = np.ascontiguousarray(points.T)
+    distances = np.linalg.norm(points, axis=1)
+    axes, found = np.eye(3), np.empty((len(points), 3, 3))
+    for i in range(3):
+        found[:, i, i] = sensor.vertical_variances(coordinates, distances, axes[i])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        between = (axes[i] + axes[j]) / math.sqrt(2.0)
+        variances = sensor.vertical_variances(coordinates, distances, between)
+        found[:, i, j] = found[:, j, i] = variances - 0.5 * (found[:, i, i] + found[:, j, j])
+    return found
+
+
+def _noise(covariances: NDArray[np.float64], random: np.random.Generator) -> Positions:
+    """Return a normal sample (N, 3) of each covariance, which may be singular; NaN of NaN."""
+    measured = np.isfinite(covariances.sum(axis=(1, 2)))
+    variances, axes = np.linalg.eigh(np.where(measured[:, None, None], covariances, 0.0))
+    normal = random.standard_normal(variances.shape) * np.sqrt(np.maximum(variances, 0.0))
+    noise: Positions = np.einsum("nij,nj->ni", axes, normal)
+    noise[~measured] = np.nan
+    return noise
