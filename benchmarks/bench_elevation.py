@@ -1,0 +1,187 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Benchmarks of elevation mapping: whole updates of a moving map, with visibility cleanup.
+
+    python3 benchmarks/bench_elevation.py [--scan FILE] [--updates 300]
+
+prints the time of an update, median and 95th percentile, and the median of each stage. Simulated
+lidars drive in a circle in a yard with boxes and a wall around it. FILE is a real scan, an .npz
+file with `points` (N, 3) in the frame of a level lidar, missing returns at the origin. Without the
+option it is the file that the variable GRID_MAP_LIDAR_SCAN names; without both there is no such
+row. As a part of `make bench`, each scan is a row in yardsticks.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.elevation import ElevationMapper, LaserModel, UpdateReport
+from grid_map_core_py.simulation import SpinningLidar, scan, with_box
+
+RESOLUTION = 0.1
+SCAN_PERIOD = 100_000_000  # nanoseconds
+PLACES = 40
+"""Number of different scans, at places on a circle that is driven at 0.5 m/s."""
+
+VARIABLE = "GRID_MAP_LIDAR_SCAN"
+COVARIANCE = np.diag([1e-4, 1e-4, 1e-4, 1e-6, 1e-6, 1e-6])
+
+
+@dataclass
+class Drive:
+    """Scans of a robot on its way, again and again, and the map that it makes.
+
+    Attributes:
+        cells: cells along a side of the map.
+        scans: points (N, 3) in the frame of the sensor, and the transform (4, 4) to the map.
+        reports: those of all updates.
+    """
+
+    cells: int
+    scans: list[tuple[np.ndarray, np.ndarray]]
+    reports: list[UpdateReport] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        side = self.cells * RESOLUTION
+        geometry = GridGeometry((side, side), RESOLUTION)
+        self.mapper = ElevationMapper(geometry, sensor=LaserModel(), min_range=0.5)
+        self._next, self._time = cycle(self.scans), 0
+
+    def update(self) -> None:
+        points, transform = next(self._next)
+        self._time += SCAN_PERIOD
+        report = self.mapper.update(
+            points,
+            transform,
+            timestamp=self._time,
+            pose_covariance=COVARIANCE,
+            position=transform[:2, 3],
+        )
+        self.reports.append(report)
+
+
+@cache
+def yard() -> GridMap:
+    """Return rough ground of 40 x 40 m with boxes, and a wall around it that stops all beams."""
+    grid_map = GridMap((40.0, 40.0), 0.05, layers={"elevation": 8.0})
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
+    rough = 0.05 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.01 * np.sin(7.0 * x + 3.0 * y)
+    inside = np.maximum(abs(x), abs(y)) < 19.0
+    grid_map["elevation"][inside] = rough[inside]
+    random = np.random.default_rng(2)
+    for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+        center = random.uniform(2.0, 12.0) * np.array([np.cos(angle), np.sin(angle)])
+        sides = random.uniform(0.3, 1.0, 2)
+        grid_map = with_box(grid_map, center, sides, random.uniform(0.1, 1.5), yaw=angle)
+    return grid_map
+
+
+def simulated(cells: int, lidar: SpinningLidar) -> Drive:
+    """Return the drive of a robot with a lidar at a height of 0.8 m."""
+    scans, random = [], np.random.default_rng(3)
+    step = 0.5 * 1e-9 * SCAN_PERIOD
+    for angle in np.linspace(0.0, 2.0 * np.pi, PLACES, endpoint=False):
+        transform = np.eye(4)
+        transform[:2, 3] = PLACES * step / (2.0 * np.pi) * np.array([np.cos(angle), np.sin(angle)])
+        transform[2, 3] = 0.8
+        points = scan(yard(), lidar.directions, transform, sensor=LaserModel(), random=random)
+        scans.append((points.astype(np.float32), transform))
+    return Drive(cells, scans)
+
+
+def real(path: Path) -> Drive:
+    """Return a robot that stands, whose scans are a real one with little noise."""
+    with np.load(path) as file:
+        points = file["points"].astype(np.float32)
+    missing = ~points.any(axis=1)
+    random, scans = np.random.default_rng(4), []
+    for _ in range(10):
+        noisy = points + random.normal(0.0, 0.005, points.shape).astype(np.float32)
+        noisy[missing] = 0.0
+        transform = np.eye(4)
+        transform[2, 3] = 1.7
+        scans.append((noisy, transform))
+    return Drive(400, scans)
+
+
+DRIVES: dict[str, Callable[[], Drive]] = {
+    "30,000 points, 16 rings": lambda: simulated(150, SpinningLidar(azimuths=1875)),
+    "100,000 points, 64 rings": lambda: simulated(200, SpinningLidar(rings=64, azimuths=1563)),
+}
+
+
+@pytest.mark.parametrize("name", DRIVES)
+def test_update(measure, name):
+    drive = DRIVES[name]()
+    measure(f"ElevationMapper.update {name}", drive.cells, drive.update)
+    elevation = drive.mapper.grid_map["elevation"]
+    points, transform = drive.scans[-1]
+    x_y = points[np.isfinite(points[:, 0]), :2] + transform[:2, 3]
+    seen = drive.mapper.grid_map.get_indices(x_y[drive.mapper.grid_map.is_inside(x_y)])[0]
+    assert np.isfinite(elevation[seen]).mean() > 0.99
+    truth = yard().at_position("elevation", drive.mapper.grid_map.get_positions())
+    errors = abs(elevation.ravel("F") - truth)
+    assert np.nanmedian(errors) < 0.02
+
+
+def test_update_by_a_real_scan(measure):
+    path = real_scan()
+    if path is None:
+        pytest.skip(f"there is no real scan: {VARIABLE} names no file")
+    drive = real(path)
+    measure("ElevationMapper.update real scan", drive.cells, drive.update)
+    assert np.nanmedian(drive.mapper.grid_map["elevation"]) == pytest.approx(0.1, abs=0.4)
+
+
+def real_scan(given: Path | None = None) -> Path | None:
+    """Return the file of the real scan, if it is known and there."""
+    path = given or Path(os.environ.get(VARIABLE, ""))
+    return path if path.is_file() else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scan", type=Path, metavar="FILE", help="a real scan")
+    parser.add_argument("--updates", type=int, default=300, help="number of updates per row")
+    options = parser.parse_args()
+    drives: dict[str, Callable[[], Drive]] = dict(DRIVES)
+    if path := real_scan(options.scan):
+        drives["a real scan"] = lambda: real(path)
+    else:
+        print(f"The real scan is missing: neither --scan nor {VARIABLE} names a file.\n")
+    for name, made in drives.items():
+        print("\n".join(timed(name, made(), options.updates)), flush=True)
+
+
+def timed(name: str, drive: Drive, updates: int) -> Iterator[str]:
+    """Yield the lines about a drive; the first ten updates compile and fill the map."""
+    for _ in range(10):
+        drive.update()
+    drive.reports.clear()
+    times = []
+    for _ in range(updates):
+        begin = time.perf_counter()
+        drive.update()
+        times.append(1e3 * (time.perf_counter() - begin))
+    points = int(np.median([r.points_used + r.points_gated for r in drive.reports]))
+    middle, most = np.percentile(times, [50, 95])
+    yield f"{name}; {drive.cells} x {drive.cells} cells, {points} points on them"
+    yield f"  update  p50 {middle:6.2f} ms   p95 {most:6.2f} ms"
+    stages: list[Any] = [report.milliseconds for report in drive.reports]
+    for stage in stages[0]:
+        middle, most = np.percentile([times[stage] for times in stages], [50, 95])
+        yield f"  {stage:24}{middle:8.2f} {most:8.2f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,173 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Accuracy of elevation mapping on known terrain, measured by a simulated lidar of 16 rings."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.elevation import ElevationMapper, LaserModel
+from grid_map_core_py.simulation import SpinningLidar, scan, with_box, with_ramp, with_stairs
+
+# NumPy alone would take minutes.
+pytestmark = pytest.mark.needs("numba")
+
+RESOLUTION = 0.1
+LIDAR = SpinningLidar(lowest=-0.6, highest=0.0, azimuths=360).directions
+HEIGHT = 0.7
+"""Height of the lidar above level ground [m]."""
+
+PERIOD = 100_000_000
+"""Time between two scans [ns]."""
+
+
+@cache
+def ground():
+    """Return rough and level ground with stairs, a ramp and boxes."""
+    grid_map = GridMap((12.0, 12.0), RESOLUTION / 2, layers=["elevation"])
+    x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
+    grid_map["elevation"] = np.where(x < -1.5, 0.02 * np.sin(2.1 * x) * np.cos(1.7 * y), 0.0)
+    grid_map = with_stairs(grid_map, (2.0, 3.0), (1.2, 2.0), 0.36, 3)
+    grid_map = with_ramp(grid_map, (0.5, -3.0), (2.0, 1.0), 0.3)
+    grid_map = with_box(grid_map, (2.0, -1.5), (0.6, 0.6), 0.4)
+    return with_box(grid_map, (-3.0, 2.0), (0.8, 0.4), 0.25, yaw=0.5)
+
+
+def pose(x, y, z=HEIGHT, roll=0.0, pitch=0.0, yaw=0.0):
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def swaying_drive(count, random):
+    """Yield the poses of a robot that walks: it sways, and no ring stays at its place."""
+    for share in np.linspace(0.0, 1.0, count):
+        roll, pitch, bob = random.normal(0.0, [0.04, 0.04, 0.02])
+        yield pose(-1.0 + 3.0 * share, -0.5 + 2.0 * share, HEIGHT + bob, roll, pitch, 0.3 * share)
+
+
+def mapper(**parameters):
+    geometry = GridGeometry((10.0, 10.0), RESOLUTION)
+    return ElevationMapper(geometry, min_variance=1e-9, max_variance=0.0, **parameters)
+
+
+def measured(terrain, transform, random, directions=LIDAR):
+    return scan(terrain, directions, transform, sensor=LaserModel(), random=random)
+
+
+def flat(grid_map, layer):
+    return grid_map.unwrapped(layer).ravel("F").astype(float)
+
+
+def truth(terrain, grid_map):
+    """Return mean, smallest and largest height of the terrain in each cell."""
+    offsets = np.linspace(-0.499, 0.499, 9) * grid_map.resolution
+    corners = np.stack(np.meshgrid(offsets, offsets), axis=-1).reshape(-1, 2)
+    samples = grid_map.get_positions()[:, None] + corners
+    heights = terrain.at_position("elevation", samples, "linear")
+    return heights.mean(axis=1), heights.min(axis=1), heights.max(axis=1)
+
+
+@dataclass
+class Result:
+    """Cells that were seen: errors, claimed variances, and the range of the terrain in them."""
+
+    errors: np.ndarray
+    variances: np.ndarray
+    relief: np.ndarray
+
+
+@cache
+def walked():
+    random = np.random.default_rng(0)
+    made = mapper()
+    for number, transform in enumerate(swaying_drive(30, random)):
+        points = measured(ground(), transform, random)
+        made.update(points, transform, timestamp=number * PERIOD)
+    height, variance = (flat(made.grid_map, name) for name in ("elevation", "variance"))
+    mean, low, high = truth(ground(), made.grid_map)
+    seen = np.isfinite(height)
+    assert seen.mean() > 0.6
+    return Result((height - mean)[seen], variance[seen], (high - low)[seen])
+
+
+def test_errors_are_within_the_claimed_deviation():
+    result = walked()
+    # The height of a cell with an edge in it is a matter of definition.
+    even = result.relief < 0.02
+    assert even.sum() > 6000
+    error = np.sqrt(np.mean(result.errors[even] ** 2))
+    assert error < 1.1 * np.sqrt(np.mean(result.variances[even]))
+
+
+def test_normalised_error_of_flat_cells_is_about_one():
+    result = walked()
+    is_flat = result.relief < 1e-6
+    assert is_flat.sum() > 3000
+    assert 0.5 < np.mean(result.errors[is_flat] ** 2 / result.variances[is_flat]) < 1.5
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3])
+def test_visibility_removes_no_standing_wall(yaw):
+    random = np.random.default_rng(1)
+    terrain = with_box(ground(), (1.5, 0.5), (0.3, 3.0), 1.5, yaw=yaw)
+    made = mapper()
+    directions = SpinningLidar(lowest=-0.5, highest=0.3, azimuths=360).directions
+    _, _, high = truth(terrain, made.grid_map)
+    stands, cleared = np.zeros(high.shape, np.bool_), 0
+    for number, y in enumerate(np.linspace(-2.5, 2.5, 40)):
+        transform = pose(0.0, y)
+        points = measured(terrain, transform, random, directions)
+        cleared += made.update(points, transform, timestamp=number * PERIOD).cells_cleared
+        height = flat(made.grid_map, "elevation")
+        assert (height[stands] > 0.3).all()
+        stands |= (high > 1.0) & (height > 0.3)
+    # The cleanup was at work: noise puts points into cells beside the wall.
+    assert cleared > 0
+    assert stands.sum() > 50
+
+
+def test_obstacle_that_left_is_gone_after_three_scans():
+    random = np.random.default_rng(2)
+    occupied = with_box(ground(), (1.5, 0.3), (0.5, 0.5), 0.9, yaw=0.3)
+    made, transform = mapper(), pose(0.0, 0.0)
+    for number in range(5):
+        made.update(measured(occupied, transform, random), transform, timestamp=number * PERIOD)
+    _, _, high = truth(ground(), made.grid_map)
+    obstacle = (high < 0.01) & (flat(made.grid_map, "elevation") > 0.2)
+    assert obstacle.sum() > 8
+    # For `scanning_duration`, 1 s, nothing is cleared.
+    for number in range(15, 18):
+        made.update(measured(ground(), transform, random), transform, timestamp=number * PERIOD)
+    assert not (flat(made.grid_map, "elevation")[obstacle] > 0.1).any()
+
+
+def largest_step(made, center):
+    """Return the largest step between neighbors [m] that the terrain within 3 m does not have."""
+    mean, low, high = truth(ground(), made.grid_map)
+    near = np.linalg.norm(made.grid_map.get_positions() - center, axis=1) < 3.0
+    errors = flat(made.grid_map, "elevation") - mean
+    errors[~near | (high - low > 0.02)] = np.nan
+    errors = errors.reshape(made.grid_map.size, order="F")
+    steps = [np.abs(np.diff(errors, axis=axis)) for axis in (0, 1)]
+    assert all(np.isfinite(step).sum() > 2000 for step in steps)
+    return max(np.nanmax(step) for step in steps)
+
+
+def test_vertical_drift_draws_no_steps():
+    random = np.random.default_rng(3)
+    compensated, plain = mapper(enable_drift_compensation=True), mapper()
+    for number, x in enumerate(np.linspace(-2.0, 2.0, 120)):
+        transform = pose(x, -0.5)
+        points = measured(ground(), transform, random)
+        # The odometry rises by 1 cm/s.
+        transform[2, 3] += 0.01 * number * PERIOD * 1e-9
+        for made in (compensated, plain):
+            made.update(points, transform, timestamp=number * PERIOD)
+    assert largest_step(compensated, (2.0, -0.5)) < 0.02
+    assert largest_step(plain, (2.0, -0.5)) > 0.05
