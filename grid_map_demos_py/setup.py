@@ -12,6 +12,8 @@ PACKAGE = "grid_map_demos_py"
 URL = "https://github.com/grid-map-py/grid_map_py"
 NODES = (
     "demo_report",
+    "elevation_mapping_report",
+    "elevation_mapping_robot",
     "grid_map_to_image_demo",
     "image_publisher",
     "image_to_gridmap_demo",
@@ -75,6 +77,7 @@ setup(
     zip_safe=True,
     entry_points={
         "console_scripts": [
+            f"elevation_mapping_demo = {PACKAGE}.elevation_mapping_demo:main",
             f"filters_demo = {PACKAGE}.filters_demo:main",
             # The name in C++.
             f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",

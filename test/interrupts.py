@@ -82,6 +82,7 @@ class Executable(NamedTuple):
 
 
 ARGUMENTS = {
+    "elevation_mapping_report": "-p output_directory:={folder} -p duration:=1000.0",
     "demo_report": "-p output_directory:={folder} -p messages:=100000",
     "elevation_mapping": "-p pose_source:=none -p map_frame_id:=map -p directory:={folder} "
     "-p length_in_x:=20.0 -p length_in_y:=20.0 -p resolution:=0.1",

@@ -18,8 +18,12 @@ from matplotlib.patches import Rectangle
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.conversions import change_resolution, from_image, to_image
+from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.simulation import scan
 from grid_map_demos_py import (
+    elevation_mapping_report_node as mapping_report,
+    elevation_mapping_robot_node as mapping_robot,
     image_publisher_node as image_publisher,
     interpolation_demo_node as interpolation,
     iterators_demo_node as iterators,
@@ -30,6 +34,7 @@ from grid_map_demos_py import (
     tutorial_demo_node as tutorial,
 )
 from grid_map_demos_py.parts import HEIGHT, star_map
+from grid_map_demos_py.robot_course import RobotCourse, load_course
 from grid_map_ros_py import load_octomap
 from grid_map_visualization_py.pictures import plot
 
@@ -68,6 +73,36 @@ def iterators_demo() -> Figure:
     for _ in iterators.show_sliding_window(grid_map):
         pass
     draw(grid_map, "type", axes[-1], "a sliding window", limits=(0.0, 1.0))
+    return figure
+
+
+def elevation_mapping_demo() -> Figure:
+    """Draw true terrain, estimate, error and claimed deviation after a drive of 6 s."""
+    course = RobotCourse(load_course(DATA / "jacksboro_fault_dem.npz"), 0.6)
+    mapper = ElevationMapper(GridGeometry((10.0, 10.0), 0.1))
+    random = np.random.default_rng(1)
+    for step in range(31):
+        seconds = 0.2 * step
+        terrain, pose = course.terrain_at(seconds), course.pose_at(seconds)
+        for mount, beams, noise in mapping_robot.SENSORS.values():
+            points = scan(terrain, beams, pose @ mount, sensor=noise, random=random, max_range=20.0)
+            mapper.update(
+                points,
+                pose @ mount,
+                timestamp=int(1e9 * seconds),
+                position=pose[:2, 3],
+                sensor=noise,
+            )
+    compared, _ = mapping_report.compare(mapper.grid_map, terrain)
+    figure, axes = new_figure(1, 4, (6.8, 2.1))
+    panels: list[tuple[str, str, tuple[float, float], str]] = [
+        ("truth", "true terrain", (0.0, 1.3), "gist_earth"),
+        ("estimate", "estimate", (0.0, 1.3), "gist_earth"),
+        ("error", "error to ±5 cm", (-0.05, 0.05), "RdBu"),
+        ("deviation", "deviation to 1 cm", (0.0, 0.01), "viridis"),
+    ]
+    for ax, (layer, title, limits, colors) in zip(axes, panels, strict=True):
+        draw(compared, layer, ax, title, limits=limits, color_map=colors)
     return figure
 
 
@@ -142,7 +177,7 @@ def interpolation_demo() -> Figure:
     fine, world = GridGeometry(length, 0.04), interpolation.WORLDS["Gauss"]
     data = interpolation.sampled(world, GridGeometry(length, 0.2))
     truth = interpolation.sampled(world, fine)
-    figure, axes = new_figure(1, 4, (8.0, 2.3))
+    figure, axes = new_figure(1, 4, (6.8, 2.1))
     draw(truth, "demo", axes[0], "the truth", limits=(-2.0, 5.0))
     for ax, name in zip(axes[1:], ["Nearest", "Linear", "Cubic"], strict=True):
         found = interpolation.interpolated(data, fine, interpolation.METHODS[name])
@@ -186,6 +221,7 @@ def sdf_demo() -> Figure:
 
 
 PICTURES: dict[str, Callable[[], Figure]] = {
+    "elevation_mapping_demo": elevation_mapping_demo,
     "image_to_gridmap_demo": image_to_gridmap_demo,
     "interpolation_demo": interpolation_demo,
     "iterators_demo": iterators_demo,

@@ -29,6 +29,7 @@ from grid_map_ros_py.nodes import MapSubscription, map_qos, steady_timer
 from grid_map_visualization_py.pictures import save_picture
 
 from .demo import Demo
+from .parts import to_text
 
 INPUT = "/grid_map"
 OUTPUT = "/filtered_map"
@@ -157,12 +158,7 @@ def report(
         "Messages per topic": {**counts},
         "Pictures": dict.fromkeys(files, ""),
     }
-    sections = []
-    for title, table in tables.items():
-        width = max((len(str(name)) for name in table), default=0)
-        lines = [f"  {name!s:<{width}}  {value!s:>10}".rstrip() for name, value in table.items()]
-        sections.append("\n".join([title, *lines]))
-    return "\n\n".join(sections)
+    return to_text(tables)
 
 
 if __name__ == "__main__":

@@ -10,142 +10,31 @@ directory, prints a table and ends the demo; the exit code is 0 only if every to
 `--view`, another process shows the filtered map in the browser and logs the address.
 """
 
-import argparse
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
-from functools import partial
-from itertools import takewhile
-from pathlib import Path
-from types import FrameType
 
-from grid_map_core_py.commands import on_end
-
-REPORT = "grid_map_demos_py.demo_report_node"
-
-VIEWER = "grid_map_visualization_py._executables.web_viewer"
-VISUALIZATION = "grid_map_visualization_py._executables.grid_map_visualization"
+from .processes import NodesDemo
 
 NODES = {
     "grid_map_demos_py.terrain_publisher_node": "filters_demo.yaml",
     "grid_map_filters_py._executables.filter_chain": "filters_demo_filter_chain.yaml",
-    VISUALIZATION: "filters_demo_visualization.yaml",
+    "grid_map_visualization_py._executables.grid_map_visualization": (
+        "filters_demo_visualization.yaml"
+    ),
 }
 """Parameter files in `config` by module."""
 
-PATIENCE = 5.0
-"""Maximum time for a process to stop before it is killed [s]."""
+DEMO = NodesDemo(
+    "filters_demo",
+    __doc__.split("\n")[0],
+    "grid_map_demos_py.demo_report_node",
+    "filters_demo.yaml",
+    "filters_demo_viewer.yaml",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit code."""
-    with ProcessGroup() as processes:
-        options = _parse(arguments)
-        for module, parameters in NODES.items():
-            processes.start(module, parameters)
-        if options.view is not None:
-            processes.start(VIEWER, "filters_demo_viewer.yaml", f"port:={options.view}")
-        if options.report:
-            processes.start(REPORT, "filters_demo.yaml", f"output_directory:={options.report}")
-        ended = processes.wait()
-    if ended is None:
-        return 1 if options.report else 0
-    module, code = ended
-    if module == REPORT:
-        return code
-    print(f"filters_demo: {module} ended with exit code {code}", file=sys.stderr)
-    return code or 1
-
-
-def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="filters_demo", description=__doc__.split("\n")[0])
-    about = "write pictures there, print a table and end"
-    parser.add_argument("--report", metavar="DIRECTORY", help=about)
-    about = "show the filtered map in the browser, at http://127.0.0.1:8080 or another port"
-    parser.add_argument("--view", metavar="PORT", nargs="?", type=int, const=8080, help=about)
-    words = sys.argv[1:] if arguments is None else arguments
-    # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.
-    return parser.parse_args(list(takewhile(lambda word: word != "--ros-args", words)))
-
-
-class ProcessGroup:
-    """Starts Python modules as processes and stops them all on exit.
-
-    An interrupt (Ctrl-C) or a request to terminate only sets `stopped`: nothing is torn down
-    halfway, and no traceback is printed. The processes do not see the Ctrl-C of the terminal
-    themselves.
-    """
-
-    def __init__(self) -> None:
-        self.stopped = False
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
-
-    def __enter__(self) -> "ProcessGroup":
-        on_end(self._stop)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for process in self._processes.values():
-            # Unlike SIGINT, this prints nothing while Python is still starting.
-            process.terminate()
-        deadline = time.monotonic() + PATIENCE
-        for process in self._processes.values():
-            try:
-                process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-        # Python removes its own handlers as it ends.
-        on_end(signal.SIG_IGN)
-
-    def start(self, module: str, parameter_file: str, *parameters: str) -> None:
-        """Start a node, unless the group has been stopped.
-
-        Args:
-            module: the module of the node.
-            parameter_file: its name in the folder `config`.
-            parameters: other parameters, each as `name:=value`.
-        """
-        from ament_index_python.packages import get_package_share_directory
-
-        if not self.stopped:
-            folder = Path(get_package_share_directory("grid_map_demos_py"), "config")
-            file = str(folder / parameter_file)
-            given = [word for parameter in parameters for word in ("-p", parameter)]
-            command = [sys.executable, "-m", module, "--ros-args", "--params-file", file, *given]
-            self._processes[module] = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                start_new_session=True,
-                preexec_fn=partial(_die_with_parent, os.getpid()),
-            )
-
-    def wait(self) -> tuple[str, int] | None:
-        """Wait until a process ends, and return its module and exit code; None when stopped."""
-        while not self.stopped:
-            for module, process in self._processes.items():
-                code = process.poll()
-                if code is not None:
-                    return module, code
-            time.sleep(0.05)
-        return None
-
-    def _stop(self, _number: int, _frame: FrameType | None) -> None:
-        self.stopped = True
-
-
-def _die_with_parent(parent: int) -> None:
-    """Make Linux terminate this process when its parent ends for any reason."""
-    import ctypes
-
-    set_parent_death_signal = 1
-    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
-    # The parent may have ended already. It may also be process 1, for example in a container.
-    if os.getppid() != parent:
-        os._exit(0)
+    return DEMO.run(NODES, arguments)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Parts of several demos: a star with sharp edges for image operations, and weighted means."""
+"""Parts of several demos: a star with sharp edges, weighted means, and tables as text."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import cv2
 import numpy as np
@@ -56,3 +58,13 @@ def weighted_means(
         for values in (np.where(is_finite, layer, 0.0), is_finite)
     )
     return np.divide(sums, total, out=np.full_like(sums, np.nan), where=total > 1e-12)
+
+
+def to_text(tables: Mapping[str, Mapping[Any, object]]) -> str:
+    """Return tables by their titles as text: a row has a name and a value."""
+    sections = []
+    for title, table in tables.items():
+        width = max((len(str(name)) for name in table), default=0)
+        lines = [f"  {name!s:<{width}}  {value!s:>10}".rstrip() for name, value in table.items()]
+        sections.append("\n".join([title, *lines]))
+    return "\n\n".join(sections)

@@ -17,7 +17,9 @@ EXAGGERATION = 2.0
 """Factor on the heights, which makes some slopes too steep for a robot."""
 
 
-def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map") -> GridMap:
+def load_terrain(
+    path: Path, resolution: float = 0.03, *, frame_id: str = "map", holes: bool = True
+) -> GridMap:
     """Return the terrain around the Jacksboro fault, scaled down to cells of `resolution`.
 
     Args:
@@ -25,6 +27,7 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
             east) [m].
         resolution: side of a cell [m]; heights have the same scale, times `EXAGGERATION`.
         frame_id: coordinate frame of the map; x points east, y north.
+        holes: whether there are holes like those of sensor data.
 
     Returns:
         A map of 403 x 344 cells with the layers `elevation` [m], above its lowest point, and
@@ -47,7 +50,7 @@ def load_terrain(path: Path, resolution: float = 0.03, *, frame_id: str = "map")
     random = np.random.default_rng(7)
     centers = grid_map.position + random.uniform(-0.5, 0.5, (120, 2)) * grid_map.length
     radii = random.uniform(0.5, 6.0, 120) * grid_map.resolution
-    for center, radius in zip(centers, radii, strict=True):
+    for center, radius in zip(centers, radii, strict=True) if holes else ():
         cells = circle_cells(grid_map, center, radius)
         grid_map["elevation"][cells] = grid_map["color"][cells] = np.nan
     return grid_map

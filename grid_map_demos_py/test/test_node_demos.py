@@ -197,7 +197,7 @@ def test_report_lists_cells_layers_times_latency_and_messages():
 
 START = """
 import os
-from grid_map_demos_py.filters_demo import ProcessGroup
+from grid_map_demos_py.processes import ProcessGroup
 
 {}
 with ProcessGroup() as processes:

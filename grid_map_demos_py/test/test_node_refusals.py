@@ -37,6 +37,14 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("messages:=0", "parameter 'messages': expected at least 1"),
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
+    "elevation_mapping_robot": [
+        ("speed:=0.0", "parameter 'speed': expected a positive"),
+        ("file:=/nope.npz", "/nope.npz: cannot be read: No such file"),
+    ],
+    "elevation_mapping_report": [
+        ("duration:=.nan", "parameter 'duration': expected a positive"),
+        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    ],
     "image_publisher": [
         ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
         ("image_path:=~nobody_known/a.png", "a.png: cannot be read: No such file"),

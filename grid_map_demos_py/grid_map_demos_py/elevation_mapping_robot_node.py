@@ -1,0 +1,113 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
+
+It drives around on real terrain with boxes, a ramp, stairs and an obstacle that walks. Publishes
+the clouds of both sensors, odometry that drifts, with its covariance, and the true terrain around
+the robot in the frame of the odometry.
+"""
+
+import array
+
+import numpy as np
+import numpy.typing as npt
+from nav_msgs.msg import Odometry
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.elevation import LaserModel, SensorModel, StructuredLightModel
+from grid_map_core_py.simulation import DepthCamera, SpinningLidar, scan
+from grid_map_ros_py import to_pose, to_serialized_message, to_stamp
+from grid_map_ros_py.messages import write_points
+from grid_map_ros_py.nodes import steady_timer
+
+from .demo import Demo
+from .robot_course import (
+    CAMERA,
+    LIDAR,
+    Matrix,
+    RobotCourse,
+    covariance_at,
+    drifted,
+    load_course,
+    truth_at,
+)
+
+TRUTH_LENGTH = 12.0
+"""Side of the published part of the true terrain [m]."""
+
+MAX_RANGE = 20.0
+SENSORS: dict[str, tuple[Matrix, npt.NDArray[np.float64], SensorModel]] = {
+    "lidar": (LIDAR, SpinningLidar(azimuths=720).directions, LaserModel()),
+    "camera": (CAMERA, DepthCamera().directions, StructuredLightModel()),
+}
+"""By frame: transform to the robot, directions of the beams, and model of the noise."""
+
+
+class ElevationMappingRobotNode(Demo):
+    """Moves the robot, casts the beams of its sensors and publishes what they measure."""
+
+    def __init__(self) -> None:
+        super().__init__("elevation_mapping_robot")
+        about = "elevation model, an .npz file; empty for the one in this package"
+        path = self.read_path("file", "", about, data="jacksboro_fault_dem.npz")
+        speed = self.read_positive("speed", 0.6, "speed of the robot [m/s]")
+        rate = self.read_positive("rate", 10.0, "scans of each sensor per second [Hz]")
+        seed = self.read("seed", 1, "seed of the noise")
+        self._course = RobotCourse(load_course(path), speed)
+        self._random = np.random.default_rng(seed)
+        self._odometry = self.create_publisher(Odometry, "odom", 10)
+        self._clouds: dict[str, Publisher] = {
+            name: self.create_publisher(PointCloud2, f"{name}_points", 5) for name in SENSORS
+        }
+        self._truth = self.map_publisher("true_terrain")
+        self._start = self.get_clock().now().nanoseconds
+        steady_timer(self, 1.0 / rate, self._step)
+        self.get_logger().info(f"drives at {speed:g} m/s on {self._course.ground}")
+
+    def _step(self) -> None:
+        now = self.get_clock().now().nanoseconds
+        seconds = 1e-9 * (now - self._start)
+        pose = self._course.pose_at(seconds)
+        self._publish_odometry(pose, now, seconds)
+        terrain = self._course.terrain_at(seconds)
+        for name in SENSORS:
+            self._publish_cloud(name, terrain, pose, now)
+        self._publish_truth(terrain, pose, now, seconds)
+
+    def _publish_odometry(self, pose: Matrix, now: int, seconds: float) -> None:
+        message = Odometry(header=Header(stamp=to_stamp(now), frame_id="odom"))
+        message.child_frame_id = "base_link"
+        message.pose.pose = to_pose(drifted(pose, seconds))
+        message.pose.covariance = covariance_at(seconds).ravel()
+        self._odometry.publish(message)
+
+    def _publish_cloud(self, name: str, terrain: GridMap, pose: Matrix, now: int) -> None:
+        mount, directions, noise = SENSORS[name]
+        points = scan(
+            terrain,
+            directions,
+            pose @ mount,
+            sensor=noise,
+            random=self._random,
+            max_range=MAX_RANGE,
+        )
+        header = Header(stamp=to_stamp(now), frame_id=name)
+        returned = points[np.isfinite(points[:, 0])]
+        self._clouds[name].publish(write_points("xyz", to_bytes(returned), header))
+
+    def _publish_truth(self, terrain: GridMap, pose: Matrix, now: int, seconds: float) -> None:
+        truth = truth_at(terrain, pose[:2, 3], TRUTH_LENGTH, seconds)
+        truth.frame_id, truth.timestamp = "odom", now
+        self._truth.publish(to_serialized_message(truth))
+
+
+def to_bytes(points: npt.NDArray[np.float64]) -> "array.array[int]":
+    """Return points (N, 3) as the bytes of float32."""
+    return array.array("B", points.astype("<f4").tobytes())
+
+
+if __name__ == "__main__":
+    raise SystemExit(ElevationMappingRobotNode.main())

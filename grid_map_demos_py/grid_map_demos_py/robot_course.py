@@ -1,0 +1,118 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A simulated robot that drives over a terrain with obstacles, and the drift of its odometry."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap, Interpolation
+from grid_map_core_py.simulation import with_box, with_ramp, with_stairs
+
+from .terrain import load_terrain
+
+Matrix = npt.NDArray[np.float64]
+"""(4, 4) rotation and translation [m]."""
+
+RESOLUTION = 0.05
+RADII = (6.0, 4.5)
+"""Half axes of the ellipse that the robot follows [m]."""
+
+HEIGHT = 0.35
+"""Height of the robot's frame above the ground [m]."""
+
+DRIFT = np.array([0.003, -0.002, 0.01])
+"""Drift of the odometry along x, y, z [m/s]."""
+
+WALK = 0.003
+"""Standard deviation that the odometry claims to gain along each axis in a second [m]."""
+
+LIDAR = np.eye(4)
+LIDAR[2, 3] = 0.45
+"""From the lidar, which is above the middle of the robot, to the frame of the robot."""
+
+TILT = 0.5
+"""Angle by which the camera looks down [rad]."""
+
+CAMERA = np.eye(4)
+CAMERA[:3, 0] = 0.0, -1.0, 0.0
+CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
+CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
+CAMERA[:3, 3] = 0.3, 0.0, 0.3
+"""From the camera, which looks ahead and down, to the frame of the robot."""
+
+
+def load_course(path: Path) -> GridMap:
+    """Return the terrain of the demos, larger and without holes, with objects beside the way.
+
+    Raises:
+        GridMapError: the file cannot be read or holds no heights.
+    """
+    ground = load_terrain(path, RESOLUTION, holes=False).without_layers(["color"])
+    ground = with_stairs(ground, (4.0, 1.5), (1.6, 1.2), 0.6, 4, yaw=0.5 * math.pi)
+    ground = with_ramp(ground, (7.7, 1.5), (2.4, 1.2), 0.5, yaw=0.5 * math.pi)
+    for x, y, side, height in ((6.2, 4.1, 0.8, 0.6), (3.2, 2.9, 0.5, 1.2), (1.5, 5.9, 0.6, 0.3)):
+        ground = with_box(ground, (x, y), (side, 0.6), height, yaw=0.3 * x)
+    return ground
+
+
+@dataclass
+class RobotCourse:
+    """Positions of the robot and of what moves, by the time since the start.
+
+    Attributes:
+        ground: terrain with a layer `elevation` [m], frame of the world.
+        speed: speed of the robot [m/s].
+    """
+
+    ground: GridMap
+    speed: float
+
+    def terrain_at(self, seconds: float) -> GridMap:
+        """Return the terrain with an obstacle that walks to and fro."""
+        share = 0.5 - 0.5 * math.cos(0.4 * seconds)
+        center = np.array([4.6, -1.2]) + share * np.array([-1.0, 5.2])
+        return with_box(self.ground, center, (0.4, 0.5), 1.7)
+
+    def pose_at(self, seconds: float) -> Matrix:
+        """Return the transform from the robot to the world; its z axis is normal to the ground."""
+        angle = self.speed * seconds / math.sqrt(RADII[0] * RADII[1])
+        x, y = RADII[0] * math.cos(angle), RADII[1] * math.sin(angle)
+        way = np.array([-RADII[0] * math.sin(angle), RADII[1] * math.cos(angle)])
+        way /= np.linalg.norm(way)
+        side = np.array([-way[1], way[0]])
+        feet = np.array([x, y]) + 0.3 * np.array([way, -way, side, -side])
+        heights = np.asarray(self.ground.at_position("elevation", feet, Interpolation.LINEAR))
+        front, back, left, right = heights.tolist()
+        forward = np.array([*way, (front - back) / 0.6])
+        leftward = np.array([*side, (left - right) / 0.6])
+        pose = np.eye(4)
+        pose[:3, 0] = forward / np.linalg.norm(forward)
+        up = np.cross(forward, leftward)
+        pose[:3, 2] = up / np.linalg.norm(up)
+        pose[:3, 1] = np.cross(pose[:3, 2], pose[:3, 0])
+        pose[:3, 3] = x, y, heights.mean() + HEIGHT
+        return pose
+
+
+def drifted(pose: Matrix, seconds: float) -> Matrix:
+    """Return a pose as the odometry reports it."""
+    reported = pose.copy()
+    reported[:3, 3] += DRIFT * seconds
+    return reported
+
+
+def covariance_at(seconds: float) -> Matrix:
+    """Return the covariance (6, 6) of the odometry; it grows with the time."""
+    return np.diag([WALK**2 * seconds] * 3 + [1e-6] * 3)
+
+
+def truth_at(ground: GridMap, position: Matrix, length: float, seconds: float) -> GridMap:
+    """Return the terrain around a position (2,) in the frame of the odometry."""
+    block = ground.get_submap(position, (length, length))
+    block.position = block.position + DRIFT[:2] * seconds
+    block["elevation"] += np.float32(DRIFT[2] * seconds)
+    return block

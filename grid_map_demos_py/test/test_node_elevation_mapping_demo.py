@@ -1,0 +1,147 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The elevation mapping demo: the course of the robot, its report, and all nodes together."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from demos import PACKAGE, parameters
+from nav_msgs.msg import Odometry
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2
+
+from grid_map_core_py import GridMap, GridMapError
+from grid_map_core_py.simulation import scan
+from grid_map_demos_py.elevation_mapping_report_node import compare
+from grid_map_demos_py.elevation_mapping_robot_node import SENSORS
+from grid_map_demos_py.robot_course import (
+    DRIFT,
+    HEIGHT,
+    RobotCourse,
+    drifted,
+    load_course,
+    truth_at,
+)
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, from_pose, from_stamp, read_points
+from grid_map_ros_py.testing import Process, peer, running_node
+
+DEM = PACKAGE / "data" / "jacksboro_fault_dem.npz"
+
+
+@pytest.fixture(scope="module")
+def course():
+    return RobotCourse(load_course(DEM), 0.6)
+
+
+def test_robot_stands_upright_on_the_ground(course):
+    for seconds in np.linspace(0.0, 60.0, 25):
+        pose = course.pose_at(seconds)
+        np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+        assert pose[2, 2] > 0.7
+        below = course.ground.at_position("elevation", pose[:2, 3])
+        assert pose[2, 3] - below == pytest.approx(HEIGHT, abs=0.15)
+        ahead = course.pose_at(seconds + 0.1)[:3, 3] - pose[:3, 3]
+        assert pose[:3, 0] @ ahead > 0.9 * np.linalg.norm(ahead)
+        assert np.linalg.norm(ahead) == pytest.approx(0.06, rel=0.4)
+
+
+def test_course_has_no_holes_and_an_obstacle_that_walks(course):
+    assert np.isfinite(course.ground["elevation"]).all()
+    first, second = (course.terrain_at(seconds)["elevation"] for seconds in (0.0, 5.0))
+    for terrain in (first, second):
+        assert (terrain - course.ground["elevation"]).max() > 1.4
+    assert not np.array_equal(first, second)
+
+
+def test_both_sensors_see_the_ground(course):
+    for seconds in (0.0, 20.0, 40.0):
+        for mount, beams, noise in SENSORS.values():
+            pose = course.pose_at(seconds) @ mount
+            points = scan(course.terrain_at(seconds), beams, pose, sensor=noise, max_range=20.0)
+            assert np.isfinite(points[:, 0]).mean() > 0.2
+
+
+def test_configuration_knows_where_the_sensors_are():
+    text = (PACKAGE / "config" / "elevation_mapping_demo_mapping.yaml").read_text()
+    sources = yaml.safe_load(text)["elevation_mapping"]["ros__parameters"]["input_sources"]
+    assert sources.keys() == SENSORS.keys()
+    for name, source in sources.items():
+        mount = SENSORS[name][0]
+        np.testing.assert_allclose(source["sensor_xyz"], mount[:3, 3])
+        rotation = Rotation.from_euler("xyz", source["sensor_rpy"]).as_matrix()
+        np.testing.assert_allclose(rotation, mount[:3, :3], atol=1e-12)
+
+
+def test_truth_drifts_with_the_odometry(course):
+    pose = course.pose_at(3.0)
+    truth = truth_at(course.ground, pose[:2, 3], 4.0, 3.0)
+    place = drifted(pose, 3.0)[:3, 3]
+    expected = course.ground.at_position("elevation", pose[:2, 3]) + 3.0 * DRIFT[2]
+    assert truth.at_position("elevation", place[:2]) == pytest.approx(expected, abs=1e-6)
+
+
+def test_comparison_finds_offset_error_and_claim():
+    truth = GridMap((4.0, 3.0), 0.1, layers={"elevation": 0.5})
+    estimate = GridMap((3.0, 3.0), 0.1, layers={"elevation": 0.52, "variance": 1e-4})
+    estimate.move((0.3, 0.2))
+    estimate["elevation"] = 0.52
+    estimate["variance"] = 1e-4
+    noise = np.where(np.indices(estimate.size).sum(axis=0) % 2, 0.01, -0.01)
+    estimate["elevation"] += noise
+    estimate["elevation"][4, 5] = np.nan
+    estimate["elevation"][10, 10] = 3.0
+    compared, accuracy = compare(estimate, truth)
+    assert np.isnan(compared["error"][4, 5])
+    # The map reaches over the true terrain by 2 of its 30 columns.
+    assert accuracy.known == pytest.approx(28 / 30, abs=0.002)
+    assert accuracy.claimed == pytest.approx(0.01)
+    assert accuracy.offset == pytest.approx(0.02, abs=0.011)
+    assert 0.0 <= accuracy.error < 0.021
+    assert accuracy.wrong == pytest.approx(1 / (28 * 30 - 1))
+    with pytest.raises(GridMapError, match="expected known cells"):
+        compare(estimate, GridMap((1.0, 1.0), 0.1, (90.0, 0.0), {"elevation": 0.0}))
+
+
+def test_robot_publishes_clouds_odometry_and_truth():
+    topics = {"/lidar_points": PointCloud2, "/camera_points": PointCloud2}
+    topics |= {"/odom": Odometry, "/true_terrain": GridMapMessage}
+    with peer() as other:
+        for topic, kind in topics.items():
+            other.listen(topic, kind, 10)
+        module = "grid_map_demos_py.elevation_mapping_robot_node"
+        with running_node(module, *parameters("rate:=5.0")):
+            got = {topic: other.expect(topic, 2) for topic in topics}
+    for name in ("lidar", "camera"):
+        cloud = got[f"/{name}_points"]
+        assert cloud.header.frame_id == name
+        points = np.column_stack([read_points(cloud)[axis] for axis in "xyz"])
+        assert len(points) > 1000
+        assert np.isfinite(points).all()
+    odometry = got["/odom"]
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert np.diag(np.reshape(odometry.pose.covariance, (6, 6))).min() > 0
+    truth = from_message(got["/true_terrain"])
+    assert truth.frame_id == "odom"
+    assert from_stamp(odometry.header.stamp) > 0
+    place = from_pose(odometry)[:3, 3]
+    assert place[2] - truth.at_position("elevation", place[:2]) == pytest.approx(HEIGHT, abs=0.2)
+
+
+def test_demo_maps_the_terrain_and_reports_its_errors(tmp_path):
+    command = [sys.executable, "-m", "grid_map_demos_py.elevation_mapping_demo"]
+    demo = Process([*command, "--report", str(tmp_path)])
+    assert demo.wait(100) == 0, demo.text
+    names = {"truth", "estimate", "error", "deviation", "traversability"}
+    assert {path.stem for path in tmp_path.iterdir()} == names
+    assert all(path.stat().st_size > 10_000 for path in Path(tmp_path).iterdir())
+    values = dict(re.findall(r"^ +(.+?) {2,}(-?[\d.]+)(?: mm| %)?$", demo.text, re.MULTILINE))
+    assert float(values["known"]) > 30
+    assert float(values["68 % of the errors below"]) < 40
+    assert float(values["errors above 10 cm"]) < 15
+    assert abs(float(values["offset of the map"])) < 60
