@@ -79,7 +79,8 @@ class Camera:
         height, width = self.size
         u, v = np.meshgrid(np.arange(0, width, stride), np.arange(0, height, stride))
         pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)
-        return self._flat(pixels).reshape(*u.shape, 2).astype(np.float32)
+        with np.errstate(over="ignore"):
+            return self._flat(pixels).reshape(*u.shape, 2).astype(np.float32)
 
     def _pixels(self, flat: Floats) -> Floats:
         distorted = DISTORTIONS[self.model](flat, self.coefficients) if self._distorts else flat
@@ -88,11 +89,12 @@ class Camera:
 
     def _flat(self, pixels: Floats) -> Floats:
         """Return the points (N, 2) at depth 1 that pixels show, by fixed-point iteration."""
-        wanted: Floats = (pixels - self.center) / self.focal
-        if not self._distorts:
-            return wanted
-        flat = wanted.copy()
+        # Damaged messages have focal lengths near zero.
         with np.errstate(all="ignore"):
+            wanted: Floats = (pixels - self.center) / self.focal
+            if not self._distorts:
+                return wanted
+            flat = wanted.copy()
             for _ in range(ROUNDS):
                 flat += wanted - DISTORTIONS[self.model](flat, self.coefficients)
             residue = np.abs(self._pixels(flat) - pixels).max(axis=1)
@@ -221,14 +223,15 @@ class DepthImages:
         if self._rays is None or self._rays[0] != camera:
             self._rays = camera, camera.rays(self.stride)
         rays = self._rays[1]
-        depth = pixels[:: self.stride, :: self.stride, 0].astype(np.float32)
+        with np.errstate(over="ignore"):
+            depth = pixels[:: self.stride, :: self.stride, 0].astype(np.float32)
         if message.encoding in MILLIMETERS:
             depth *= np.float32(0.001)
-        with np.errstate(invalid="ignore"):
-            kept = (depth > 0) & (depth < np.inf) & np.isfinite(rays[..., 0])
-        points = np.empty((int(kept.sum()), 3), np.float32)
-        points[:, 2] = depth[kept]
-        np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
+        with np.errstate(invalid="ignore", over="ignore"):
+            kept = (depth > 0) & (depth < np.inf) & np.isfinite(rays).all(axis=2)
+            points = np.empty((int(kept.sum()), 3), np.float32)
+            points[:, 2] = depth[kept]
+            np.multiply(rays[kept], points[:, 2:], out=points[:, :2])
         return Scan(message.header.frame_id, from_stamp(message.header.stamp), points)
 
 
