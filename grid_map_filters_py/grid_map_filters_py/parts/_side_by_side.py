@@ -6,8 +6,8 @@ NumPy, OpenCV and compiled loops release Python's lock, so that threads compute 
 The parts are the same for any number of threads, and so are the results.
 """
 
+import _thread  # noqa: PLC2701
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from threading import Lock
@@ -21,30 +21,23 @@ CELLS = 2**17
 """Cells of a part. One operation on fewer takes less time than waking up the thread that waits for
 Python's lock meanwhile."""
 
-_helpers: ContextVar[tuple[ThreadPoolExecutor | None, int]] = ContextVar(
-    "_helpers", default=(None, 0)
-)
-"""Threads that help the one that runs a chain, and their number."""
+_threads: ContextVar[int] = ContextVar("_threads", default=1)
+"""Number of threads of the running chain; the thread that runs it is one of them."""
 
 
 @contextmanager
 def use_threads(count: int) -> Iterator[None]:
     """Let `side_by_side` use `count` threads; the calling thread is one of them."""
-    if count == 1:
+    token = _threads.set(count)
+    try:
         yield
-        return
-    # Threads start when there is work for them.
-    with ThreadPoolExecutor(count - 1, "grid_map_filters") as pool:
-        token = _helpers.set((pool, count - 1))
-        try:
-            yield
-        finally:
-            _helpers.reset(token)
+    finally:
+        _threads.reset(token)
 
 
 def thread_count() -> int:
     """Return the number of threads that `side_by_side` uses here."""
-    return 1 + _helpers.get()[1]
+    return _threads.get()
 
 
 def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
@@ -60,54 +53,72 @@ def side_by_side(function: Callable[[T], object], parts: Iterable[T]) -> None:
     Raises:
         Exception: a call has failed. Further parts are not begun.
     """
-    pool, count = _helpers.get()
-    if pool is None:
+    if thread_count() == 1:
         for part in parts:
             function(part)
         return
     shared, settings = _Shared(parts), np.geterr()
 
     def work() -> None:
-        # A part has no parts of its own, which would wait for the same threads.
-        token = _helpers.set((None, 0))
         try:
-            with np.errstate(**settings):
+            # A part has no parts of its own, which would take more threads.
+            with use_threads(1), np.errstate(**settings):
                 for part in shared:
                     function(part)
         finally:
-            shared.end()
-            _helpers.reset(token)
+            shared.ended = True
 
-    helpers = []
+    _run_in_threads(work, shared)
+
+
+def _run_in_threads(work: Callable[[], None], shared: "_Shared[T]") -> None:
+    """Call `work`, which takes the shared parts, in all threads; raise the first error."""
+    count = thread_count() - 1
+    busy = [Lock() for _ in range(count)]
+    # Recording an error must not take memory, which may be out.
+    errors: list[BaseException | None] = [None] * count
+
+    def help_with(index: int) -> None:
+        with busy[index]:
+            try:
+                work()
+            except BaseException as error:
+                errors[index] = error
+
     try:
-        for _ in range(count):
-            helpers.append(pool.submit(copy_context().run, work))
+        for index in range(count):
+            # `Thread.start` would wait for ever for a thread without the memory to begin.
+            _thread.start_new_thread(copy_context().run, (help_with, index))
         work()
     finally:
-        shared.end()
-        for helper in helpers:
-            helper.cancel()
-        errors = [helper.exception() for helper in helpers if not helper.cancelled()]
+        shared.ended = True
+        try:
+            _wait_for(busy)
+        finally:
+            # An interrupt may have ended the first wait.
+            _wait_for(busy)
     for error in filter(None, errors):
         raise error
 
 
+def _wait_for(busy: Iterable[Lock]) -> None:
+    """Wait for the threads that work; one that begins later finds no more parts."""
+    for lock in busy:
+        with lock:
+            pass
+
+
 class _Shared(Generic[T]):
-    """Parts that several threads take one after the other."""
+    """Parts that several threads take one after the other, until `ended` is set."""
 
     def __init__(self, parts: Iterable[T]) -> None:
-        self._rest, self._lock = iter(parts), Lock()
+        self._rest, self._lock, self.ended = iter(parts), Lock(), False
 
     def __iter__(self) -> Iterator[T]:
-        while True:
+        while not self.ended:
             with self._lock:
                 try:
                     part = next(self._rest)
                 except StopIteration:
                     return
             yield part
-
-    def end(self) -> None:
-        """Give no more parts to any thread."""
-        with self._lock:
-            self._rest = iter(())
