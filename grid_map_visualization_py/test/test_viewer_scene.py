@@ -9,7 +9,7 @@ import re
 import socket
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import numpy as np
 import pytest
@@ -20,7 +20,12 @@ from grid_map_core_py.testing import grid_maps, moved_in_buffer
 from grid_map_ros_py import MessageError, ReceivedMap, to_message
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py._viewer.gate import Pace, is_allowed
+from grid_map_visualization_py._viewer.gate import (
+    LARGEST_PICTURE,
+    MOST_CONNECTIONS,
+    Pace,
+    is_allowed,
+)
 from grid_map_visualization_py._viewer.glb import on_screen, to_glb
 from grid_map_visualization_py._viewer.page import (
     Page,
@@ -435,6 +440,38 @@ def test_only_pictures_may_be_large_messages(page):
     assert page._gate.accepts(encode(picture | {"more": 100 * [{}]}))
     assert not page._gate.accepts(encode(picture | {"more": 10_000 * [{}]}))
     assert not page._gate.accepts(encode(picture | {"payload": 10_000 * [{}]}))
+
+
+def test_connections_beyond_the_limit_are_refused(page):
+    refused = pytest.importorskip("websockets.exceptions").InvalidStatus
+    pages = [ExitStack() for _ in range(MOST_CONNECTIONS)]
+    with ExitStack() as all_pages:
+        for one in pages:
+            all_pages.enter_context(one).enter_context(connected(page))
+        with pytest.raises(refused, match="503"), connected(page):
+            pass
+        limit = f"more than {MOST_CONNECTIONS} pages are open"
+        assert page.take_refusals() == [f"a connection was refused: {limit}"]
+        pages.pop().close()
+
+        def connects():
+            with suppress(refused), connected(page):
+                return True
+            return False
+
+        wait_until(connects, "a connection after one has ended")
+
+
+def test_larger_messages_than_pictures_end_their_connection(page):
+    closed = pytest.importorskip("websockets.exceptions").ConnectionClosed
+    picture = {"type": "GetRenderResponseMessage", "payload": bytes(LARGEST_PICTURE)}
+    with connected(page) as send:
+        with suppress(closed):
+            send(picture)
+        # It may end after the whole message was sent.
+        wait_until(lambda: not page.is_watched, "its end")
+        with pytest.raises(closed, match="1009"):
+            send(picture)
 
 
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):

@@ -41,6 +41,15 @@ LARGEST_MESSAGE = 10_000
 Decoding makes an object of each byte in the worst case, while the page answers no other browser.
 """
 
+LARGEST_PICTURE = 16_000_000
+"""Largest size of a message of any kind; a larger one closes the connection [bytes]."""
+
+MOST_CONNECTIONS = 32
+"""Largest number of open connections; each page in a browser has one.
+
+A connection may hold an unfinished message of the largest size.
+"""
+
 BURST = 1.0
 """Time that a connection may be ahead of this rate [s]."""
 
@@ -67,7 +76,8 @@ class Gate:
     """Replacement of `serve` of websockets that refuses foreign pages and senseless messages.
 
     A connection that sends faster than `MOST_PER_SECOND` is read slowly, which makes it wait; no
-    message is lost while it stays open.
+    message is lost while it stays open. Connections beyond `MOST_CONNECTIONS` are refused; pages
+    try again by themselves.
 
     Args:
         websockets: the module `websockets.asyncio.server`.
@@ -78,6 +88,7 @@ class Gate:
         serve: the replaced function.
         is_used: the server has called the replacement.
         controls: controls of the page by identifier.
+        open: connections of the pages that are open.
         refusals: reasons for which the last messages were refused.
     """
 
@@ -86,27 +97,15 @@ class Gate:
         self.is_used = False
         self.controls: dict[str, Any] = {}
         self.refusals: deque[str] = deque(maxlen=100)
-        self._connection = websockets.ServerConnection
+        self._connection = _checked(websockets.ServerConnection, self)
         fields = [("type", str), ("render_uuid", str), ("payload", bytes)]
         picture = msgspec.defstruct("Picture", fields, forbid_unknown_fields=True)
         self._decode_picture = msgspec.msgpack.Decoder(picture).decode
         self._decode, self._fields = msgspec.msgpack.decode, msgspec.structs.asdict
         self._names = names
+        self.open: set[Any] = set()
 
     def __call__(self, handle: Any, *args: Any, process_request: Any, **options: Any) -> Any:
-        gate, base = self, self._connection
-
-        class Connection(base):  # type: ignore[misc, valid-type]
-            def __init__(self, *args: Any, **options: Any) -> None:
-                super().__init__(*args, **options)
-                self.pace = Pace()
-
-            async def recv(self, *args: Any, **options: Any) -> Any:
-                await gate.keep_pace(self.pace)
-                while not gate.accepts(data := await super().recv(*args, **options)):
-                    await gate.keep_pace(self.pace)
-                return data
-
         async def handle_and_note(connection: Any) -> None:
             try:
                 await handle(connection)
@@ -114,14 +113,30 @@ class Gate:
                 self.note("a connection was closed", error)
 
         def check_first(connection: Any, request: Any) -> Any:
-            if is_allowed(request.headers, self._names):
-                return process_request(connection, request)
-            text = "The page is not served under this name, or to another page.\n"
-            return connection.respond(HTTPStatus.FORBIDDEN, text)
+            if refusal := self._refusal(connection, request.headers):
+                return connection.respond(*refusal)
+            return process_request(connection, request)
 
         self.is_used = True
-        options |= {"process_request": check_first, "create_connection": Connection}
+        options |= {"process_request": check_first, "create_connection": self._connection}
+        options["max_size"] = LARGEST_PICTURE
         return self.serve(handle_and_note, *args, **options)
+
+    def _refusal(
+        self, connection: Any, headers: Mapping[str, str]
+    ) -> tuple[HTTPStatus, str] | None:
+        """Return why a connection is refused, or None; count it if it becomes a websocket."""
+        if not is_allowed(headers, self._names):
+            text = "The page is not served under this name, or to another page.\n"
+            return HTTPStatus.FORBIDDEN, text
+        if "Upgrade" not in headers:
+            return None
+        if len(self.open) >= MOST_CONNECTIONS:
+            text = f"more than {MOST_CONNECTIONS} pages are open"
+            self.note("a connection was refused", GridMapError(text))
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{text}\n"
+        self.open.add(connection)
+        return None
 
     async def keep_pace(self, pace: Pace) -> None:
         """Wait until the next message of a connection may be read."""
@@ -171,6 +186,27 @@ class Gate:
             _check_picture(message["payload"])
         else:
             check(False, "type", "a message of the page", kind)
+
+
+def _checked(base: Any, gate: Gate) -> Any:
+    """Return a class of connections that give only messages which the gate accepts."""
+
+    class Connection(base):  # type: ignore[misc]
+        def __init__(self, *args: Any, **options: Any) -> None:
+            super().__init__(*args, **options)
+            self.pace = Pace()
+
+        async def recv(self, *args: Any, **options: Any) -> Any:
+            await gate.keep_pace(self.pace)
+            while not gate.accepts(data := await super().recv(*args, **options)):
+                await gate.keep_pace(self.pace)
+            return data
+
+        def connection_lost(self, error: Exception | None) -> None:
+            gate.open.discard(self)
+            super().connection_lost(error)
+
+    return Connection
 
 
 def check_value(control: Any, value: object) -> None:
