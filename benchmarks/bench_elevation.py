@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmarks of elevation mapping: whole updates of a moving map, with visibility cleanup.
 
-    python3 benchmarks/bench_elevation.py [--scan FILE] [--updates 300]
+    python3 benchmarks/bench_elevation.py [--scan FILE] [--updates 300] [--topics]
 
 prints the time of an update, median and 95th percentile, and the median of each stage. Simulated
 lidars drive in a circle in a yard with boxes and a wall around it. FILE is a real scan, an .npz
 file with `points` (N, 3) in the frame of a level lidar, missing returns at the origin. Without the
 option it is the file that the variable GRID_MAP_LIDAR_SCAN names; without both there is no such
-row. As a part of `make bench`, each scan is a row in yardsticks.
+row. With `--topics` it prints the time from publishing a scan to the callback with the map, through
+the node `elevation_mapping` in another process, at 10 Hz. As a part of `make bench`, each scan is a
+row in yardsticks.
 """
 
 import argparse
+import array
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -153,6 +156,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scan", type=Path, metavar="FILE", help="a real scan")
     parser.add_argument("--updates", type=int, default=300, help="number of updates per row")
+    parser.add_argument("--topics", action="store_true", help="measure from topic to topic")
     options = parser.parse_args()
     drives: dict[str, Callable[[], Drive]] = dict(DRIVES)
     if path := real_scan(options.scan):
@@ -160,7 +164,8 @@ def main() -> None:
     else:
         print(f"The real scan is missing: neither --scan nor {VARIABLE} names a file.\n")
     for name, made in drives.items():
-        print("\n".join(timed(name, made(), options.updates)), flush=True)
+        timing = timed_on_topics if options.topics else timed
+        print("\n".join(timing(name, made(), options.updates)), flush=True)
 
 
 def timed(name: str, drive: Drive, updates: int) -> Iterator[str]:
@@ -181,6 +186,66 @@ def timed(name: str, drive: Drive, updates: int) -> Iterator[str]:
     for stage in stages[0]:
         middle, most = np.percentile([times[stage] for times in stages], [50, 95])
         yield f"  {stage:24}{middle:8.2f} {most:8.2f}"
+
+
+def timed_on_topics(name: str, drive: Drive, updates: int) -> Iterator[str]:
+    """Yield a line about a drive through the node; the first ten scans do not count."""
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from rclpy.qos import QoSProfile
+    from sensor_msgs.msg import PointCloud2
+    from std_msgs.msg import Header
+
+    from grid_map_msgs.msg import GridMap as GridMapMessage
+    from grid_map_ros_py import from_serialized_message, to_pose, to_stamp
+    from grid_map_ros_py.messages import serialize, write_points
+    from grid_map_ros_py.nodes import map_qos
+    from grid_map_ros_py.testing import peer, running_node
+
+    side = drive.cells * RESOLUTION
+    given: dict[str, Any] = {
+        "map_frame_id": "odom",
+        "pose_source": "topic",
+        "robot_pose_with_covariance_topic": "/pose",
+        **dict.fromkeys(["length_in_x", "length_in_y"], side),
+        "resolution": RESOLUTION,
+        "fused_map_publishing_rate": 0.0,
+        "input_sources.lidar.topic": "/scan",
+        "input_sources.lidar.min_range": 0.5,
+    }
+    words = [word for pair in given.items() for word in ("-p", "{}:={}".format(*pair))]
+    arrived: dict[int, int] = {}
+
+    def note(data: bytes) -> None:
+        now = time.time_ns()
+        arrived.setdefault(from_serialized_message(data, ["elevation"]).timestamp, now)
+
+    latencies = []
+    module = "grid_map_ros_py._executables.elevation_mapping"
+    with peer() as other, running_node(module, "--ros-args", *words):
+        topic = "/elevation_mapping/elevation_map_raw"
+        other.node.create_subscription(GridMapMessage, topic, note, map_qos(), raw=True)
+        qos = QoSProfile(depth=1)
+        poses = other.node.create_publisher(PoseWithCovarianceStamped, "/pose", qos)
+        clouds = other.node.create_publisher(PointCloud2, "/scan", qos)
+        topics = (poses, clouds)
+        other.wait_until(lambda: all(each.get_subscription_count() for each in topics), "the node")
+        for (points, transform), _ in zip(cycle(drive.scans), range(updates + 10), strict=False):
+            pose = PoseWithCovarianceStamped()
+            pose.pose.pose, pose.pose.covariance = to_pose(transform), COVARIANCE.ravel()
+            data = array.array("B", points.astype("<f4").tobytes())
+            stamp = time.time_ns()
+            pose.header = Header(stamp=to_stamp(stamp), frame_id="odom")
+            header = Header(stamp=to_stamp(stamp), frame_id="base_link")
+            cloud = serialize(write_points("xyz", data, header))
+            begin = time.time_ns()
+            poses.publish(pose)
+            clouds.publish(cloud)
+            other.wait_until(lambda stamp=stamp: stamp in arrived, "the map of a scan")
+            latencies.append(1e-6 * (arrived[stamp] - begin))
+            other.spin(max(0.0, 1e-9 * (begin + SCAN_PERIOD - time.time_ns())))
+    middle, most = np.percentile(latencies[10:], [50, 95])
+    yield f"{name}; {drive.cells} x {drive.cells} cells, from topic to topic"
+    yield f"  p50 {middle:6.2f} ms   p95 {most:6.2f} ms"
 
 
 if __name__ == "__main__":
