@@ -33,7 +33,7 @@ from grid_map_core_py.simulation import SpinningLidar, scan, with_box
 
 RESOLUTION = 0.1
 SCAN_PERIOD = 100_000_000  # nanoseconds
-PLACES = 40
+PLACES = 20
 """Number of different scans, at places on a circle that is driven at 0.5 m/s."""
 
 VARIABLE = "GRID_MAP_LIDAR_SCAN"
@@ -76,7 +76,7 @@ class Drive:
 @cache
 def yard() -> GridMap:
     """Return rough ground of 40 x 40 m with boxes, and a wall around it that stops all beams."""
-    grid_map = GridMap((40.0, 40.0), 0.05, layers={"elevation": 8.0})
+    grid_map = GridMap((40.0, 40.0), RESOLUTION, layers={"elevation": 8.0})
     x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     rough = 0.05 * np.sin(1.3 * x) * np.cos(0.9 * y) + 0.01 * np.sin(7.0 * x + 3.0 * y)
     inside = np.maximum(abs(x), abs(y)) < 19.0
@@ -131,7 +131,7 @@ def test_update(measure, name):
     points, transform = drive.scans[-1]
     x_y = points[np.isfinite(points[:, 0]), :2] + transform[:2, 3]
     seen = drive.mapper.grid_map.get_indices(x_y[drive.mapper.grid_map.is_inside(x_y)])[0]
-    assert np.isfinite(elevation[seen]).mean() > 0.99
+    assert np.isfinite(elevation[seen]).mean() > 0.9
     truth = yard().at_position("elevation", drive.mapper.grid_map.get_positions())
     errors = abs(elevation.ravel("F") - truth)
     assert np.nanmedian(errors) < 0.02
@@ -143,7 +143,10 @@ def test_update_by_a_real_scan(measure):
         pytest.skip(f"there is no real scan: {VARIABLE} names no file")
     drive = real(path)
     measure("ElevationMapper.update real scan", drive.cells, drive.update)
-    assert np.nanmedian(drive.mapper.grid_map["elevation"]) == pytest.approx(0.1, abs=0.4)
+    elevation = drive.mapper.grid_map["elevation"]
+    assert np.isfinite(elevation).sum() > 5000
+    # The lowest cells are the ground around the sensor, which is at a height of 1.7 m.
+    assert abs(np.nanpercentile(elevation, 10)) < 0.7
 
 
 def real_scan(given: Path | None = None) -> Path | None:
