@@ -3,7 +3,11 @@
 """Elevation maps that move with a robot.
 
 `ElevationMapper` fuses scans of range sensors into heights with variances, and removes what beams
-pass through. `RollingMap` keeps the largest, smallest, mean or last height of each cell.
+pass through; `Parameters` are its parameters, and an `UpdateReport` sums up one scan. Each sensor
+has a `SensorModel` of its noise: `LaserModel`, `StructuredLightModel`, `StereoModel`,
+`ConstantModel`, or `PerfectModel` for none.
+
+`RollingMap` keeps the largest, smallest, mean or last height of each cell.
 """
 
 from ._mapper import ElevationMapper as ElevationMapper, UpdateReport as UpdateReport
