@@ -253,6 +253,8 @@ def subjects(folder: Path) -> list[Subject]:
         "resolution": RESOLUTION,
         # The memory of waiting clouds is kept, and a stalled node fills a queue at any time.
         "queue_size": 1,
+        # Clouds are larger than what best effort delivers with small buffers of Fast DDS.
+        "input_reliability": "reliable",
     }
     bag = str(folder / "loaded")
     save_to_bag(terrain(), bag, "/grid_map")
@@ -297,7 +299,14 @@ def subjects(folder: Path) -> list[Subject]:
         rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
     visualization = f"{viewing}.grid_map_visualization"
     near = {
-        "input_sources": {"points": {"topic": CLOUDS, "max_range": 3.0}},
+        "input_sources": {
+            "points": {
+                "topic": CLOUDS,
+                "max_range": 3.0,
+                "queue_size": 1,
+                "reliability": "reliable",
+            }
+        },
         "pose_source": "none",
         "map_frame_id": "map",
         "length_in_x": 6.0,

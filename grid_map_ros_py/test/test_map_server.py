@@ -207,7 +207,9 @@ def test_links_exchanged_meanwhile_divert_nothing(
     paths = [directory / "inner", directory.parent / "spare", secret]
     attacker = Process([sys.executable, "-c", attack, *map(str, paths)])
     try:
-        for number in range(200):
+        for number in range(2000):
+            if number >= 200 and len(attacker.lines) > 20:
+                break
             with suppress(RequestError):
                 save(directory, f"inner/bag{number}", storage=storage)
         assert attacker.is_running, attacker.text
