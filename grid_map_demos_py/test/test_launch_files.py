@@ -83,9 +83,8 @@ def leaves(layout: Any) -> Iterator[str]:
 
 def test_every_demo_has_a_launch_file_and_displays():
     entries = {entry.name for entry in entry_points(group="console_scripts")}
-    # One demo ends by itself, and one starts its processes without a launch file.
-    others = {"grid_map_to_image_demo", "elevation_mapping_demo"}
-    assert {*LAUNCH_FILES} == {e for e in entries if e.endswith("_demo")} - others
+    ends_by_itself = {"grid_map_to_image_demo"}
+    assert {*LAUNCH_FILES} == {e for e in entries if e.endswith("_demo")} - ends_by_itself
     share = Path(get_package_share_directory(PACKAGE.name))
     for folder in ("foxglove", "launch", "rviz"):
         names = {path.name for path in (PACKAGE / folder).iterdir()}
@@ -127,7 +126,8 @@ def test_rviz_displays_match_the_types_of_all_outputs(demo):
     displays = rviz_displays(demo)
     shown = {topic: MESSAGES[display["Class"]] for topic, display in displays.items()}
     assert shown == visualized(demo) | OWN_TOPICS.get(demo, {})
-    assert rviz(demo)["Visualization Manager"]["Global Options"]["Fixed Frame"] == "map"
+    frame = "odom" if demo == "elevation_mapping_demo" else "map"
+    assert rviz(demo)["Visualization Manager"]["Global Options"]["Fixed Frame"] == frame
     for display in displays.values():
         # The last map arrives, even if nothing new is published.
         assert display["Topic"]["Durability Policy"] == "Transient Local"
@@ -143,5 +143,5 @@ def test_foxglove_shows_every_output_of_the_demo(demo):
         assert name.partition("!")[0] in PANELS
         topics |= {*panel.get("topics", ())}
         topics |= {panel.get("imageMode", {}).get("imageTopic"), panel.get("topicToRender")}
-    diagnostics = {"/diagnostics"} if demo == "filters_demo" else set()
+    diagnostics = set() if demo == "simple_demo" else {"/diagnostics"}
     assert topics - {None} == {*visualized(demo)} | diagnostics
