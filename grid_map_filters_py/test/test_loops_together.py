@@ -100,6 +100,15 @@ ARGUMENTS = {
         np.append(FIRSTS[1:], COUNT),
         *np.zeros((3, COUNT), np.uint32),
     ),
+    # A tile of 3 x 4 cells and a margin of one, padded with two.
+    plane_loops.sum_heights: (
+        RANDOM.normal(size=32),
+        (1, 1),
+        (4, 5),
+        np.array([1, 0]),
+        tuple(np.zeros((4, 20))),
+        tuple(np.zeros((3, 7))),
+    ),
     plane_loops.to_cosines: (MOMENTS, SUMS, SPECTRUM, MANY, WORK),
     plane_loops.to_normals: (
         MOMENTS,

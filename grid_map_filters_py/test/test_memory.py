@@ -3,6 +3,8 @@
 """Peak memory of filters beside their input and output."""
 
 import gc
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -90,3 +92,27 @@ def test_windows_free_all_memory(grid_map, edge_handling, expression):
         lambda: over_windows("slope", layer, 3, edge_handling), layer.nbytes
     )
     assert result == pytest.approx(1.0, abs=0.1)
+
+
+NEW_PAGES = """
+import resource, sys
+import numpy as np
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain
+
+chain = FilterChain.from_yaml(sys.argv[1])
+heights = np.random.default_rng(1).random((400, 400), np.float32)
+grid_map = GridMap((20.0, 20.0), 0.05, layers={"elevation": heights, "color": 0.0})
+for _ in range(6):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    chain(grid_map)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def test_a_chain_keeps_its_temporaries_for_the_next_map():
+    path = Path(__file__).parent / "data" / "traversability.yaml"
+    command = [sys.executable, "-c", NEW_PAGES, str(path)]
+    pages = int(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
+    # A layer has 156 pages; without kept memory, there are more than 2000 new ones.
+    assert pages < 156

@@ -252,3 +252,18 @@ def test_compiled_loops_give_the_bits_of_numpy(shape, holes, factor):
             slow = fits.area_normals(layer, 0.1, radius, 0.1)
         for one, other in zip(fast, slow, strict=True):
             np.testing.assert_array_equal(one.view(np.uint32), other.view(np.uint32))
+
+
+@pytest.mark.parametrize("loops", [fits.prepare_normals, tuple], ids=["loops", "numpy"])
+def test_sums_over_whole_discs_are_constants_with_the_same_bits(loops):
+    layer = np.asfortranarray(hills(400, 390, 0.0))
+    with_hole = layer.copy("F")
+    # In a tile that is not at the border of the map.
+    with_hole[200, 195] = np.nan
+    with patch.object(fits, "prepare_normals", loops):
+        whole, counted = (fits.area_normals(one, 0.1, 0.35, 0.1) for one in (layer, with_hole))
+    away = np.ones(layer.shape, np.bool_)
+    away[196:205, 191:200] = False
+    for one, other in zip(whole, counted, strict=True):
+        np.testing.assert_array_equal(one[away].view(np.uint32), other[away].view(np.uint32))
+        assert (one[~away] != other[~away]).any()

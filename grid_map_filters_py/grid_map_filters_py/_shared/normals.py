@@ -19,7 +19,14 @@ from grid_map_core_py.loops import Compiled
 
 from ..parts._disc import Disc, Flat, Tile, tiles
 from ..parts._side_by_side import side_by_side
-from .plane_loops import SMALLEST_GAP, SMALLEST_Z, to_cosines, to_normals, work_memory
+from .plane_loops import (
+    SMALLEST_GAP,
+    SMALLEST_Z,
+    sum_heights,
+    to_cosines,
+    to_normals,
+    work_memory,
+)
 
 Normals = tuple[Layer, ...]
 Field = npt.NDArray[np.float64]
@@ -33,8 +40,8 @@ _SMALLEST_SPREAD = 1e-8
 
 def prepare_normals() -> tuple[Compiled, ...]:
     """Return the compiled loops, from disk or compiled now; none where there is no compiler."""
-    first, second = to_cosines.compiled(), to_normals.compiled()
-    return (first, second) if first and second else ()
+    loops = tuple(each.compiled() for each in (sum_heights, to_cosines, to_normals))
+    return tuple(filter(None, loops)) if all(loops) else ()
 
 
 def area_normals(layer: Layer, offset: float, radius: float, resolution: float) -> Normals:
@@ -143,20 +150,44 @@ def _moments(known: Flat, z: Flat, tile: Tile) -> tuple[Symmetric, Components]:
 
     Coordinates are in cells from the center of the disc, along rows, along columns and downwards.
     """
-    # The smallest integer type that holds the moments of a whole disc is the fastest.
-    largest = np.count_nonzero(tile.disc.kernel) * max(tile.disc.reach) ** 2
-    one = known.astype(np.min_scalar_type(-largest - 1))
+    sum_z, xz, yz, zz = (_height_moments_by_loop if prepare_normals() else _height_moments)(z, tile)
+    count, sum_x, sum_y, xx, xy, yy = _point_moments(known, tile)
+    return (xx, xy, xz, yy, yz, zz), (count, sum_x, sum_y, sum_z)
+
+
+def _height_moments(z: Flat, tile: Tile) -> Components:
+    """Return the sums of z, of its products with rows and columns, and of its squares."""
     sum_z, xz = _moments_across(tile, z, 1, (0, 1))
-    (yz,) = _moments_across(tile, z, 0, (1,))
+    (yz,) = _moments_across(tile, z, 1, (0,), moments=True)
+    (zz,) = _moments_across(tile, z * z, 1, (0,))
+    return sum_z, xz, yz, zz
+
+
+def _height_moments_by_loop(z: Flat, tile: Tile) -> Components:
+    """Do what `_height_moments` does, to the bit, with a compiled loop."""
+    disc, (_, stride) = tile.disc, tile.strides
+    sums, lines = np.empty((4, tile.count)), np.empty((3, stride + 2 * disc.reach[0]))
+    size = tile.count // stride, stride
+    prepare_normals()[0](z, disc.reach, size, disc.half_widths[1], tuple(sums), tuple(lines))
+    return tuple(sums)
+
+
+def _point_moments(known: Flat, tile: Tile) -> Components:
+    """Return the number of points, the sums of rows and columns, and of their products."""
+    disc, (_, stride) = tile.disc, tile.strides
+    # The last cells only fill up the array.
+    if known[: known.size // stride * stride].all():
+        # Of whole discs, whose moments of odd order are 0.
+        x, y = disc.offsets
+        values = [np.sum(disc.kernel * factor) for factor in (1.0, 0.0, 0.0, x * x, 0.0, y * y)]
+        return tuple(np.full(tile.count, value) for value in values)
+    # The smallest integer type that holds the moments of a whole disc is the fastest.
+    largest = np.count_nonzero(disc.kernel) * max(disc.reach) ** 2
+    one = known.astype(np.min_scalar_type(-largest - 1))
     sum_x, xx = _moments_across(tile, one, 1, (1, 2))
     sum_y, yy = _moments_across(tile, one, 0, (1, 2))
     (xy,) = _moments_across(tile, one, 0, (1,), moments=True)
-    moments = xx, xy, xz, yy, yz, tile.sums(z * z)
-    sums = tile.counts(known), sum_x, sum_y, sum_z
-    return _as_floats(moments), _as_floats(sums)
-
-
-def _as_floats(fields: Sequence[Flat]) -> tuple[Field, ...]:
+    fields = tile.counts(known), sum_x, sum_y, xx, xy, yy
     return tuple(field.astype(np.float64, copy=False) for field in fields)
 
 
@@ -219,7 +250,7 @@ def _planes_by_loops(
     size, work = known.size, work_memory()
     mean, radius, cosine, x, y, z = np.empty((6, size))
     doubtful = np.empty(size, np.bool_)
-    for_cosines, for_normals = prepare_normals()
+    _, for_cosines, for_normals = prepare_normals()
     for_cosines(moments, sums, (mean, radius, cosine), size, work)
     fields, roots = (sums[0], mean, radius, cosine), _first_roots(cosine)
     flags = known.view(np.uint8), doubtful.view(np.uint8)

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Compiled loops for normals of planes: eigenvectors of symmetric 3 x 3 matrices.
+"""Compiled loops for normals of planes: sums over discs, eigenvectors of symmetric matrices.
 
 `normals.py` has the same arithmetic for NumPy, which passes through memory for each operation, and
 says where it comes from. Both give the same bits: operations have the same order.
@@ -62,6 +62,101 @@ def _load_moments(work: Any, moments: Any, others: Any, begin: int, count: int) 
 def _store(work: Any, row: int, values: Any, begin: int, count: int) -> None:
     for i in range(count):
         values[begin + i] = work[row * _BLOCK + i]
+
+
+# The compiler uses vector units in loops of few arrays.
+
+
+def _begin(lines: Any, heights: Any, middle: int, length: int, sums: Any, discs: Any) -> None:
+    """Begin lines of one cell, and sums of 0 over the discs."""
+    sum_line, moment_line, square_line = lines
+    for i in range(length):
+        sum_line[i], moment_line[i] = heights[middle + i], 0.0
+    for i in range(length):
+        square_line[i] = sum_line[i] * sum_line[i]
+    start, count = discs
+    for total in sums:
+        for i in range(start, start + count):
+            total[i] = 0.0
+
+
+def _lengthen(lines: Any, heights: Any, middle: int, length: int, stride: int, widths: Any) -> None:
+    """Add cells to both ends of lines, so that their half widths grow."""
+    sum_line, moment_line, square_line = lines
+    before, after = widths
+    for width in range(before + 1, after + 1):
+        ahead, behind = middle + width * stride, middle - width * stride
+        for i in range(length):
+            sum_line[i] = sum_line[i] + heights[ahead + i] + heights[behind + i]
+        for i in range(length):
+            moment_line[i] += (heights[ahead + i] - heights[behind + i]) * float(width)
+        for i in range(length):
+            one, other = heights[ahead + i], heights[behind + i]
+            square_line[i] = square_line[i] + one * one + other * other
+
+
+def _add_pairs(sums: Any, lines: Any, discs: Any, rows: int, distance: int) -> None:
+    """Add the lines at a distance on both sides of the centers of discs."""
+    start, count = discs
+    of_heights, by_row, by_column, of_squares = sums
+    sum_line, moment_line, square_line = lines
+    ahead, behind = rows + distance, rows - distance
+    for i in range(count):
+        of_heights[start + i] += sum_line[ahead + i] + sum_line[behind + i]
+    for i in range(count):
+        by_row[start + i] += (sum_line[ahead + i] - sum_line[behind + i]) * float(distance)
+    for i in range(count):
+        by_column[start + i] += moment_line[ahead + i] + moment_line[behind + i]
+    for i in range(count):
+        of_squares[start + i] += square_line[ahead + i] + square_line[behind + i]
+
+
+def _add_middles(sums: Any, lines: Any, discs: Any, rows: int) -> None:
+    """Add the lines through the centers of discs."""
+    start, count = discs
+    of_heights, _, by_column, of_squares = sums
+    sum_line, moment_line, square_line = lines
+    for i in range(count):
+        of_heights[start + i] += sum_line[rows + i]
+    for i in range(count):
+        by_column[start + i] += moment_line[rows + i]
+    for i in range(count):
+        of_squares[start + i] += square_line[rows + i]
+
+
+@loop(
+    "float64*",
+    ("int64", 2),
+    ("int64", 2),
+    "int64*",
+    ("float64*", 4),
+    ("float64*", 3),
+)
+def sum_heights(heights: Any, reach: Any, size: Any, widths: Any, sums: Any, lines: Any) -> None:
+    """Write the sums over discs of height, height times row, height times column, and squares.
+
+    Args:
+        heights: flat, with the margin of a `Tile`.
+        reach: rows and columns from the center of a disc to its rim.
+        size: number of columns of discs, and step from one to the next.
+        widths: half widths of the lines of a disc along columns.
+        sums: four arrays for the sums.
+        lines: memory for the sums over lines of a column of discs and its margin.
+    """
+    (rows, columns), (count, stride) = reach, size
+    length = stride + 2 * rows
+    for column in range(count):
+        discs, middle = (column * stride, stride), (column + columns) * stride
+        _begin(lines, heights, middle, length, sums, discs)
+        width = 0
+        for distance in range(rows, 0, -1):
+            # Lines get longer towards the centers.
+            half = (width, widths[distance])
+            _lengthen(lines, heights, middle, length, stride, half)
+            _add_pairs(sums, lines, discs, rows, distance)
+            width = widths[distance]
+        _lengthen(lines, heights, middle, length, stride, (width, widths[0]))
+        _add_middles(sums, lines, discs, rows)
 
 
 @loop(("float64*", 6), ("float64*", 4), ("float64*", 3), "int64", "float64*")
