@@ -20,7 +20,6 @@ from grid_map_core_py.plugins import build, check, descriptions
 
 from ._config import StepConfig, field_name, parse_steps, read_chain
 from ._filter import Filter, reach_of, running
-from ._memory import keep_temporaries
 from ._registry import FILTERS
 from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError, FilterError
@@ -234,7 +233,6 @@ class FilterChain:
         result = grid_map
         if grid_map.start_index != (0, 0):
             result = grid_map.with_start_index((0, 0))
-        keep_temporaries(grid_map.size)
         threads = self.threads if math.prod(grid_map.size) >= _FEWEST_CELLS else 1
         with use_threads(threads):
             for step in self.steps:

@@ -26,6 +26,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import short
 
+from ._memory import keep_temporaries
 from .errors import FilterError
 
 
@@ -125,11 +126,13 @@ def in_map_order(call: C) -> C:
     """Decorator for `__call__` of a filter that needs maps in map order.
 
     A map that has moved is unwrapped, and the result is stored from its start index again. Filters
-    that use neighboring cells need it outside of chains; a chain does the same.
+    that use neighboring cells need it outside of chains; a chain does the same. Memory that the
+    filter frees is kept for the next one.
     """
 
     @functools.wraps(call)
     def wrapped(self: object, grid_map: GridMap) -> GridMap:
+        keep_temporaries(grid_map.size)
         start = grid_map.start_index
         if start == (0, 0):
             return call(self, grid_map)

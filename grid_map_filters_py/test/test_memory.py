@@ -110,7 +110,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
-def test_a_chain_keeps_its_temporaries_for_the_next_map():
+def test_filters_keep_their_temporaries_for_the_next_map():
     path = Path(__file__).parent / "data" / "traversability.yaml"
     command = [sys.executable, "-c", NEW_PAGES, str(path)]
     pages = int(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
