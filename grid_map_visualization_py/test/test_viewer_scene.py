@@ -474,6 +474,42 @@ def test_larger_messages_than_pictures_end_their_connection(page):
             send(picture)
 
 
+def test_connection_that_is_not_read_holds_few_messages(page):
+    host, port = page.url.removeprefix("http://").split(":")
+    head = f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    head += "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
+    message = b"\x82\xff" + struct.pack(">Q4x", LARGEST_PICTURE) + bytes(LARGEST_PICTURE)
+    sent = 0
+    with socket.create_connection((host, port), timeout=1.0) as program:
+        # Without the protocol of the page, the server asks it to close the connection.
+        program.sendall(head.encode())
+        with suppress(OSError):
+            for _ in range(20):
+                program.sendall(message)
+                sent += 1
+    assert sent <= 4
+
+
+def test_programs_that_are_no_page_write_no_output(page, capfd):
+    websockets = pytest.importorskip("websockets.sync.client")
+    closed = pytest.importorskip("websockets.exceptions").ConnectionClosed
+    address = page.url.replace("http", "ws")
+    with socket.create_connection(page.url.removeprefix("http://").split(":")) as program:
+        program.sendall(b"no HTTP\r\n\r\n")
+        assert program.recv(1) == b""
+    for protocol in ("viser-v0", "viser-v" + "x" * 4000):
+        with (
+            websockets.connect(address, subprotocols=[protocol]) as program,
+            pytest.raises(closed, match="1002"),
+        ):
+            program.recv()
+    junk, *others = page.take_refusals()
+    assert junk.startswith("opening handshake failed: InvalidMessage(")
+    assert len(others) == 2
+    assert all(re.match(r"a connection was closed: expected .* viser-v\d", text) for text in others)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_missing_selected_layer_is_replaced_by_preferred_or_first(page):
     chosen = []
     for layers in ("b elevation z", "b elevation", "b a_x a_y a_z", "c a"):

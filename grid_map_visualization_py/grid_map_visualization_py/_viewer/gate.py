@@ -8,6 +8,7 @@ as fast as it comes.
 
 import asyncio
 import ipaddress
+import logging
 import struct
 import time
 from collections import deque
@@ -45,9 +46,13 @@ LARGEST_PICTURE = 16_000_000
 """Largest size of a message of any kind; a larger one closes the connection [bytes]."""
 
 MOST_CONNECTIONS = 32
-"""Largest number of open connections; each page in a browser has one.
+"""Largest number of open connections; each page in a browser has one."""
 
-A connection may hold an unfinished message of the largest size.
+MOST_WAITING = 1
+"""Number of parts of messages that a connection holds before it stops reading.
+
+A connection may thus hold three messages of the largest size: an unfinished one, and two finished
+ones, since it stops when the part beyond this number is there.
 """
 
 BURST = 1.0
@@ -82,6 +87,7 @@ class Gate:
     Args:
         websockets: the module `websockets.asyncio.server`.
         msgspec: the module of that name.
+        protocol: name of the protocol that the page asks for; it has the version of viser.
         names: names under which browsers may open the page; see `is_allowed`.
 
     Attributes:
@@ -92,7 +98,7 @@ class Gate:
         refusals: reasons for which the last messages were refused.
     """
 
-    def __init__(self, websockets: Any, msgspec: Any, names: Container[str]) -> None:
+    def __init__(self, websockets: Any, msgspec: Any, protocol: str, names: Container[str]) -> None:
         self.serve = websockets.serve
         self.is_used = False
         self.controls: dict[str, Any] = {}
@@ -102,11 +108,17 @@ class Gate:
         picture = msgspec.defstruct("Picture", fields, forbid_unknown_fields=True)
         self._decode_picture = msgspec.msgpack.Decoder(picture).decode
         self._decode, self._fields = msgspec.msgpack.decode, msgspec.structs.asdict
-        self._names = names
+        self._protocol, self._names = protocol, names
         self.open: set[Any] = set()
 
     def __call__(self, handle: Any, *args: Any, process_request: Any, **options: Any) -> Any:
         async def handle_and_note(connection: Any) -> None:
+            if connection.subprotocol != self._protocol:
+                # viser would print the name, of any length, each time.
+                why = f"expected the protocol {self._protocol}"
+                self.note("a connection was closed", GridMapError(why))
+                await connection.close(1002, f"Version mismatch: {why}")
+                return
             try:
                 await handle(connection)
             except Exception as error:  # The library of the page may raise anything.
@@ -119,7 +131,10 @@ class Gate:
 
         self.is_used = True
         options |= {"process_request": check_first, "create_connection": self._connection}
-        options["max_size"] = LARGEST_PICTURE
+        options |= {"max_size": LARGEST_PICTURE, "max_queue": MOST_WAITING}
+        # By default, it logs a traceback of each connection that sends no HTTP.
+        options["logger"] = logging.Logger("web_viewer", logging.WARNING)
+        options["logger"].addHandler(_Notes(self))
         return self.serve(handle_and_note, *args, **options)
 
     def _refusal(
@@ -156,7 +171,7 @@ class Gate:
             return False
         return True
 
-    def note(self, what: str, error: Exception) -> None:
+    def note(self, what: str, error: BaseException) -> None:
         """Remember what was refused, and why."""
         why = str(error) if isinstance(error, GridMapError) else repr(error)
         self.refusals.append(f"{what}: {why}")
@@ -186,6 +201,18 @@ class Gate:
             _check_picture(message["payload"])
         else:
             check(False, "type", "a message of the page", kind)
+
+
+class _Notes(logging.Handler):
+    """Gives what websockets logs to a gate."""
+
+    def __init__(self, gate: Gate) -> None:
+        super().__init__()
+        self._gate = gate
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _, error, _ = record.exc_info or (None, None, None)
+        self._gate.note(record.getMessage(), error or GridMapError("no page"))
 
 
 def _checked(base: Any, gate: Gate) -> Any:

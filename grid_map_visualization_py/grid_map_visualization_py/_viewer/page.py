@@ -383,7 +383,7 @@ def _serve(host: str, port: int, names: Container[str]) -> tuple[Any, Gate]:
         required(name, "web_viewer", "install viser (pip)")
         for name in ("viser", "websockets.asyncio.server", "msgspec")
     )
-    gate = Gate(websockets, msgspec, names)
+    gate = Gate(websockets, msgspec, f"viser-v{viser.__version__}", names)
     try:
         # Without this check, viser would silently use the next free port.
         for family, *_, address in socket.getaddrinfo(
