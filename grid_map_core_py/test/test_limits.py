@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Small inputs that claim much are refused before they take memory; limits can be raised."""
 
+import os
 import struct
 import threading
 import time
@@ -29,7 +30,14 @@ from grid_map_core_py import (
     load,
 )
 from grid_map_core_py.conversions import rasterize_triangles
-from grid_map_core_py.files import load_height_image, load_points, save_images, save_npz
+from grid_map_core_py.files import (
+    _geotiff,
+    _tiff,
+    load_height_image,
+    load_points,
+    save_images,
+    save_npz,
+)
 from grid_map_core_py.limits import Limits, changed_limits, current_limits, set_limits
 from grid_map_core_py.map import select_layers
 
@@ -240,6 +248,26 @@ def test_small_map_in_large_tile_of_mask_is_refused(tmp_path):
     path.write_bytes(bytes(data) + struct.pack("<H", len(tags)) + b"".join(entries) + bytes(4))
     with pytest.raises(LimitError, match=f"tile: {CELLS}32752 x 16384"):
         load(path)
+
+
+def test_tiff_that_becomes_shorter_while_it_is_read_ends_no_process(tmp_path, monkeypatch):
+    path = tmp_path / "a.tif"
+    cv2.imwrite(str(path), np.zeros((20, 30), np.uint8))
+    data = bytearray(path.read_bytes())
+    (start,) = struct.unpack_from("<I", data, 4)
+    (count,) = struct.unpack_from("<H", data, start)
+    struct.pack_into("<I", data, start + 2 + 12 * count, 2**20)
+    path.write_bytes(data)
+    os.truncate(path, 2**21)
+    checked = []
+
+    def shorten(*arguments):
+        os.truncate(path, len(data))
+        checked.append(arguments[1])
+
+    monkeypatch.setattr(_tiff, "check_tiles", shorten)
+    assert _geotiff._checked_length(path) == 2**21
+    assert checked == [(20, 30)]
 
 
 @pytest.mark.needs("pypcd4")

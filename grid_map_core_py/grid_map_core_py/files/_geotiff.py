@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
-from mmap import ACCESS_READ, mmap
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -190,9 +189,8 @@ def _checked_length(file: Path) -> int:
     """Return the length of a file [bytes] after a check of the tiles that it claims."""
     with file.open("rb") as stream:
         length = os.fstat(stream.fileno()).st_size
-        if length and stream.read(4) in HEADS:
-            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-                check_tiff(f"{file}", data)
+        if stream.read(4) in HEADS:
+            check_tiff(f"{file}", stream)
     return length
 
 

@@ -14,6 +14,7 @@ import struct
 import zlib
 from collections.abc import Iterable
 from contextlib import suppress
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 
@@ -210,7 +211,7 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
     is_png = data.startswith(_PNG_MAGIC)
     if size is not None and not is_png:
         raise ValueError("no PNG image")
-    claimed = check_tiff(f"{file}", data) if data[:4] in HEADS else _claimed_size(data)
+    claimed = check_tiff(f"{file}", BytesIO(data)) if data[:4] in HEADS else _claimed_size(data)
     if size not in (None, claimed):
         expected, found = (f"{columns} x {rows}" for rows, columns in (size, claimed))
         raise ValueError(f"expected {expected} pixels, got {found}")

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sizes that TIFF and BigTIFF files claim, read before a library allocates memory for them."""
 
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import suppress
-from mmap import mmap
+from typing import BinaryIO
 
 from ..limits import check_cells, check_visits
 
@@ -28,12 +29,13 @@ _MOST_ENTRIES = 100_000
 """Maximum number of entries of all directories."""
 
 
-def check_tiff(name: str, data: bytes | mmap) -> tuple[int, int]:
+def check_tiff(name: str, file: BinaryIO) -> tuple[int, int]:
     """Return rows and columns of the first image after a check of the tiles that hold it.
 
     Args:
         name: name of the file, for messages.
-        data: the whole file.
+        file: the file. Another process may shorten it meanwhile, which would end a process that
+            has mapped it.
 
     Raises:
         LimitError: the image has too many cells, or it or a mask has too many in its tiles.
@@ -41,7 +43,7 @@ def check_tiff(name: str, data: bytes | mmap) -> tuple[int, int]:
     """
     found: list[tuple[int, int]] = []
     with suppress(struct.error):
-        for tags in _directories(data):
+        for tags in _directories(file):
             if not found or tags[_SUBFILE] & _MASK:
                 size, tile = (tags[_ROWS], tags[_COLUMNS]), (tags[_TILE_ROWS], tags[_TILE_COLUMNS])
                 check_tiles(name, size, (max(tile[0], 1), max(tile[1], 1)))
@@ -68,22 +70,35 @@ def check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None
     check_visits(f"{name}: tiles", rows * columns)
 
 
-def _directories(data: bytes | mmap) -> Iterator[dict[int, int]]:
+def _directories(file: BinaryIO) -> Iterator[dict[int, int]]:
     """Yield the values of `_TAGS` in each directory: 0 if missing, the largest of several."""
-    order, place, count_type, offset_type = HEADS[data[:4]]
-    (start,) = struct.unpack_from(order + offset_type, data, place)
-    entries, length = 0, 4 + 2 * place
+    end = file.seek(0, os.SEEK_END)
+    order, place, count_type, offset_type = HEADS[_read(file, 0, 4)]
+
+    def number_at(start: int, kind: str) -> int:
+        size = struct.calcsize(kind)
+        (number,) = struct.unpack(order + kind, _read(file, min(start, end), size))
+        return int(number)
+
+    start, entries, length = number_at(place, offset_type), 0, 4 + 2 * place
     while start:
-        (count,) = struct.unpack_from(order + count_type, data, start)
+        count = number_at(start, count_type)
         entries += count + 1
         if entries > _MOST_ENTRIES:
             raise ValueError(f"its directories have more than {_MOST_ENTRIES} entries")
         start += struct.calcsize(count_type)
+        directory = _read(file, start, length * count)
         tags = dict.fromkeys(_TAGS, 0)
-        for entry in range(start, start + length * count, length):
-            tag, kind = struct.unpack_from(order + "HH", data, entry)
+        for entry in range(0, length * count, length):
+            tag, kind = struct.unpack_from(order + "HH", directory, entry)
             if tag in _TAGS and kind in _KINDS:
-                (number,) = struct.unpack_from(order + _KINDS[kind], data, entry + 4 + place)
+                (number,) = struct.unpack_from(order + _KINDS[kind], directory, entry + 4 + place)
                 tags[tag] = max(tags[tag], number)
         yield tags
-        (start,) = struct.unpack_from(order + offset_type, data, start + length * count)
+        start = number_at(start + length * count, offset_type)
+
+
+def _read(file: BinaryIO, start: int, size: int) -> bytes:
+    """Return the bytes at a place of a file: fewer at its end."""
+    file.seek(start)
+    return file.read(size)
