@@ -4,6 +4,7 @@
 
 import math
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from grid_map_core_py.loops import Loop, _folder, loop
+from grid_map_core_py.loops import Loop, _folder, _machine_code, loop
 from grid_map_core_py.loops._fingerprint import described
 
 needs_numba = pytest.mark.needs("numba")
@@ -188,6 +189,16 @@ def test_folder_is_private_and_no_link(cache):
         assert folder is None
 
 
+def test_write_removes_what_killed_processes_left(cache):
+    old, new = cache / ".old.01234567.partial", cache / ".new.01234567.partial"
+    with _folder.open_folder() as folder:
+        for path in (old, new):
+            path.touch()
+        os.utime(old, (0, 0))
+        assert _folder.write(folder, "name", b"key", b"code")
+    assert {path.name for path in cache.iterdir()} == {new.name, "name"}
+
+
 def test_full_disk_leaves_no_file(cache, full_disk):
     with _folder.open_folder() as folder, full_disk(10):
         assert not _folder.write(folder, "name", b"key", b"code")
@@ -343,3 +354,25 @@ def test_threads_compile_a_loop_once():
     for thread in threads:
         thread.join()
     assert len(set(found)) == 1
+
+
+@needs_numba
+@pytest.mark.usefixtures("cache")
+def test_process_forked_during_compilation_can_compile(monkeypatch):
+    begun, compiled = threading.Event(), _machine_code.compiled
+
+    def compiled_later(*arguments):
+        begun.set()
+        return compiled(*arguments)
+
+    monkeypatch.setattr(_machine_code, "compiled", compiled_later)
+    thread = threading.Thread(target=Loop(_mixed.function, _mixed.takes).compiled)
+    thread.start()
+    begun.wait()
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)
+        other = Loop(_mixed.function, (*_mixed.takes[:-1], "float64*"))
+        os._exit(other.compiled() is None)
+    thread.join()
+    assert os.waitpid(child, 0)[1] == 0

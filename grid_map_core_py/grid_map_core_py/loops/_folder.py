@@ -14,6 +14,7 @@ import hashlib
 import os
 import secrets
 import stat
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,6 +22,8 @@ from pathlib import Path
 _DIGEST = 32  # bytes
 _LARGEST = 1 << 20  # bytes; machine code of a loop has some thousand
 _OTHERS_CAN_WRITE = 0o022
+_ENDING = ".partial"
+_LONGEST = 3600.0  # seconds; writing takes some milliseconds
 
 
 @contextmanager
@@ -61,8 +64,9 @@ def read(folder: int, name: str, key: bytes) -> bytes | None:
 
 def write(folder: int, name: str, key: bytes, code: bytes) -> bool:
     """Write machine code into a file; return whether that succeeded."""
-    content, temporary = _digest(key, code) + code, f".{name}.{secrets.token_hex(4)}.partial"
+    content, temporary = _digest(key, code) + code, f".{name}.{secrets.token_hex(4)}{_ENDING}"
     with suppress(OSError):
+        _remove_remains(folder)
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
         file = os.open(temporary, flags, 0o600, dir_fd=folder)
         try:
@@ -73,6 +77,15 @@ def write(folder: int, name: str, key: bytes, code: bytes) -> bool:
         except OSError:
             os.unlink(temporary, dir_fd=folder)
     return False
+
+
+def _remove_remains(folder: int) -> None:
+    """Remove files that processes were writing when they were killed."""
+    for name in os.listdir(folder):
+        if name.endswith(_ENDING):
+            age = time.time() - os.stat(name, dir_fd=folder, follow_symlinks=False).st_mtime
+            if age > _LONGEST:
+                os.unlink(name, dir_fd=folder)
 
 
 def _path() -> Path:

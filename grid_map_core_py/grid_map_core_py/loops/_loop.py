@@ -17,6 +17,13 @@ from ._folder import is_writable, open_folder, read, write
 from ._machine_code import Compiled, NotCompiledError, Types
 
 _compiling = threading.RLock()
+if hasattr(os, "register_at_fork"):
+    # The child would wait forever for the locks of a compiler whose thread it does not have.
+    os.register_at_fork(
+        before=_compiling.acquire,
+        after_in_parent=_compiling.release,
+        after_in_child=_compiling.release,
+    )
 
 
 @dataclass(eq=False)
