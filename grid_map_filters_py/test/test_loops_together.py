@@ -11,7 +11,9 @@ import pytest
 
 import grid_map_filters_py.builtin  # noqa: F401  imports all modules with cell functions
 from grid_map_core_py.conversions import _point_loops as point_loops
+from grid_map_core_py.elevation import _fusion as fusion, _order as order, _visibility as visibility
 from grid_map_core_py.loops import Loop, loop
+from grid_map_core_py.simulation import _ray_loops as ray_loops
 from grid_map_filters_py._shared import inpaint_loop, median_loops, plane_loops
 from grid_map_filters_py._shared.medians import _comparators, _sorted_keys
 from grid_map_filters_py.expression import _window_loops as window_loops
@@ -41,6 +43,25 @@ SUMS = RANDOM.integers(0, 9, MANY).astype(float), *COORDINATES.sum(axis=2, dtype
 SPECTRUM = tuple(RANDOM.random((3, MANY)))
 FLAGS = RANDOM.integers(0, 2, MANY, np.uint8), np.zeros(MANY, np.uint8)
 ROOTS, WORK = RANDOM.uniform(-1, 1, MANY).astype(np.float32), plane_loops.work_memory()
+
+
+# Points of a scan, sorted by cell and downwards; the last one of each cell always counts.
+ENDS = np.append(FIRSTS[1:], COUNT)
+SCANNED = RANDOM.integers(-9, 9, COUNT) / 4
+SCANNED = SCANNED[np.lexsort((-SCANNED, PLACES))]
+ENTRIES = RANDOM.uniform(0, 20, COUNT)
+ENTRIES[ENDS - 1] = 9.0
+ESTIMATES = np.where(np.arange(CELLS) % 4 == 1, np.nan, RANDOM.integers(-4, 4, CELLS) / 2)
+ESTIMATES[6] = 4.0  # above all points of its cell
+
+# Beams over 8 x 6 cells of 0.5 m, from a sensor 1 m above row 3.2 and column 1.7.
+VIEW = (3.2, 1.7, 1.0, 0.5, 0.1, 5.0), (8, 6)
+BEAMS = RANDOM.uniform(-3, 3, (3, MANY))
+PARTS = visibility.SECTORS * visibility.RINGS
+
+# Beams over 7 x 9 heights, and where each begins and ends.
+RAYS = np.vstack([RANDOM.uniform(0, [[6], [8], [2]], (3, MANY)), RANDOM.uniform(-1, 1, (3, MANY))])
+SPANS = np.repeat([[0.0], [20.0]], MANY, axis=1)
 
 
 # Windows of 3 x 3 in 7 x 9 values.
@@ -109,6 +130,51 @@ ARGUMENTS = {
         tuple(np.zeros((4, 20))),
         tuple(np.zeros((3, 7))),
     ),
+    order.deal: (
+        RANDOM.permutation(PLACES),
+        SCANNED,
+        RANDOM.integers(1, 3, COUNT) / 8,
+        COUNT,
+        CELLS,
+        integers(CELLS + 1),
+        integers(COUNT),
+        *np.zeros((2, COUNT)),
+    ),
+    fusion.fuse_cells: (
+        OCCUPIED,
+        FIRSTS,
+        ENDS,
+        len(OCCUPIED),
+        SCANNED,
+        RANDOM.uniform(0.01, 0.1, COUNT),
+        ENTRIES,
+        ESTIMATES,
+        np.full(CELLS, 0.01),
+        (np.arange(CELLS) % 4 == 2).astype(np.uint8),
+        (2.5, 1e-6, 1e-7),
+        2,
+        np.zeros(CELLS, np.uint8),
+        np.zeros(COUNT, np.uint8),
+    ),
+    visibility.cover: (
+        np.arange(48),
+        RANDOM.uniform(-1, 1, 48),
+        48,
+        *VIEW,
+        np.full(PARTS, -np.inf),
+    ),
+    visibility.trace: (
+        *BEAMS,
+        MANY,
+        *VIEW,
+        RANDOM.uniform(-1, 1, PARTS),
+        RANDOM.uniform(-1, 1, 48),
+        RANDOM.permutation(48),
+        RANDOM.uniform(-2, 0, 48),
+        RANDOM.uniform(-1, 1, 144),
+        np.zeros(48, np.uint8),
+    ),
+    ray_loops.one_by_one: (HEIGHTS, 7, 9, RAYS.ravel(), SPANS.ravel(), MANY, np.zeros(MANY)),
     plane_loops.to_cosines: (MOMENTS, SUMS, SPECTRUM, MANY, WORK),
     plane_loops.to_normals: (
         MOMENTS,
