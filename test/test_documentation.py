@@ -627,6 +627,7 @@ def test_the_page_of_security_has_the_limits_of_the_code():
     limits = [
         f"{_yaml.LARGEST // 2**20} MB",
         DEEPEST,
+        _yaml._LONGEST_TAG,
         _yaml._LONGEST_NUMBER,
         _yaml._BITS,
         _yaml.MOST_VALUES,

@@ -29,6 +29,10 @@ WRONG = {
         "".join(f"%TAG !{n}! x\n" for n in range(90_000)) + "--- 1",
         "more than 100 times %TAG",
     ),
+    "long tags": (
+        f"%TAG !e! {'a' * 100_000}\n--- [{'!e!b x, ' * 9000}]",
+        "a tag of more than 100 characters",
+    ),
     "date": ("when: 2024-13-45", "no valid YAML: '2024-13-45' is no timestamp: month must be"),
     "digits": ("n: " + "9" * 5000, "no valid YAML: '999"),
     "bits": (f"n: {2**64}", "no valid YAML: '18446744073709551616' is no int: expected at most 64"),

@@ -24,6 +24,9 @@ MOST_VALUES = 100_000
 _MOST_TAGS = 100
 """Maximum number of `%TAG` directives, for which libyaml takes quadratic time."""
 
+_LONGEST_TAG = 100
+"""Maximum number of characters of a tag, of which a `%TAG` directive can make long copies."""
+
 _LONGEST_NUMBER = 100
 """Maximum number of characters of a number."""
 
@@ -182,6 +185,8 @@ class _Check:
 def _check(text: str | bytes) -> None:
     check = _Check()
     for event in yaml.parse(text, _Loader):
+        if len(getattr(event, "tag", None) or "") > _LONGEST_TAG:
+            raise _RefusedError(f"a tag of more than {_LONGEST_TAG} characters")
         match event:
             case yaml.ScalarEvent():
                 check.add(1)
