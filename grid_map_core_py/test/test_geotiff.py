@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import a_map
+from memory import peak_of
 
 from grid_map_core_py import GridMap, GridMapError
 from grid_map_core_py.files import _geotiff, load, load_geotiff, map_facts, save, save_geotiff
@@ -369,3 +370,23 @@ def test_files_beside_a_raster_never_change_values(rasterio):
         load("dem.tif")
     beside.write_text('<PAMDataset><Metadata><MDI key="STATISTICS_MEAN">2</MDI></Metadata>...')
     assert load("dem.tif")["elevation"].min() == -9
+
+
+def test_long_files_beside_a_raster_are_not_read_whole(rasterio):
+    with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
+        write(rasterio, transform=rasterio.Affine.identity())
+
+    def refused(name: str, text: str) -> None:
+        Path(name).touch()
+        os.truncate(name, 2**27)
+        with pytest.raises(GridMapError, match=text):
+            load("dem.tif")
+        Path(name).unlink()
+
+    for name, text in (
+        ("dem.tif.aux.xml", r"expected at most 16777216 bytes in dem\.tif\.aux\.xml"),
+        ("dem.tif.msk", r"has a mask"),
+        ("dem.tfw", r"cannot be read"),
+    ):
+        peak, _ = peak_of(refused, name, text)
+        assert peak < 50e6, name

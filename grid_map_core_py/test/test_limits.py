@@ -292,6 +292,25 @@ def test_pcd_claiming_gigabytes_is_refused(claim, form, data, tmp_path):
         load_points(path)
 
 
+@pytest.mark.parametrize("ending", ["pgm", "pcd", "ply"])
+@pytest.mark.needs("pypcd4", "trimesh")
+def test_files_beyond_the_limit_are_not_read(ending, tmp_path):
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(bytes(1001))
+    text = "file: expected at most 1000 bytes, got 1001"
+    with changed_limits(max_bytes=1000), pytest.raises(LimitError, match=text):
+        load(path, resolution=1.0)
+
+
+@pytest.mark.needs("pypcd4")
+def test_pcd_claiming_more_than_the_limit_is_refused(tmp_path):
+    lines = ["FIELDS x y z", "SIZE 4 4 4", "TYPE F F F", "COUNT 1 1 1", "WIDTH 1", "HEIGHT 1"]
+    (tmp_path / "a.pcd").write_text("\n".join([*lines, "POINTS 100", "DATA ascii", ""]))
+    text = "points: expected at most 1000 bytes, got 1200"
+    with changed_limits(max_bytes=1000), pytest.raises(LimitError, match=text):
+        load_points(tmp_path / "a.pcd")
+
+
 def test_maps_made_in_python_have_no_limit():
     grid_map = GridMap((5000, 5000), 1.0)
     with changed_limits(max_cells=1):

@@ -141,6 +141,16 @@ def test_saving_again_replaces_the_image_last(tmp_path, monkeypatch):
     assert not (tmp_path / "hall.pgm").exists()
 
 
+@pytest.mark.parametrize("image", ["hall_of_all_floors.pgm", "hall.yaml", "hall.npz"])
+def test_saving_again_removes_no_other_file_that_is_named(tmp_path, image):
+    (tmp_path / image).touch()
+    path = tmp_path / "hall.yaml"
+    path.write_text(yaml.safe_dump(SETTINGS | {"image": image}))
+    save(GridMap((1, 1), 0.5, layers={"occupancy": 0.0}), path)
+    assert (tmp_path / image).exists()
+    assert (load(path)["occupancy"] == 0).all()
+
+
 WRONG = {
     "image": (None, "'image': expected a string, got nothing"),
     "resolution": ("fine", "'resolution': expected a number, got 'fine'"),

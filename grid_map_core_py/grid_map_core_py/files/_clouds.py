@@ -6,6 +6,7 @@ PCD files are read by the package `pypcd4`, PLY, OBJ and STL files by `trimesh`.
 unless such a file is to be read.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -19,8 +20,9 @@ from ..conversions._mesh import from_mesh
 from ..conversions._packed_colors import color_vector_to_value
 from ..conversions._point_layers import COLOR_FIELDS, as_colors, from_points
 from ..errors import GridMapError
+from ..limits import check_bytes
 from ..map._grid_map import GridMap
-from ._shared import naming, package_for, storage_errors
+from ._shared import check_length, naming, package_for, storage_errors
 
 Fields: TypeAlias = dict[str, npt.NDArray[Any]]
 """(N,) values of the points by the name of the field."""
@@ -210,6 +212,7 @@ def _read_pcd(file: Path) -> Fields:
 
 def _check_claims(file: Path, pypcd4: Any) -> None:
     """Refuse a PCD file that claims more bytes than it can hold; the reader would take them."""
+    check_length(file)
     lines: list[str] = []
     with file.open("rb") as stream:
         for line in stream:
@@ -226,6 +229,7 @@ def _check_claims(file: Path, pypcd4: Any) -> None:
         claimed = max(claimed, *(int.from_bytes(sizes[k : k + 4], "little") for k in (0, 4)))
     if claimed > _LARGEST_RATIO * file.stat().st_size:
         raise ValueError(f"claims {claimed} bytes, more than it has")
+    check_bytes(f"{file}: points", claimed, math.inf)
 
 
 def _read_mesh(file: Path) -> list[Any]:
@@ -238,6 +242,7 @@ def _read_mesh(file: Path) -> list[Any]:
     # Unprocessed: no vertex is merged or dropped.
     options = {"process": False, "skip_materials": True}
     with storage_errors(file, "read"), file.open("rb") as stream:
+        check_length(file)
         try:
             geometries = list(trimesh.load_scene(stream, ending, **options).geometry.values())
         except ImportError as error:

@@ -45,6 +45,12 @@ _CRS = re.compile(
 _LARGEST_DIFFERENCE = 1e-6
 """Largest relative difference between the sides of a pixel."""
 
+_LARGEST_BESIDE = 2**24
+"""Maximum size of a file of metadata beside a raster [bytes]."""
+
+_LARGEST_WORLD = 1000
+"""Characters of a world file that are read; it has six numbers."""
+
 _WINDOW = 2**24
 """Bytes that are read at once; the cache of GDAL holds more."""
 
@@ -196,11 +202,17 @@ def _checked_length(file: Path) -> int:
 
 def _check_beside(file: Path, pattern: bytes) -> None:
     """Refuse a file beside a raster whose content would change the values of the raster."""
-    if file.is_file() and re.search(pattern, file.read_bytes()):
+    if not file.is_file():
+        return
+    with file.open("rb") as stream:
+        text = stream.read(_LARGEST_BESIDE + 1)
+    if re.search(pattern, text):
         raise ValueError(
             f"has a mask, a scale or the value of no data in {file.name}; 'gdal_translate "
             "--config GDAL_TIFF_INTERNAL_MASK YES' makes one file of both"
         )
+    if len(text) > _LARGEST_BESIDE:
+        raise ValueError(f"expected at most {_LARGEST_BESIDE} bytes in {file.name}")
 
 
 @contextmanager
@@ -242,7 +254,8 @@ def _geometry(raster: Any, path: str | PathLike[str]) -> GridGeometry:
     step = raster.transform
     worlds = (Path(path).with_suffix(ending) for ending in (".tfw", ".tifw", ".wld"))
     if step.is_identity and (world := next(filter(Path.is_file, worlds), None)):
-        step = import_module("affine").loadsw(world.read_text())
+        with world.open() as stream:
+            step = import_module("affine").loadsw(stream.read(_LARGEST_WORLD))
     if step.is_identity:
         raise ValueError(
             "does not say where it lies (no geotransform); 'resolution' reads it as a height image"

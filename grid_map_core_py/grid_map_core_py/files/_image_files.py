@@ -28,7 +28,7 @@ from ..errors import GridMapError, LayerNotFoundError
 from ..limits import check_cells
 from ..map._grid_map import GridMap
 from ._atomic import new_file
-from ._shared import naming, storage_errors
+from ._shared import check_length, naming, storage_errors
 from ._tiff import HEADS, check_tiff
 
 HEIGHT_ENDINGS = (".png", ".tif", ".tiff")
@@ -205,8 +205,9 @@ def read_image(file: Path, size: tuple[int, int] | None = None) -> Image:
 
     Raises:
         OSError, ValueError: the file cannot be read, is damaged, or of another size.
-        LimitError: the image has too many pixels.
+        LimitError: the file has too many bytes, or the image too many pixels.
     """
+    check_length(file)
     data = file.read_bytes()
     is_png = data.startswith(_PNG_MAGIC)
     if size is not None and not is_png:

@@ -16,6 +16,7 @@ Source: documentation and behavior of `nav2_map_server` in ROS 2 Jazzy.
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -235,12 +236,12 @@ def _pixels(values: Layer, mode: Mode, occupied: float, free: float, *, negate: 
 
 
 def _old_image(file: Path) -> Path | None:
-    """Return the image that goes with an existing YAML file of the same name."""
+    """Return the image that `save_map_server` has written for an existing YAML file."""
     if not file.exists():
         return None
     document = load_yaml(file)
     name = document.get("image") if isinstance(document, Mapping) else None
     if not isinstance(name, str) or "grid_map" in document:
         raise ValueError("the file that is there is no map of map_server")
-    is_ours = Path(name).name == name and Path(name).stem.startswith(file.stem)
+    is_ours = re.fullmatch(rf"{re.escape(file.stem)}(_\d+)?\.(pgm|png)", name)
     return file.with_name(name) if is_ours else None

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Metadata, errors and reading of layers that the file formats share."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -39,6 +40,11 @@ def refuse_devices(file: Path) -> None:
     """Raise `OSError` for a device or a pipe, which may never end."""
     if file.exists() and not (file.is_file() or file.is_dir()):
         raise OSError("a device or a pipe")
+
+
+def check_length(file: Path) -> None:
+    """Raise `LimitError` for a file that is too long to be read as a whole."""
+    check_bytes(f"{file}: file", file.stat().st_size, math.inf)
 
 
 @contextmanager
