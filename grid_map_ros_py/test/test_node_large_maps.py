@@ -48,6 +48,15 @@ def test_freed_memory_is_kept_on_request() -> None:
     assert min(by_itself, returned, still_returned) > 9000
 
 
+def test_nodes_return_holes_in_their_memory() -> None:
+    process = start("free")
+    assert process.wait() == 0, process.text
+    before, after = json.loads(process.lines[0])
+    # Half of the blocks, 50 MB, were freed between the others.
+    assert before > 95
+    assert after < before - 25
+
+
 @pytest.fixture
 def listener() -> Iterator[Peer]:
     with peer() as other:

@@ -8,13 +8,7 @@ from grid_map_core_py.errors import GridMapError
 
 from .. import BagWriter, MessageError, ReceivedMap
 from ..errors import NodeFailedError
-from ..nodes import (
-    ConfiguredNode,
-    MapSubscription,
-    read_parameter,
-    return_memory,
-    steady_timer,
-)
+from ..nodes import ConfiguredNode, MapSubscription, read_parameter, steady_timer
 
 LOG_PERIOD = 10.0
 """Time between two lines in the log on saved maps [s]."""
@@ -25,8 +19,6 @@ class GridMapSaverNode(ConfiguredNode):
 
     def __init__(self) -> None:
         super().__init__("grid_map_saver")
-        # Messages leave holes in memory that is kept, one of 4 MB within an hour.
-        return_memory()
         about = "folder of the bag; an existing bag is replaced"
         self._path = read_parameter(self, "file_path", str, description=about)
         topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")

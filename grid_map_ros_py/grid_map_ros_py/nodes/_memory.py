@@ -12,6 +12,10 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_MMAP_MAX = -1, -3, -4
 LARGEST_BLOCK = 2**25
 """Bytes above which glibc gets every block from the system, and gives it back when it is freed."""
 
+TRIM_PERIOD = 60.0
+"""Time between two calls of `trim_memory` in a node [s]."""
+
+_keeps: list[bool] = []
 _returns: list[bool] = []
 
 
@@ -24,6 +28,7 @@ def keep_memory() -> None:
     `return_memory` forbids it.
     """
     if not _returns:
+        _keeps[:] = [True]
         _set({_M_MMAP_MAX: 0, _M_TRIM_THRESHOLD: 2**30})
 
 
@@ -32,8 +37,19 @@ def return_memory() -> None:
 
     Arrays of many sizes would fragment the memory that the process keeps.
     """
-    _returns.append(True)
+    _returns[:], _keeps[:] = [True], []
     _set({_M_MMAP_MAX: 2**16, _M_MMAP_THRESHOLD: 2**17, _M_TRIM_THRESHOLD: 2**17})
+
+
+def trim_memory() -> None:
+    """Return the holes between blocks in use to the system, unless `keep_memory` was called.
+
+    Nodes do it once a minute. By itself glibc only returns the free memory behind the last block,
+    so that a message that another block follows leaves a hole as large as itself.
+    """
+    if not _keeps:
+        with suppress(AttributeError):  # Other libraries of C have no such function.
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _set(options: dict[int, int]) -> None:

@@ -31,6 +31,7 @@ from grid_map_core_py.errors import GridMapError, cut
 from ..errors import NodeFailedError, reason
 from ._failures import is_out_of_memory
 from ._health import PERIOD, health_of
+from ._memory import TRIM_PERIOD, trim_memory
 from ._overrides import unknown_parameters, unmatched_files
 from ._profile import use_profile
 from ._throttle import LogThrottle
@@ -170,6 +171,7 @@ def _start(create_node: Callable[[], Node], args: list[str]) -> Node:
     health = health_of(node)
     health.offer(node)
     steady_timer(node, PERIOD, partial(health.report, node))
+    steady_timer(node, TRIM_PERIOD, trim_memory)
     return node
 
 
