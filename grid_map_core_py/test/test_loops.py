@@ -310,11 +310,26 @@ def test_wrong_arguments_are_refused(layers):
 
 @needs_numba
 @pytest.mark.usefixtures("cache")
+def test_loops_must_compile_until_machine_code_is_on_disk(monkeypatch):
+    first, second = (Loop(_mixed.function, _mixed.takes) for _ in range(2))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert not first.must_compile()
+    monkeypatch.delenv("NUMBA_DISABLE_JIT")
+    assert first.must_compile()
+    assert second.must_compile()
+    first.compiled()
+    assert not first.must_compile()
+    assert not second.must_compile()
+
+
+@needs_numba
+@pytest.mark.usefixtures("cache")
 def test_read_only_folder_is_read_and_not_written(monkeypatch):
     assert Loop(_mixed.function, _mixed.takes).compiled()
     monkeypatch.setattr(os, "access", lambda *_, **__: False)
     assert Loop(_mixed.function, _mixed.takes).compiled()
     other = Loop(_mixed.function, (*_mixed.takes[:-1], "float64*"))
+    assert not other.must_compile()
     assert other.compiled() is None
     assert other.compiled(always=True)
 

@@ -20,13 +20,14 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import Empty, Trigger
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.elevation import ElevationMapper
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, ProcessFile, SetGridMap
 from grid_map_ros_py import from_message, load_from_bag, to_message
 from grid_map_ros_py.messages import to_stamp
 from grid_map_ros_py.messages._image import from_pixels
-from grid_map_ros_py.testing import Peer, Process, running_node, wait_until
+from grid_map_ros_py.testing import Peer, Process, running_node, start_node, wait_until
 
 MODULE = "grid_map_ros_py._executables.elevation_mapping"
 RAW, FILTERED = "/elevation_mapping/elevation_map_raw", "/elevation_mapping/elevation_map"
@@ -414,6 +415,23 @@ def test_files_of_this_package_start_the_node() -> None:
             assert "maps /" in node.text, node.text
             # Neither an unknown one nor one without effect.
             assert "parameter" not in node.text, node.text
+
+
+@pytest.mark.needs("numba")
+def test_node_says_that_it_compiles_if_it_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "compiles for some seconds"
+    ElevationMapper(GridGeometry((1.0, 1.0), 0.1))
+    with running_node(MODULE, *options(tmp_path)) as node:
+        wait_until(lambda: "poses: " in node.text, "the node")
+        assert text not in node.text
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    process = start_node(MODULE, *options(tmp_path))
+    try:
+        wait_until(lambda: text in process.text, "the news")
+    finally:
+        process.kill()
 
 
 def test_file_of_ros_1_works_below_another_heading(robot: Robot, tmp_path: Path) -> None:

@@ -40,6 +40,8 @@ from ._state import BOUNDS, HORIZONTAL, OWN, State, flat, shaped
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
 
+_LOOPS = deal, fusion.fuse_cells, cover, trace
+
 
 @dataclass(frozen=True)
 class UpdateReport:
@@ -125,8 +127,13 @@ class ElevationMapper:
         self._start: int | None = None
         self._last = 0
         # The first scan shall not wait for compiled loops.
-        for made in (deal, fusion.fuse_cells, cover, trace):
+        for made in _LOOPS:
             made.compiled()
+
+    @staticmethod
+    def must_compile() -> bool:
+        """Return whether the next mapper will compile loops, which takes some seconds once."""
+        return any(made.must_compile() for made in _LOOPS)
 
     @property
     def grid_map(self) -> GridMap:

@@ -82,8 +82,21 @@ class Loop:
                     self._has_tried[always] = True
         return self._found
 
+    def must_compile(self) -> bool:
+        """Return whether `compiled` would compile now, because no machine code is on disk."""
+        if self._has_tried or _is_turned_off():
+            return False
+        try:
+            key = self._key()
+        except NotCompiledError:
+            return False
+        with open_folder() as folder:
+            if key is None or folder is None or not is_writable(folder):
+                return False
+            return read(folder, self._name(key), key) is None
+
     def _find(self, always: bool) -> Compiled | None:
-        if os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"0", ""}:
+        if _is_turned_off():
             return None
         try:
             key = self._key()
@@ -107,8 +120,7 @@ class Loop:
         return hashlib.sha256(repr(parts).encode("utf-8", "backslashreplace")).digest()
 
     def _load(self, key: bytes, always: bool) -> Compiled | None:
-        symbol = f"loop_{key.hex()[:32]}"
-        name = f"{self.function.__name__.strip('_')}-{key.hex()[:32]}"
+        symbol, name = f"loop_{key.hex()[:32]}", self._name(key)
         with open_folder() as folder:
             code = None if folder is None else read(folder, name, key)
             if code is None:
@@ -118,6 +130,14 @@ class Loop:
                 if folder is not None:
                     write(folder, name, key, code)
         return _machine_code.loaded(code, symbol, self.takes)
+
+    def _name(self, key: bytes) -> str:
+        """Return the name of the file of the machine code."""
+        return f"{self.function.__name__.strip('_')}-{key.hex()[:32]}"
+
+
+def _is_turned_off() -> bool:
+    return os.environ.get("NUMBA_DISABLE_JIT", "0") not in {"0", ""}
 
 
 def loop(

@@ -28,6 +28,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import Empty, Trigger
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.errors import GridMapError
 from grid_map_msgs.srv import GetGridMap, ProcessFile, SetGridMap
 
@@ -90,7 +91,8 @@ class ElevationMappingNode(ConfiguredNode):
             self.get_logger().warning(f"parameters without effect: {text}")
         self._patch = settings.patch
         self._poses = self._make_poses(settings.poses)
-        self.get_logger().info("prepares the map; the first time it compiles, for half a minute")
+        if ElevationMapper.must_compile():
+            self.get_logger().info("compiles for some seconds, this first time only")
         self._fusion = settings.make_fusion()
         self._raw = MapPublisher(self, "~/elevation_map_raw", self._raw_message, self._log)
         self._fused = MapPublisher(self, "~/elevation_map", self._fused_message, self._log)
