@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Cells
+from grid_map_core_py.arrays import Cells, slices
 from grid_map_core_py.limits import check_cells
 
 from ..errors import MessageError
@@ -32,6 +32,9 @@ MILLIMETERS = {"16UC1", "mono16"}
 
 ROUNDS = 30
 """Iterations that remove the distortion of a lens."""
+
+_PIECE = 2**13
+"""Number of pixels whose rays are computed at once."""
 
 LARGEST_RESIDUE = 0.1
 """Distance [pixels] between a pixel and its ray, projected, above which the ray is unknown."""
@@ -77,10 +80,14 @@ class Camera:
         NaN where the model of the distortion has no inverse.
         """
         height, width = self.size
-        u, v = np.meshgrid(np.arange(0, width, stride), np.arange(0, height, stride))
-        pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)
-        with np.errstate(over="ignore"):
-            return self._flat(pixels).reshape(*u.shape, 2).astype(np.float32)
+        u, v = np.arange(0.0, width, stride), np.arange(0.0, height, stride)
+        rays = np.empty((len(v), len(u), 2), np.float32)
+        # A few rows at a time; their temporaries take many times the memory of the rays.
+        for part in slices(len(v), _PIECE // len(u)):
+            pixels = np.stack(np.meshgrid(u, v[part]), axis=-1)
+            with np.errstate(over="ignore"):
+                rays[part] = self._flat(pixels.reshape(-1, 2)).reshape(pixels.shape)
+        return rays
 
     def _pixels(self, flat: Floats) -> Floats:
         distorted = DISTORTIONS[self.model](flat, self.coefficients) if self._distorts else flat
