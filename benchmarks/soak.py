@@ -419,7 +419,9 @@ class Soak:
             self._end_nodes()
 
     def _has_begun(self) -> bool:
-        return all(each.published if each.output else each.counts[0] for each in self.subjects)
+        outputs = [each.published for each in self.subjects if each.output]
+        # The viewer takes nothing before somebody looks.
+        return all(outputs or [each.counts[0] for each in self.subjects])
 
     def _count(self, subject: Subject) -> None:
         def note(_: bytes, info: dict[str, int]) -> None:
