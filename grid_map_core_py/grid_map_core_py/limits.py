@@ -52,7 +52,7 @@ class Limits:
     Attributes:
         max_cells: largest number of cells (rows times columns) of a map.
         max_bytes: largest size of all layers of a map, of unpacked data, or of a file of an image,
-            points or a mesh.
+            points, a mesh or an octomap.
         max_ratio: largest quotient of unpacked and packed bytes, where the unpacked ones are more
             than 100 MB; of a part of a file, and of all that is unpacked at once.
 

@@ -25,6 +25,7 @@ from grid_map_ros_py import (
     from_point_cloud,
     from_serialized_message,
     load_from_bag,
+    load_octomap,
     save_to_bag,
     to_grid_cells,
     to_image,
@@ -69,6 +70,13 @@ def test_maps_of_messages_have_at_most_max_cells(kind):
         READERS[kind]()
     with changed_limits(max_cells=20):
         assert READERS[kind]().size == SMALL.size
+
+
+def test_octomap_file_beyond_the_limit_is_not_read(tmp_path):
+    (tmp_path / "a.bt").write_bytes(bytes(1001))
+    text = r"a\.bt: file: expected at most 1000 bytes, got 1001"
+    with changed_limits(max_bytes=1000), pytest.raises(LimitError, match=text):
+        load_octomap(tmp_path / "a.bt")
 
 
 @pytest.mark.needs("mcap", "zstandard", "rosbags")

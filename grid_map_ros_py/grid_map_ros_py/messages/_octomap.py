@@ -27,7 +27,7 @@ from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.arrays import as_array
 from grid_map_core_py.conversions import fitting_geometry, rasterize
 from grid_map_core_py.files import storage_errors
-from grid_map_core_py.limits import check_cells
+from grid_map_core_py.limits import check_bytes, check_cells
 from grid_map_core_py.map import select_layers
 from grid_map_core_py.regions import BORDER_TOLERANCE
 
@@ -158,6 +158,7 @@ def load_octomap(
 
 def _read(path: Path, frame_id: str) -> Any:
     """Return a file as an object with the fields of `octomap_msgs/Octomap`."""
+    check_bytes(f"{path}: file", path.stat().st_size, math.inf)
     head, separator, tree = path.read_bytes().partition(b"\ndata\n")
     kind, *lines = head.splitlines() or [b""]
     if not (separator and kind in (BINARY, FULL)):
