@@ -386,7 +386,7 @@ def test_process_forked_during_compilation_can_compile(monkeypatch):
     begun.wait()
     child = os.fork()
     if child == 0:
-        signal.alarm(60)
+        signal.alarm(200)
         other = Loop(_mixed.function, (*_mixed.takes[:-1], "float64*"))
         os._exit(other.compiled() is None)
     thread.join()
