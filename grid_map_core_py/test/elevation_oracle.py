@@ -41,6 +41,7 @@ class Oracle:
     inlier: float = 0.0025
     min_drift_cells: int | None = None
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
+    exact: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
     pose: tuple | None = None
     last: float | None = None
 
@@ -104,12 +105,23 @@ class Oracle:
         return {place for place, time in since.items() if time >= self.scanning_duration}
 
     def freed(self, beams, sensor, tops, stale):
-        return {
-            place
-            for q, _ in beams
-            for place, high in self.crossed(sensor, q)
-            if place in stale and self.frees(place, high, sensor, q, tops)
-        }
+        crossed, proofs = set(), {}
+        for q, _ in beams:
+            for place, high in self.crossed(sensor, q):
+                if place in stale and high < self.foot(place):
+                    crossed.add(place)
+                    if self.proves(place, high, sensor, q, tops):
+                        proofs[place] = min(high, proofs.get(place, math.inf))
+        standing = set(self.cells) - crossed
+        return {place for place in proofs if not self.stands(place, proofs[place], standing)}
+
+    def stands(self, place, high, standing):
+        ground = min(self.cells[near].height for near in around(place) if near in self.cells)
+        least = max(high, ground + 2 * self.resolution) - self.resolution
+        return any(near in standing and self.foot(near) > least for near in around(place, 2))
+
+    def foot(self, place):
+        return self.cells[place].height - 3 * math.sqrt(self.cells[place].variance)
 
     def age(self, now, transform, covariance):
         if self.last is not None:
@@ -232,12 +244,9 @@ class Oracle:
             heights = [float(sensor[2] + t * way[2]) for t in (first, min(last, end))]
             yield self.place(middle[0], middle[1]), max(heights)
 
-    def frees(self, place, high, sensor, q, tops):
+    def proves(self, place, high, sensor, q, tops):
         cell = self.cells[place]
-        if not high < cell.height - 3 * math.sqrt(cell.variance):
-            return False
-        around = [(place[0] + i, place[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
-        if any(near in tops and high <= tops[near] + self.resolution for near in around):
+        if any(near in tops and high <= tops[near] + self.resolution for near in around(place)):
             return False
         slopes = []
         for di, dj in ((1, 0), (0, 1)):
@@ -279,6 +288,7 @@ class Oracle:
 
     def finish(self):
         """Round as layers of float32 do, and drop what is too uncertain."""
+        self.exact = {place: (cell.height, cell.variance) for place, cell in self.cells.items()}
         for place in [*self.cells]:
             cell = self.cells[place]
             if not cell.variance <= (self.max_variance if self.max_variance > 0 else math.inf):
@@ -290,11 +300,21 @@ class Oracle:
 
     def layers(self):
         """Heights, variances and times in map order."""
-        result = np.full((3, *self.size), np.nan)
-        for (i, j), cell in self.cells.items():
+        return self.shaped({p: (c.height, c.variance, c.time) for p, c in self.cells.items()}, 3)
+
+    def shaped(self, numbers, count):
+        """Numbers of cells in map order."""
+        result = np.full((count, *self.size), np.nan)
+        for (i, j), values in numbers.items():
             place = (
                 self.size[0] - 1 - (i - self.origin[0]),
                 self.size[1] - 1 - (j - self.origin[1]),
             )
-            result[(slice(None), *place)] = cell.height, cell.variance, cell.time
+            result[(slice(None), *place)] = values
         return result
+
+
+def around(place, reach=1):
+    """A cell and its neighbors up to `reach` cells away."""
+    steps = range(-reach, reach + 1)
+    return [(place[0] + i, place[1] + j) for i in steps for j in steps]

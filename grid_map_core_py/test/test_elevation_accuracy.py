@@ -105,30 +105,28 @@ def test_errors_are_within_the_claimed_deviation():
     assert error < 1.1 * np.sqrt(np.mean(result.variances[even]))
 
 
-def test_normalised_error_of_flat_cells_is_about_one():
+def test_normalized_error_of_flat_cells_is_about_one():
     result = walked()
     is_flat = result.relief < 1e-6
     assert is_flat.sum() > 3000
     assert 0.5 < np.mean(result.errors[is_flat] ** 2 / result.variances[is_flat]) < 1.5
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.3])
+@pytest.mark.parametrize("yaw", [0.0, 0.2, 0.4, 0.8])
 def test_visibility_removes_no_standing_wall(yaw):
     random = np.random.default_rng(1)
     terrain = with_box(ground(), (1.5, 0.5), (0.3, 3.0), 1.5, yaw=yaw)
     made = mapper()
     directions = SpinningLidar(lowest=-0.5, highest=0.3, azimuths=360).directions
     _, _, high = truth(terrain, made.grid_map)
-    stands, cleared = np.zeros(high.shape, np.bool_), 0
+    stands = np.zeros(high.shape, np.bool_)
     for number, y in enumerate(np.linspace(-2.5, 2.5, 40)):
         transform = pose(0.0, y)
         points = measured(terrain, transform, random, directions)
-        cleared += made.update(points, transform, timestamp=number * PERIOD).cells_cleared
+        made.update(points, transform, timestamp=number * PERIOD)
         height = flat(made.grid_map, "elevation")
         assert (height[stands] > 0.3).all()
         stands |= (high > 1.0) & (height > 0.3)
-    # The cleanup was at work: noise puts points into cells beside the wall.
-    assert cleared > 0
     assert stands.sum() > 50
 
 

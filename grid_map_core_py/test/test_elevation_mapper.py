@@ -18,6 +18,7 @@ from grid_map_core_py.elevation import (
     StructuredLightModel,
     _fusion,
     _order,
+    _state,
     _visibility,
 )
 
@@ -110,6 +111,26 @@ def random_covariance(random, scale):
     return root @ root.T
 
 
+@pytest.fixture
+def unrounded(monkeypatch):
+    """Heights and variances (2, cells) of each update, before they become float32."""
+    found, layers = [], _state.State.layers
+
+    def recorded(state, parameters):
+        found.append(np.array((state.heights, state.variances)))
+        return layers(state, parameters)
+
+    monkeypatch.setattr(_state.State, "layers", recorded)
+    return found
+
+
+def check_unrounded(numbers, oracle):
+    expected = oracle.shaped(oracle.exact, 2).reshape(2, -1, order="F")
+    known = np.isfinite(expected[0])
+    np.testing.assert_array_equal(np.isfinite(numbers[0]), known)
+    np.testing.assert_allclose(numbers[:, known], expected[:, known], rtol=1e-9, atol=1e-12)
+
+
 def check_layers(mapper, oracle):
     expected = oracle.layers()
     for name, layer in zip(("elevation", "variance", "time"), expected, strict=True):
@@ -126,7 +147,7 @@ def check_layers(mapper, oracle):
     ("sensor", "options"),
     [(name, {}) for name in SENSORS] + [("laser", {"drift_alpha": 0.3, "min_drift_cells": 20})],
 )
-def test_map_equals_oracle(sensor, options):
+def test_map_equals_oracle(sensor, options, unrounded):
     model, spread_of = SENSORS[sensor]
     random = np.random.default_rng(sum(map(ord, sensor)))
     given = {"time_variance": 1e-5, "scanning_duration": 0.25, "max_ray_length": 4.0}
@@ -164,6 +185,7 @@ def test_map_equals_oracle(sensor, options):
         moved, gone = oracle.update(points, matrix, step * 0.1, covariance)
         assert report.cells_cleared == gone
         assert report.drift == pytest.approx(moved, abs=1e-9)
+        check_unrounded(unrounded.pop(), oracle)
         check_layers(mapper, oracle)
         cleared += gone
         conflicts += report.conflicts

@@ -10,7 +10,10 @@ if it is below `h - 3 sqrt(v)`, unless
 - its own point lies in this cell,
 - a point of this scan in the cell or one of its 8 neighbors is higher than the beam, or at most one
   resolution lower: the beam passed beside something that still stands, such as a wall that covers
-  a part of the cell, or
+  a part of the cell,
+- another cell, at most two cells away, still stands: no beam crossed it below its `h - 3 sqrt(v)`,
+  which is higher than the beam or at most one resolution lower, and more than one resolution above
+  the lowest neighbor. Beams that run along a wall pass between its points. Or
 - it grazes the surface: the angle between the beam and the plane through the neighbors is less than
   `cleanup_min_angle`.
 """
@@ -90,9 +93,9 @@ def cleared_cells(
         math.sin(min(min_angle, 0.5 * math.pi)),
         max_length,
     )
-    cleared = np.zeros(len(candidates), np.uint8)
+    proofs, crossed = np.full(len(candidates), np.inf), np.zeros(len(candidates), np.uint8)
     floors = _highest_around(floors, candidates, geometry.size)
-    surface = ceilings, places, floors, normals.T.ravel(), cleared
+    surface = ceilings, places, floors, normals.T.ravel(), proofs, crossed
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
         prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
@@ -107,7 +110,32 @@ def cleared_cells(
     else:
         beams, span = _beams(scan, geometry, max_length, float(lowest.max()) + MARGIN)
         _trace_arrays(beams, span, frame, geometry.size, *surface)
-    return candidates[cleared.view(np.bool_)]
+    proven = np.flatnonzero(proofs < np.inf)
+    if not len(proven):
+        return candidates[proven]
+    lowest = heights - 3.0 * np.sqrt(variances)
+    lowest[candidates[crossed.view(np.bool_)]] = np.nan
+    stands = _stands(heights, lowest, candidates[proven], proofs[proven], geometry)
+    return candidates[proven[~stands]]
+
+
+def _stands(
+    heights: Numbers, lowest: Numbers, cells: Integers, beams: Numbers, geometry: GridGeometry
+) -> Mask:
+    """Return whether something beside cells still stands, of which they may be a part.
+
+    Args:
+        heights: (cells,) of the map.
+        lowest: (cells,) the same less three standard deviations; NaN where beams crossed below it.
+        cells: (k,) cells that beams crossed.
+        beams: (k,) height of the lowest of these beams in each of them [m].
+        geometry: geometry of the map.
+    """
+    size, resolution = geometry.size, geometry.resolution
+    ground = -_highest_around(np.where(np.isnan(heights), -np.inf, -heights), cells, size)
+    beside = _highest_around(np.where(np.isnan(lowest), -np.inf, lowest), cells, size, 2)
+    mask: Mask = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
+    return mask
 
 
 def _beams(
@@ -153,7 +181,8 @@ def _trace_arrays(
     places: Integers,
     floors: Numbers,
     normals: Numbers,
-    cleared: NDArray[np.uint8],
+    proofs: Numbers,
+    crossed: NDArray[np.uint8],
 ) -> None:
     """Do what `trace` does, with NumPy: one step of all beams at a time."""
     start, (t, last) = np.array(frame[:2])[:, None], span
@@ -173,8 +202,10 @@ def _trace_arrays(
         passes = np.flatnonzero((out < 1.0) & (beam < ceilings[cells]))
         place = places[cells[passes]]
         x, y = ways[:, passes]
-        seen = faces(normals, 3 * place, x, y, rise[passes], frame[3], frame[4])
-        cleared[place[seen & (beam[passes] > floors[place])]] = 1
+        crossed[place] = 1
+        proves = faces(normals, 3 * place, x, y, rise[passes], frame[3], frame[4])
+        proves &= beam[passes] > floors[place]
+        np.minimum.at(proofs, place[proves], beam[passes[proves]])
         cells += np.where(by_row, steps[0], steps[1])
         borders[0] += np.where(by_row, delta[0], 0.0)
         borders[1] += np.where(by_row, 0.0, delta[1])
@@ -183,13 +214,13 @@ def _trace_arrays(
         cells, borders, steps, delta = cells[left], borders[:, left], steps[:, left], delta[:, left]
 
 
-def _highest_around(values: Numbers, cells: Integers, size: Size) -> Numbers:
-    """Return the largest value in each of some cells and its neighbors (k,)."""
+def _highest_around(values: Numbers, cells: Integers, size: Size, radius: int = 1) -> Numbers:
+    """Return the largest value (k,) around each of some cells, up to `radius` cells away."""
     rows, columns = size
     row, column = cells % rows, cells // rows
     found = values[cells]
-    for i in (-1, 0, 1):
-        for k in (-1, 0, 1):
+    for i in range(-radius, radius + 1):
+        for k in range(-radius, radius + 1):
             near = np.clip(row + i, 0, rows - 1) + rows * np.clip(column + k, 0, columns - 1)
             np.maximum(found, values[near], out=found)
     return found
@@ -316,6 +347,7 @@ def narrowed(
     "int64*",
     "float64*",
     "float64*",
+    "float64*",
     "uint8*",
 )
 def trace(
@@ -330,14 +362,16 @@ def trace(
     places: Any,
     floors: Any,
     normals: Any,
-    cleared: Any,
+    proofs: Any,
+    crossed: Any,
 ) -> None:
-    """Mark the cells that beams prove to be free.
+    """Find the cells that beams prove to be free.
 
     Takes the beams, from the sensor to the point [m]; the place of the sensor in rows and columns,
     its height, the resolution, the sine of the smallest angle and the length of beams; the table of
     `cover`; the height of each cell below which beams clear it, and the place of the cell among
-    those that can be cleared, whose floors, normals and marks follow.
+    those that can be cleared, whose floors and normals follow. Writes the height of the lowest beam
+    that proves each of these to be free, and marks those that beams crossed.
     """
     rows, columns = size
     width = ring_width(frame, size)
@@ -352,25 +386,39 @@ def trace(
             continue
         t, last = narrowed(frame, table, width, x, y, rise, t, last)
         if t < last:
-            follow(x, y, rise, t, last, frame, size, ceilings, places, floors, normals, cleared)
+            follow(
+                x,
+                y,
+                rise,
+                (t, last),
+                frame,
+                size,
+                ceilings,
+                places,
+                floors,
+                normals,
+                proofs,
+                crossed,
+            )
 
 
 def follow(
     x: Any,
     y: Any,
     rise: Any,
-    t: Any,
-    last: Any,
+    span: Any,
     frame: Any,
     size: Any,
     ceilings: Any,
     places: Any,
     floors: Any,
     normals: Any,
-    cleared: Any,
+    proofs: Any,
+    crossed: Any,
 ) -> None:
     """Follow one beam from cell to cell."""
     rows, columns = size
+    t, last = span
     row, next_row, step_row = first_line(frame[0], x, t, rows)
     column, next_column, step_column = first_line(frame[1], y, t, columns)
     by_row, by_column = 1 if x > 0.0 else -1, rows if y > 0.0 else -rows
@@ -383,10 +431,11 @@ def follow(
         beam = frame[2] + rise * (t if rise < 0.0 else min(out, last))
         if beam < ceilings[cell]:
             place = places[cell]
+            crossed[place] = 1
             passes = beam > floors[place]
             if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
-                cleared[place] = 1
-                ceilings[cell] = -np.inf
+                # Only lower beams tell more.
+                proofs[place] = ceilings[cell] = beam
         t = out
         # Sums without branches, which the processor could not foresee.
         cell += by_row if is_row else by_column
