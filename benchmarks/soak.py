@@ -11,7 +11,8 @@ services are called, subscribers and browsers stop reading. A table appears ever
 - Hz: maps out per second.
 - sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
   be larger than `in`, as a new map replaces one that a busy node has not taken.
-- MB, now: smallest resident memory in the minute after the second, and in the last one, without
+- MB, now: smallest resident memory in the minute after the second, and in the last one, in both of
+  which the source pauses: how many copies of messages are on their way at a time varies. Without
   shared memory: of its segments, whose size is fixed, every process keeps the pages it has read.
 - files, now: smallest number of file descriptors in these minutes.
 
@@ -375,6 +376,7 @@ class Soak:
         self.sent: dict[str, int] = {}
         self.bad: dict[str, int] = {}
         self._undisturbed = math.inf
+        self._is_paused = False
         self._answers: dict[str, list[Any]] = {}
         self._browsed = 0
         self._is_over = threading.Event()
@@ -469,12 +471,23 @@ class Soak:
         ]
 
     def _restart_source(self) -> None:
-        """End the source and start another one, unless it has not begun yet."""
-        if all(source.lines for source in self._sources):
+        """End the source and start another one, unless it pauses or has not begun yet."""
+        if not self._is_paused and all(source.lines for source in self._sources):
             for source in self._sources[-1:]:
                 source.send_signal(signal.SIGINT)
             self._undisturbed = math.inf
             self._sources.append(Process([sys.executable, __file__, "publish"]))
+
+    def _pauses(self) -> Iterator[tuple[float, float]]:
+        """Yield when the source pauses, in the middle of each period whose memory counts [s]."""
+        for begin, end in self._periods():
+            yield begin + 0.4 * (end - begin), begin + 0.7 * (end - begin)
+
+    def _pause(self, is_paused: bool) -> None:
+        """Stop the source, or let it go on."""
+        if is_paused != self._is_paused and all(source.lines for source in self._sources):
+            self._sources[-1].send_signal(signal.SIGSTOP if is_paused else signal.SIGCONT)
+            self._is_paused, self._undisturbed = is_paused, math.inf
 
     def _requests(self, subject: Subject) -> Iterator[Callable[[], None]]:
         """Yield functions that call services of a node."""
@@ -542,7 +555,8 @@ class Soak:
     # --- figures ----------------------------------------------------------------------------------
 
     def _sample(self) -> None:
-        if math.isinf(self._undisturbed) and self._sources[-1].lines:
+        self._pause(any(first < self._elapsed < last for first, last in self._pauses()))
+        if math.isinf(self._undisturbed) and not self._is_paused and self._sources[-1].lines:
             # By then subscribers have found the source.
             self._undisturbed = time.time() + 3
         processes = [subject.process for subject in self.subjects]
@@ -617,10 +631,15 @@ class Soak:
 
     def _ends(self, subject: Subject) -> list[tuple[float, int]]:
         """Return memory [MB] and files of a node after it has settled, and now."""
+        (begin, end), (_, last) = self._periods()
+        now = min(self._elapsed, last)
+        return [subject.within(begin, end), subject.within(now - (end - begin), now)]
+
+    def _periods(self) -> list[tuple[float, float]]:
+        """Return the periods whose memory and files are compared: begin and end [s]."""
         settled = min(120.0, self._seconds / 5)
-        window = min(60.0, (self._seconds - settled) / 2)
-        now = min(self._elapsed, self._seconds)
-        return [subject.within(settled, settled + window), subject.within(now - window, now)]
+        length = min(60.0, (self._seconds - settled) / 2)
+        return [(settled, settled + length), (self._seconds - length, self._seconds)]
 
     def table(self) -> str:
         """Return the figures so far; the sources say at the end how much they have sent."""

@@ -12,7 +12,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_MMAP_MAX = -1, -3, -4
 LARGEST_BLOCK = 2**25
 """Bytes above which glibc gets every block from the system, and gives it back when it is freed."""
 
-TRIM_PERIOD = 60.0
+TRIM_PERIOD = 10.0
 """Time between two calls of `trim_memory` in a node [s]."""
 
 _keeps: list[bool] = []
@@ -44,7 +44,7 @@ def return_memory() -> None:
 def trim_memory() -> None:
     """Return the holes between blocks in use to the system, unless `keep_memory` was called.
 
-    Nodes do it once a minute. By itself glibc only returns the free memory behind the last block,
+    Nodes do it every ten seconds. By itself glibc only returns the free memory behind the last block,
     so that a message that another block follows leaves a hole as large as itself.
     """
     if not _keeps:
