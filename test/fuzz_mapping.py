@@ -13,9 +13,10 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 
 from grid_map_core_py import GridGeometry, GridMap
 from grid_map_core_py.elevation import ElevationMapper
-from grid_map_ros_py import to_image, to_point_cloud
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import from_message, to_color_image, to_image, to_message, to_point_cloud
 from grid_map_ros_py._mapping.cameras import DepthImages, from_camera_info
-from grid_map_ros_py._mapping.elevation_fusion import ElevationFusion
+from grid_map_ros_py._mapping.elevation_fusion import ElevationFusion, Patch, read_picture
 from grid_map_ros_py._mapping.elevation_parameters import InputSource, read_source
 from grid_map_ros_py._mapping.poses import Placement, PoseHistory
 from grid_map_ros_py._mapping.scan_queue import read_cloud
@@ -34,6 +35,8 @@ def targets(grid_map: GridMap) -> Iterator[tuple[str, tuple[Any, ...], Callable[
     yield "PoseWithCovarianceStamped", (_uncertain_pose(),), _read_uncertain_pose
     yield "CameraInfo", (_camera_info(),), _read_camera
     yield "depth image", (to_image(grid_map, "elevation", "32FC1"),), _read_depths
+    yield "image of a camera", (to_color_image(grid_map, "color", "rgb8"),), _paint_image
+    yield "map for masked_replace", (to_message(grid_map),), _replace_cells
     yield "cloud of a lidar", (cloud,), _map_cloud
     yield "cloud of a lidar in CDR", (serialize(cloud),), _map_cloud
 
@@ -86,14 +89,39 @@ def _read_depths(message: Image) -> Any:
 
 def _map_cloud(message: PointCloud2) -> GridMap:
     """Return the elevation map of a cloud that is seen from 1 m above its frame."""
-    mapper = ElevationMapper(GridGeometry(np.array([0.7, 0.5]), 0.1), "map")
-    fusion, pose = ElevationFusion(mapper), np.eye(4)
+    fusion, pose = _fusion(), np.eye(4)
     pose[2, 3] = 1.0
     with warnings.catch_warnings():
         # A time before that of the last scan.
         warnings.simplefilter("ignore")
         fusion.fuse(_source(), read_cloud(message, ["rgb"]), Placement(pose))
     return fusion.grid_map
+
+
+def _paint_image(message: Image) -> GridMap:
+    """Return a flat map with the pixels of a camera that looks down from 1 m above it."""
+    fusion, pose = _flat(), np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[2, 3] = 1.0
+    fusion.paint(
+        _source(), read_picture(message, from_camera_info(_camera_info())), Placement(pose)
+    )
+    return fusion.grid_map
+
+
+def _replace_cells(message: GridMapMessage) -> GridMap:
+    fusion = _flat()
+    fusion.replace(from_message(message, unwrap=False), "variance")
+    return fusion.grid_map
+
+
+def _flat() -> ElevationFusion:
+    fusion = _fusion()
+    fusion.lay(Patch((0.7, 0.5), 0.0, 0.01), np.eye(4))
+    return fusion
+
+
+def _fusion() -> ElevationFusion:
+    return ElevationFusion(ElevationMapper(GridGeometry(np.array([0.7, 0.5]), 0.1), "map"))
 
 
 def _source() -> InputSource:

@@ -100,7 +100,7 @@ ARGUMENTS = {
 
 OWN: dict[str, Any] = {
     **dict.fromkeys(["activity_check_rate", "duration", "publish_rate", "radius"], 0.5),
-    **dict.fromkeys(["resolution", "speed", "timeout", "update_rate"], 0.5),
+    **dict.fromkeys(["resolution", "speed", "time_variance", "timeout", "update_rate"], 0.5),
     **dict.fromkeys(["bag_topic", "elevation_layer", "layer", "storage"], "elevation"),
     "filters.filter1.name": "other",
     "use_transparency": True,

@@ -250,7 +250,7 @@ def test_small_map_in_large_tile_of_mask_is_refused(tmp_path):
         load(path)
 
 
-def test_tiff_that_becomes_shorter_while_it_is_read_ends_no_process(tmp_path, monkeypatch):
+def test_tiff_shortened_while_read_ends_no_process(tmp_path, monkeypatch):
     path = tmp_path / "a.tif"
     cv2.imwrite(str(path), np.zeros((20, 30), np.uint8))
     data = bytearray(path.read_bytes())

@@ -69,7 +69,7 @@ class PoseSettings:
 
 @dataclass(frozen=True)
 class FileSettings:
-    """What services read and write.
+    """Files and layers that services read and write.
 
     Attributes:
         mask_layer: layer that is NaN where `masked_replace` keeps the values of cells.
@@ -92,7 +92,7 @@ class Settings:
         patch: flat patch with which the map begins; None without a patch.
         patch_frame: frame at whose origin the patch is.
         chain: filters of the filtered map; None without filters.
-        files: what services read and write.
+        files: files and layers that services read and write.
         raw_rate: rate at which a changed raw map is published [Hz].
         fused_rate: the same for the filtered map; 0 means on request, infinity with the raw map.
         sources: topics of scans and images.
