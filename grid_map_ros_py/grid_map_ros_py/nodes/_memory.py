@@ -44,8 +44,8 @@ def return_memory() -> None:
 def trim_memory() -> None:
     """Return the holes between blocks in use to the system, unless `keep_memory` was called.
 
-    Nodes do it every ten seconds. By itself glibc only returns the free memory behind the last block,
-    so that a message that another block follows leaves a hole as large as itself.
+    Nodes do it every ten seconds. By itself glibc only returns the free memory behind the last
+    block, so that a message that another block follows leaves a hole as large as itself.
     """
     if not _keeps:
         with suppress(AttributeError):  # Other libraries of C have no such function.
