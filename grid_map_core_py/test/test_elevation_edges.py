@@ -428,6 +428,18 @@ def test_values_of_each_fusion():
     assert color == 0x203041
 
 
+def test_average_weighs_values_by_inverse_variances():
+    mapper = mapper_of(sensor=ConstantModel(sensor_noise_factor=1e-3))
+    scans = [((0.0, 0.02), (1.0, 4.0)), ((0.01,), (9.0,))]
+    for step, (heights, values) in enumerate(scans):
+        points = at(0.3, 0.3, *heights)
+        mapper.update(points, UP, timestamp=step * SECOND, values={"intensity": values})
+    weights = [1.0 / (2 * 0.3**2 + (1.0 - z) ** 2) for z in (0.0, 0.02, 0.01)]
+    expected = np.average([1.0, 4.0, 9.0], weights=weights)
+    assert height(mapper, 0.3, 0.3, "intensity") == pytest.approx(expected, rel=1e-6)
+    assert abs(expected - np.mean([1.0, 4.0, 9.0])) > 1e-3
+
+
 def test_new_height_forgets_values():
     mapper = mapper_of()
     for step, (z, value) in enumerate(((0.0, 1.0), (0.5, 7.0))):
