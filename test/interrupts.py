@@ -241,6 +241,9 @@ def fault(trial: Trial, process: Process, phase: str, folder: Path) -> str:
     right = {-trial.kind, -trial.kind % 256, 128 + trial.kind}
     if not phase:
         right = {0, *codes}
+    elif phase == "ends":
+        # It had ended by itself a moment before.
+        right |= {0, *codes}
     elif codes:
         is_certain = phase == "runs" and not trial.executable.is_command
         right = {*codes, *(() if is_certain else right)}
