@@ -25,8 +25,11 @@ from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError, FilterError
 from .parts._side_by_side import use_threads
 
-_FEWEST_CELLS = 300**2
-"""Cells of the smallest map for which several threads are worth their start."""
+_FEWEST_CELLS = 1000**2
+"""Cells of the smallest map on which two threads are not slower than one.
+
+On smaller ones most operations take less time than waking up the other thread.
+"""
 
 _MOST_THREADS = 1000
 """Threads start even if they find no work, and the system has a limited number."""

@@ -18,6 +18,7 @@ from grid_map_filters_py import FilterChain, FilterConfigError, FilterError, Ste
 from grid_map_filters_py.parts import side_by_side
 
 SMALL_PARTS = {
+    "_chain._FEWEST_CELLS": 10_000,
     "builtin._inpaint._SIDE": 100,
     "builtin._math_expression._CELLS": 10_000,
     "parts._blocks.CELLS": 10_000,
@@ -33,7 +34,7 @@ def chain_of(function, threads=2):
 
 @pytest.fixture
 def grid_map() -> GridMap:
-    return GridMap((30.0, 30.0), 0.1, layers={"elevation": 1.0})
+    return GridMap((100.0, 100.0), 0.1, layers={"elevation": 1.0})
 
 
 def run_parts(function, parts, grid_map, threads=2, **options):
@@ -52,9 +53,9 @@ def test_as_many_parts_run_at_a_time_as_threads(grid_map, threads):
     run_parts(lambda _: barrier.wait(), range(2 * threads), grid_map, threads)
 
 
-@pytest.mark.parametrize(("side", "threads"), [(300, 1), (299, 2)])
+@pytest.mark.parametrize(("side", "threads"), [(1000, 1), (999, 2)])
 def test_one_thread_and_small_maps_are_loops(side, threads):
-    small = GridMap((0.1 * side, 30.0), 0.1)
+    small = GridMap((0.1 * side, 100.0), 0.1)
     used = []
     run_parts(lambda part: used.append((part, threading.get_ident())), range(9), small, threads)
     assert used == [(part, threading.get_ident()) for part in range(9)]

@@ -110,8 +110,8 @@ def _fill(layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
     # The method weights by gradients, with thresholds for 8-bit gray values.
     scale = 255.0 / (highest - lowest)
     run = inpaint.compiled()
-    if run is not None and thread_count() == 1:
-        # To find the blocks would take a third of the time.
+    if run is not None and thread_count() <= 2:
+        # To find the blocks, and to copy them, takes as long as a second thread saves.
         _fill_compiled(run, layer, holes, chosen, radius, lowest, scale)
         return
 
