@@ -172,6 +172,7 @@ ARGUMENTS = {
         RANDOM.permutation(48),
         RANDOM.uniform(-2, 0, 48),
         RANDOM.uniform(-1, 1, 144),
+        np.full(48, np.inf),
         np.zeros(48, np.uint8),
     ),
     ray_loops.one_by_one: (HEIGHTS, 7, 9, RAYS.ravel(), SPANS.ravel(), MANY, np.zeros(MANY)),
