@@ -479,9 +479,12 @@ class Soak:
             self._sources.append(Process([sys.executable, __file__, "publish"]))
 
     def _pauses(self) -> Iterator[tuple[float, float]]:
-        """Yield when the source pauses, in the middle of each period whose memory counts [s]."""
+        """Yield when the source pauses, in the middle of each period whose memory counts [s].
+
+        Subscribers would forget a source after 20 s.
+        """
         for begin, end in self._periods():
-            yield begin + 0.4 * (end - begin), begin + 0.7 * (end - begin)
+            yield begin + 0.4 * (end - begin), begin + 0.6 * (end - begin)
 
     def _pause(self, is_paused: bool) -> None:
         """Stop the source, or let it go on."""
