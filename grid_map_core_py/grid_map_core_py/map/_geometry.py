@@ -291,6 +291,29 @@ class GridGeometry:
             return slice(0, 0), slice(0, 0)
         return rows, columns
 
+    def overlapped(self, position: ArrayLike, length: ArrayLike) -> tuple[slice, slice]:
+        """Return the rows and columns of the cells that a rectangle overlaps, as `get_submap`.
+
+        Args:
+            position: (2,) center of the rectangle [m].
+            length: (2,) side lengths along x and y [m].
+
+        Raises:
+            OutOfMapError: the rectangle does not overlap the map.
+            GeometryError: a length is negative, or a number is not finite.
+        """
+        center, sides = as_pair(position, "position"), as_pair(length, "length")
+        (x, y), (length_x, length_y) = center, sides
+        if length_x < 0 or length_y < 0:
+            raise GeometryError(f"length: expected no negative numbers, got {sides}")
+        half_x, half_y = 0.5 * length_x, 0.5 * length_y
+        rows, columns = self.box((x - half_x, y - half_y), (x + half_x, y + half_y))
+        if rows.start == rows.stop:
+            raise OutOfMapError(
+                f"the submap at {center} of length {sides} does not overlap the map: {self.place}"
+            )
+        return rows, columns
+
     def cropped(self, rows: slice, columns: slice) -> GridGeometry:
         """Return the geometry of a block of cells of this grid."""
         return self._of(

@@ -620,17 +620,7 @@ class GridMap(MutableMapping[str, Layer]):
             OutOfMapError: the rectangle does not overlap the map.
             GeometryError: a length is negative, or a number is not finite.
         """
-        center, sides = as_pair(position, "position"), as_pair(length, "length")
-        (x, y), (length_x, length_y) = center, sides
-        if length_x < 0 or length_y < 0:
-            raise GeometryError(f"length: expected no negative numbers, got {sides}")
-        half_x, half_y = 0.5 * length_x, 0.5 * length_y
-        rows, columns = self._geometry.box((x - half_x, y - half_y), (x + half_x, y + half_y))
-        if rows.start == rows.stop:
-            raise OutOfMapError(
-                f"the submap at {center} of length {sides} does not overlap the "
-                f"map: {self._geometry.place}"
-            )
+        rows, columns = self._geometry.overlapped(position, length)
         layers = ring_buffer.blocks(self._layers, self._start, self.size, rows, columns)
         return self._with(layers, self._geometry.cropped(rows, columns), (0, 0))
 

@@ -1,0 +1,12 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps larger than memory: tiles in Zarr stores and GeoTIFF files, computed by Dask.
+
+Needs the extra `tiled`; GeoTIFF needs `geo`, too.
+"""
+
+from ._open import open_map as open_map
+from ._source import Source as Source, Window as Window
+from ._tiled_map import TiledMap as TiledMap
+
+__all__ = [name for name in dir() if not name.startswith("_")]

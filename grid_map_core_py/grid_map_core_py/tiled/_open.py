@@ -1,0 +1,71 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""`open_map`: stores, rasters and datasets as tiled maps."""
+
+from collections.abc import Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import GridMapError, required, short
+from ..files._shared import storage_errors
+from ..plugins import check
+from ._tiled_map import TiledMap
+
+if TYPE_CHECKING:
+    import xarray
+
+_TILE = 1024
+"""Side of a tile, if neither the caller nor the store says it [cells]."""
+
+_REMEDY = "pip install 'grid_map_core_py[tiled]'"
+
+
+def open_map(
+    path: "str | PathLike[str] | Sequence[str | PathLike[str]] | xarray.Dataset",
+    *,
+    chunks: int | None = None,
+) -> TiledMap:
+    """Return a map of any size; nothing but its description is read.
+
+    Args:
+        path: a Zarr store (a folder, or an address that fsspec knows), GeoTIFF files, or a dataset
+            of xarray.
+        chunks: side of the tiles that are computed and written at once [cells]; by default the
+            chunks of the store, otherwise 1024.
+
+    Raises:
+        MissingPackageError: a package that the kind of map needs is not installed.
+        GridMapError: it cannot be read, or is no map.
+    """
+    check(chunks is None or chunks >= 1, "chunks", "a number of cells", chunks)
+    if not isinstance(path, str | PathLike):
+        if hasattr(path, "data_vars"):
+            from ._xarray import open_dataset
+
+            side = chunks or _TILE
+            return open_dataset(path, (side, side))
+        return _open_rasters([*path], chunks)
+    name = fspath(path)
+    if Path(name).suffix.lower() in (".tif", ".tiff"):
+        return _open_rasters([name], chunks)
+    return _open_zarr(name, chunks)
+
+
+def _open_rasters(paths: Sequence[Any], chunks: int | None) -> TiledMap:
+    raise GridMapError(f"{short(paths)}: not yet")
+
+
+def _open_zarr(name: str, chunks: int | None) -> TiledMap:
+    xarray = required("xarray", f"{name}: a Zarr store", _REMEDY)
+    required("zarr", f"{name}: a Zarr store", _REMEDY)
+    from ._xarray import layers_of, open_dataset
+
+    with storage_errors(Path(name), "read"):
+        dataset = xarray.open_zarr(name, chunks=None, decode_times=False)
+        layers = layers_of(dataset)
+        side = (chunks, chunks)
+        if chunks is None:
+            stored = dataset[layers[0]].encoding.get("chunks") if layers else None
+            side = (stored[0], stored[1]) if stored else (_TILE, _TILE)
+        return open_dataset(dataset, side, name)

@@ -1,0 +1,218 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A map of any size, of which only windows are in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from numpy.typing import ArrayLike
+
+from ..arrays._checks import Layer, Positions, Size, select_layers
+from ..limits import check_cells
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ._engine import in_any_order
+from ._source import Source, Tiles
+
+if TYPE_CHECKING:
+    pass
+
+T = TypeVar("T")
+
+Progress = Callable[[int, int], Any]
+"""Function that is called after each tile, with the number of finished tiles and of all."""
+
+
+class Chain(Protocol):
+    """What `TiledMap.filter` needs: `FilterChain` of grid_map_filters_py has it."""
+
+    def on_tiles(self, site: TiledMap, **options: Any) -> Source:
+        """Return the filtered layers of a tiled map, which are computed when they are read."""
+
+
+@dataclass(frozen=True, eq=False)
+class TiledMap:
+    """A map whose layers are read, or computed, window by window.
+
+    Make one by `open_map`. It is immutable, but for `write`; like its source it can be pickled.
+
+    Args:
+        source: where the layers come from.
+        geometry: size, resolution and position, in the frame.
+        tile: rows and columns of a tile.
+        frame_id: frame of the map.
+        timestamp: time [ns].
+        basic_layers: see `GridMap.basic_layers`.
+        crs: coordinate reference system of the frame, as text; empty if unknown.
+    """
+
+    source: Source
+    geometry: GridGeometry
+    tile: Size
+    frame_id: str = "map"
+    timestamp: int = 0
+    basic_layers: tuple[str, ...] = ()
+    crs: str = ""
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Names of the layers in their order."""
+        return self.source.layers
+
+    @property
+    def size(self) -> Size:
+        """Rows and columns."""
+        return self.geometry.size
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell [m]."""
+        return self.geometry.resolution
+
+    @property
+    def position(self) -> Positions:
+        """Center of the map, (2,) [m]."""
+        return self.geometry.position
+
+    @property
+    def length(self) -> Positions:
+        """Sides of the map along x and y, (2,) [m]."""
+        return self.geometry.length
+
+    @property
+    def tiles(self) -> Tiles:
+        """The tiles, as windows of cells."""
+        return Tiles(self.size, self.tile)
+
+    def block(self, rows: slice, columns: slice, layers: Iterable[str] | None = None) -> GridMap:
+        """Return the map of a rectangle of cells.
+
+        Args:
+            rows, columns: slices of the map in map order: with a start and a stop on the map.
+            layers: names of the layers to read; None means all.
+
+        Raises:
+            LayerNotFoundError: a layer does not exist.
+            LimitError: the block has more cells than the limits allow.
+            GridMapError: the layers cannot be read or computed.
+        """
+        names = select_layers(self.layers, layers)
+        window = rows, columns
+        geometry = self.geometry.cropped(*window)
+        check_cells("submap", geometry.size, len(names))
+        self.source.prepare()
+        return self._map(geometry, names, self.source.read(window, names))
+
+    def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
+        """Return a map of some layers."""
+        grid_map = GridMap.from_geometry(
+            geometry,
+            frame_id=self.frame_id,
+            timestamp=self.timestamp,
+            layers=dict(zip(names, layers, strict=True)),
+        )
+        grid_map.basic_layers = [name for name in self.basic_layers if name in names]
+        return grid_map
+
+    def submap(
+        self, position: ArrayLike, length: ArrayLike, layers: Iterable[str] | None = None
+    ) -> GridMap:
+        """Return the map of a rectangle; only the chunks that it touches are read.
+
+        The cells are those of `GridMap.get_submap`.
+
+        Args:
+            position: (2,) center of the rectangle [m].
+            length: (2,) its sides [m].
+            layers: names of the layers to read; None means all.
+
+        Raises:
+            OutOfMapError: no cell of the map is in the rectangle.
+            LayerNotFoundError: a layer does not exist.
+            LimitError: the rectangle has more cells than the limits allow.
+        """
+        return self.block(*self.geometry.overlapped(position, length), layers)
+
+    def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
+        """Return the whole map, if the limits allow its size; see `block`."""
+        return self.block(*(slice(0, length) for length in self.size), layers)
+
+    def over_tiles(
+        self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
+    ) -> list[T]:
+        """Return `function` of the map of every tile, in the order of the tiles.
+
+        The tiles are computed by the scheduler of Dask that the program has chosen.
+
+        Args:
+            function: takes a `GridMap` with the layers; is pickled if other processes compute.
+            layers: names of the layers that it needs; None means all.
+        """
+        names = select_layers(self.layers, layers)
+        self.source.prepare()
+        tiles = self.tiles
+        results: dict[int, T] = dict(
+            in_any_order(partial(_of_tile, self, function, names), range(len(tiles)))
+        )
+        return [results[number] for number in range(len(tiles))]
+
+    def filter(self, chain: Chain, **options: Any) -> TiledMap:
+        """Return the filtered map; nothing is computed yet.
+
+        Args:
+            chain: a `FilterChain`.
+            options: see `FilterChain.on_tiles`.
+
+        Raises:
+            FilterError: a filter needs the whole map in memory, or fails on all maps.
+        """
+        return replace(self, source=chain.on_tiles(self, **options))
+
+    def to_zarr(
+        self,
+        path: str | PathLike[str],
+        *,
+        layers: Iterable[str] | None = None,
+        resume: bool = False,
+        overwrite: bool = False,
+        progress: Progress | None = None,
+    ) -> None:
+        """Compute the map and write it into a Zarr store, tile by tile.
+
+        The store has its name when it is complete. Until then its tiles are in a folder beside it,
+        whose name has `.part` at the end.
+
+        Args:
+            path: the folder of the store.
+            layers: names of the layers to write; None means all.
+            resume: continue a run that did not finish: only missing tiles are computed, and the
+                bytes are those of a run that was not disturbed.
+            overwrite: replace a store that exists.
+            progress: is called after each tile.
+
+        Raises:
+            LayerNotFoundError: a layer does not exist.
+            GridMapError: a tile cannot be read, computed or written; the store exists; another
+                process is writing it; or the unfinished run was another one.
+        """
+        from ._store import to_zarr
+
+        to_zarr(
+            self,
+            path,
+            layers=layers,
+            resume=resume,
+            overwrite=overwrite,
+            progress=progress,
+        )
+
+
+def _of_tile(
+    site: TiledMap, function: Callable[[GridMap], T], names: Sequence[str], number: int
+) -> T:
+    return function(site.block(*site.tiles[number], names))
