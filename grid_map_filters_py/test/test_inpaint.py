@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings, strategies as st
 from grid_map_core_py.loops import Loop
 from grid_map_core_py.testing import grid_maps
 from grid_map_filters_py import FilterWarning
+from grid_map_filters_py.builtin._inpaint import _strips
 
 
 def inpaint(grid_map, radius=0.3, **limits):
@@ -75,15 +76,20 @@ SEEDS = st.integers(0, 2**32)
 
 
 @pytest.mark.parametrize("way", [inpaint, inpaint_with_opencv])
-@given(SIZES, SHARES, st.sampled_from([0.02, 0.1, 0.3]), st.integers(3, 12), SEEDS)
-def test_inpainting_by_blocks_gives_the_same_bits(way, size, share, radius, side, seed):
+@given(SIZES, SHARES, st.sampled_from([0.02, 0.1, 0.3]), st.integers(2, 5), SEEDS)
+def test_inpainting_by_strips_gives_the_same_bits(way, size, share, radius, strips, seed):
     grid_map = ground(ground_with_holes(size, share, seed))
     expected = way(grid_map, radius)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("grid_map_filters_py.builtin._inpaint._SIDE", side)
-        patch.setattr("grid_map_filters_py.builtin._inpaint.thread_count", lambda: 2)
+        patch.setattr("grid_map_filters_py.builtin._inpaint.thread_count", lambda: strips)
         found = way(grid_map, radius)
     np.testing.assert_array_equal(found.view(np.uint32), expected.view(np.uint32))
+
+
+@pytest.mark.parametrize("strips", [1, 2, 5])
+def test_scattered_holes_are_filled_in_as_many_strips_as_asked_for(strips):
+    holes = np.asfortranarray(np.random.default_rng(0).random((90, 300)) < 0.05)
+    assert len([*_strips(holes, 2, strips)]) == strips
 
 
 @pytest.mark.needs("numba")

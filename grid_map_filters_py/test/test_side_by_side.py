@@ -19,7 +19,6 @@ from grid_map_filters_py.parts import side_by_side
 
 SMALL_PARTS = {
     "_chain._FEWEST_CELLS": 10_000,
-    "builtin._inpaint._SIDE": 100,
     "builtin._math_expression._CELLS": 10_000,
     "parts._blocks.CELLS": 10_000,
     "parts._blocks._SIDE": 100,

@@ -3,10 +3,9 @@
 """`gridMapCv/InpaintFilter`"""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,12 +20,11 @@ from .._shared.inpaint_loop import inpaint
 from .._shared.layer_filter import LayerFilter, check_radius
 from ..parts._side_by_side import side_by_side, thread_count
 
-Block = tuple[slice, ...]
-Own = Callable[[], Mask]
-Integers = npt.NDArray[np.integer[Any]]
+_CELLS = 2**18
+"""Cells that OpenCV inpaints at once, so that its six images fit the cache."""
 
-_SIDE = 500
-"""Usual side of a block of cells that is inpainted at once, so that images fit the cache."""
+_HOLE = 30
+"""Work for a cell of a hole, in cells that are known."""
 
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
@@ -67,7 +65,7 @@ class Inpaint(LayerFilter):
             return filled
         chosen = self._choose(holes, resolution)
         if chosen.any():
-            _fill(filled, holes, chosen, self.radius / resolution)
+            _fill(filled, layer, holes, chosen, self.radius / resolution)
         return filled
 
     def _choose(self, holes: Mask, resolution: float) -> Mask:
@@ -86,17 +84,19 @@ class Inpaint(LayerFilter):
         return np.asarray(wanted[labels].T)
 
 
-def _fill(layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
-    """Inpaint a layer in place; `radius` in cells.
+def _fill(filled: Layer, layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
+    """Write the chosen cells of a layer, inpainted, into a copy of it.
 
     Args:
+        filled: the copy.
         layer: heights, not finite in holes.
         holes: mask of all holes.
         chosen: mask of the holes to fill.
+        radius: radius of the neighborhood [cells].
     """
     lowest, highest = min_of_finites(layer), max_of_finites(layer)
     if lowest == highest:
-        layer[chosen] = lowest
+        filled[chosen] = lowest
         return
     if min(layer.shape) < 3:
         # OpenCV reads beyond the border of images with sides of one or two pixels.
@@ -104,43 +104,33 @@ def _fill(layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
         inner = tuple(slice(before, -after or None) for before, after in margins)
         whole = np.asfortranarray(np.pad(layer, margins, "edge"))
         wanted = np.asfortranarray(np.pad(chosen, margins, "edge"))
-        _fill(whole, ~np.isfinite(whole), wanted, radius)
-        layer[chosen] = whole[inner][chosen]
+        wide = whole.copy("F")
+        _fill(wide, whole, ~np.isfinite(whole), wanted, radius)
+        filled[chosen] = wide[inner][chosen]
         return
     # The method weights by gradients, with thresholds for 8-bit gray values.
-    scale = 255.0 / (highest - lowest)
+    scaling = lowest, 255.0 / (highest - lowest)
     run = inpaint.compiled()
-    if run is not None and thread_count() <= 2:
-        # To find the blocks, and to copy them, takes as long as a second thread saves.
-        _fill_compiled(run, layer, holes, chosen, radius, lowest, scale)
-        return
+    near = math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
+    strips = max(thread_count(), 1 if run else holes.size // _CELLS)
 
-    def fill(part: tuple[Block, Own]) -> None:
-        block, own = part
-        cells = own()
+    def fill(strip: _Strip) -> None:
+        own, columns = strip.own(chosen), strip.around
         if run is None:
-            # Column after column, as the layers are stored.
-            columns, rows = np.nonzero(cells.T)
-            grays = _inpainted(layer[block], holes[block], radius, lowest, scale)[rows, columns]
-            heights = np.clip(grays, 0.0, 255.0, dtype=np.float64) / scale + lowest
-            layer[block][rows, columns] = heights
-            return
-        # Other threads fill holes of this block meanwhile.
-        heights = np.where(holes[block], np.float32(np.nan), layer[block])
-        _fill_compiled(run, heights, holes[block], cells, radius, lowest, scale)
-        np.copyto(layer[block], heights, where=cells)
+            _fill_by_opencv(filled[:, columns], layer[:, columns], own, radius, scaling)
+        else:
+            _fill_compiled(run, filled[:, columns], layer[:, columns], own, radius, scaling)
 
-    side_by_side(fill, _parts(holes, chosen, radius))
+    side_by_side(fill, _strips(holes, near, strips))
 
 
 def _fill_compiled(
     run: Compiled,
+    filled: Layer,
     layer: Layer,
-    holes: Mask,
     chosen: Mask,
     radius: float,
-    lowest: float,
-    scale: float,
+    scaling: tuple[float, float],
 ) -> None:
     rows, columns = layer.shape
     # OpenCV's limits. Further cells are outside of the layer.
@@ -155,80 +145,131 @@ def _fill_compiled(
     x, y = (values[inside].astype(np.float32) for values in (x, y))
     squares = x * x + y * y
     disc = x, y, squares, 1 / (squares * squares + 1)
+    holes = layer.size - np.count_nonzero(np.isfinite(layer))
     run(
         tuple(images),
         (rows, columns, reach),
-        (lowest, scale),
+        scaling,
         (*disc, np.empty_like(x)),
         offsets,
         offsets.size,
-        tuple(np.empty((2, np.count_nonzero(holes)), np.int64)),
-        np.asfortranarray(chosen).view(np.uint8),
-        layer,
+        tuple(np.empty((2, holes), np.int64)),
+        chosen.view(np.uint8),
+        filled,
     )
 
 
-def _parts(holes: Mask, chosen: Mask, radius: float) -> Iterator[tuple[Block, Own]]:
-    """Yield blocks of cells that are inpainted at once, and functions that return their own cells.
-
-    OpenCV fills a cell from cells within `radius` and their neighbors. Holes that are further apart
-    know nothing of each other, so that a block with all cells of a group of holes, and the cells
-    around them, gives the bits of the whole layer.
-    """
-    if holes.size < 2 * _SIDE**2:
-        yield (slice(None), slice(None)), lambda: chosen
-        return
-    near = math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
-    # Two cells in reach of each other touch when each becomes a block of this side.
-    grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
-    # Rows of the map are along x of the image. The label 0 marks all cells outside of holes.
-    count, labels = cv2.connectedComponents(grown, connectivity=8)
-    # OpenCV's boxes would take twice as long as its labels.
-    cells = np.flatnonzero(holes.T)
-    places = np.divmod(cells, len(holes))[::-1]
-    (rows, columns), ends = _boxes(places, labels.ravel()[cells], count)
-    heights, widths = ends[0] - rows, ends[1] - columns
-    tiles = 1 + rows // _SIDE + math.ceil(holes.shape[0] / _SIDE) * (columns // _SIDE)
-    # Large groups share a block, which may be the whole layer.
-    tiles[np.maximum(heights, widths) > _SIDE] = 0
-    tiles[0] = -1
-    for tile in np.unique(tiles[1:]):
-        group = tiles == tile
-        block = tuple(
-            slice(max(first[group].min() - near - 1, 0), end[group].max() + near + 1)
-            for first, end in zip((rows, columns), ends, strict=True)
-        )
-        yield block, partial(_own_cells, chosen[block], labels.T[block], group)
-
-
-def _boxes(
-    places: Sequence[Integers], groups: npt.NDArray[Any], count: int
-) -> tuple[list[Integers], list[Integers]]:
-    """Return the first places of groups along each axis, and the ends behind the last ones."""
-    firsts, ends = [], []
-    for along in places:
-        first, last = np.full(count, along.max()), np.zeros(count, along.dtype)
-        np.minimum.at(first, groups, along)
-        np.maximum.at(last, groups, along)
-        firsts.append(first)
-        ends.append(last + 1)
-    return firsts, ends
-
-
-def _own_cells(chosen: Mask, labels: npt.NDArray[Any], group: Mask) -> Mask:
-    own: Mask = group[labels]
-    return own & chosen
-
-
-def _inpainted(
-    heights: Layer, holes: Mask, radius: float, lowest: float, scale: float
-) -> npt.NDArray[np.float32]:
-    """Return gray values, inpainted where there are holes."""
+def _fill_by_opencv(
+    filled: Layer, layer: Layer, chosen: Mask, radius: float, scaling: tuple[float, float]
+) -> None:
+    lowest, scale = scaling
     gray = elementwise(
         lambda known: np.subtract(known, lowest, dtype=np.float64) * scale,
         np.float32,
-        np.ascontiguousarray(heights),
+        np.ascontiguousarray(layer),
     )
+    holes = ~np.isfinite(gray)
     gray[holes] = 0.0
     image, mask = np.ascontiguousarray(gray), np.ascontiguousarray(holes, dtype=np.uint8)
-    return np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
+    grays = np.asarray(cv2.inpaint(image, mask, radius, cv2.INPAINT_NS), dtype=np.float32)
+    # Column after column, as the layers are stored.
+    columns, rows = np.nonzero(chosen.T)
+    heights = np.clip(grays[rows, columns], 0.0, 255.0, dtype=np.float64) / scale + lowest
+    filled[rows, columns] = heights
+
+
+class _Border(NamedTuple):
+    """A border between two strips; holes across it belong to the first one.
+
+    Args:
+        columns: columns of the second strip in which there are cells of such holes.
+        across: mask of these cells, (rows, columns).
+    """
+
+    columns: slice
+    across: Mask
+
+
+class _Strip(NamedTuple):
+    """Columns whose holes are filled together.
+
+    Args:
+        around: the columns with all cells that matter for these holes.
+        first, last: borders on both sides.
+    """
+
+    around: slice
+    first: _Border
+    last: _Border
+
+    def own(self, chosen: Mask) -> Mask:
+        """Return the mask of the chosen cells of this strip, (rows, columns of `around`)."""
+        own = chosen[:, self.around].copy("F")
+        (before, (_, behind)) = (
+            (columns.start - self.around.start, columns.stop - self.around.start)
+            for columns in (self.first.columns, self.last.columns)
+        )
+        start, end = before
+        last = self.last.columns.start - self.around.start
+        own[:, :start] = False
+        own[:, start:end] &= ~self.first.across
+        own[:, last:behind] &= self.last.across
+        own[:, behind:] = False
+        return own
+
+
+def _strips(holes: Mask, near: int, count: int) -> Iterator[_Strip]:
+    """Yield at most `count` strips of columns that take about the same time.
+
+    OpenCV fills a cell from cells within the radius and their neighbors. Holes that are further
+    apart know nothing of each other, so that a strip with all cells of such a group of holes, and
+    the cells around them, gives the bits of the whole layer.
+
+    Args:
+        holes: mask of all holes.
+        near: number of cells at which holes know of each other.
+        count: number of strips; there are fewer if holes reach from one border to the next.
+    """
+    rows, columns = holes.shape
+    work = np.cumsum(np.count_nonzero(holes, axis=0) * _HOLE + rows)
+    shares = np.arange(1, count) * (work[-1] / count)
+    places = [0, *np.unique(work.searchsorted(shares)).tolist(), columns, columns]
+    first = _Border(slice(0, 0), holes[:, :0])
+    for before, column, after in zip(places, places[1:], places[2:], strict=False):
+        last = _border(holes, near, column, (before, after))
+        if last is not None:
+            begin, end = first.columns.start - near - 1, last.columns.stop + near + 1
+            yield _Strip(slice(max(begin, 0), min(end, columns)), first, last)
+            first = last
+
+
+def _border(holes: Mask, near: int, column: int, limits: tuple[int, int]) -> _Border | None:
+    """Return the border before a column; None if holes across it reach beyond the limits."""
+    width = 4 * near
+    while True:
+        begin, end = max(column - width, limits[0]), min(column + width, limits[1])
+        part, middle = holes[:, begin:end], column - begin
+        # Two cells in reach of each other touch when each becomes a block of this side.
+        grown = cv2.dilate(part.T.view(np.uint8), np.ones((near, near), np.uint8))
+        # Rows of the map are along x of the image. The label 0 marks all cells outside of holes.
+        count, labels = cv2.connectedComponents(grown, connectivity=8)
+        labels[~part.T] = 0
+        beside = near if begin else 0, near if end < holes.shape[1] else 0
+        open_ends = labels[: beside[0]], labels[max(len(labels) - beside[1], 0) :]
+        across = _marked(labels[:middle], count) & _marked(labels[middle:], count)
+        across[0] = False
+        if not any(across[each].any() for each in open_ends):
+            mask = across[labels[middle:].T]
+            used = np.flatnonzero(mask.any(axis=0))
+            reach = int(used[-1]) + 1 if used.size else 0
+            return _Border(slice(column, column + reach), mask[:, :reach])
+        if (begin, end) == limits:
+            return None
+        width *= 2
+
+
+def _marked(labels: npt.NDArray[np.int32], count: int) -> Mask:
+    """Return which of `count` labels there are (count,)."""
+    marked = np.zeros(count, np.bool_)
+    marked[labels] = True
+    return marked
