@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays._checks import Mask, select_layers
+from ..arrays._checks import Mask, Positions, select_layers
 from ..errors import GridMapError, short
 from ._axis import BORDER_TOLERANCE
 from ._geometry import GridGeometry
 
 if TYPE_CHECKING:
+    from ..tiled import TiledMap
     from ._grid_map import GridMap
 
 _BLOCK = 1 << 15  # number of cells copied at a time, which fit into the cache
@@ -30,12 +31,13 @@ def add_data_from(
     layers: Iterable[str] | None,
 ) -> None:
     """Copy data of `other` into `grid_map`; see `GridMap.add_data_from`."""
-    _check_frames(grid_map, other)
+    check_frames(grid_map, other)
     sources = {name: other[name] for name in select_layers(other, layers)}
     if extend_map:
         grid_map.extend_to_include(other)
-    rows, rows_inside = _lines_under(grid_map, other, axis=0)
-    columns, columns_inside = _lines_under(grid_map, other, axis=1)
+    axes = grid_map.axes()
+    rows, rows_inside = lines_under(axes[0], other, axis=0)
+    columns, columns_inside = lines_under(axes[1], other, axis=1)
     for name, source in sources.items():
         if name not in grid_map:
             grid_map.add(name)
@@ -51,7 +53,7 @@ def add_data_from(
 
 def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     """Return a map that covers `other` as well; `grid_map` itself if it covers it already."""
-    _check_frames(grid_map, other)
+    check_frames(grid_map, other)
     inner, outer = grid_map.geometry, other.geometry
     # Far from the origin, coordinates are less precise than the usual tolerance.
     tolerance = BORDER_TOLERANCE + 4 * np.spacing(np.abs(inner.corner) + np.abs(outer.corner))
@@ -77,7 +79,8 @@ def extended_map(grid_map: GridMap, other: GridMap) -> GridMap:
     return grid_map._with(layers, geometry, (0, 0))
 
 
-def _check_frames(grid_map: GridMap, other: GridMap) -> None:
+def check_frames(grid_map: GridMap | TiledMap, other: GridMap) -> None:
+    """Raise `GridMapError` unless `other` is a map in the frame of `grid_map`."""
     if not isinstance(getattr(other, "geometry", None), GridGeometry):
         raise GridMapError(f"other: expected a map, got {short(other)}")
     if grid_map.frame_id and other.frame_id and grid_map.frame_id != other.frame_id:
@@ -87,18 +90,22 @@ def _check_frames(grid_map: GridMap, other: GridMap) -> None:
         )
 
 
-def _lines_under(
-    grid_map: GridMap, other: GridMap, axis: int
+def lines_under(
+    centers: Positions, other: GridMap, axis: int
 ) -> tuple[npt.NDArray[np.int64], Mask]:
-    """Return the row (axis 0) or column (axis 1) of `other` under each one of `grid_map`.
+    """Return the row (axis 0) or column (axis 1) of `other` under each one of another grid.
 
     Both grids are parallel, so that this does not depend on the other axis.
 
+    Args:
+        centers: (N,) x of the rows, or y of the columns, of the other grid [m].
+        other: the map that lies under it.
+        axis: 0 for rows, 1 for columns.
+
     Returns:
-        lines: buffer indices of `other` in the order of the buffer of `grid_map`.
-        inside: whether the centers are on `other` along this axis.
+        lines: (N,) buffer indices of `other`.
+        inside: (N,) whether the centers are on `other` along this axis.
     """
-    centers = grid_map.axes()[axis]
     positions = np.tile(other.position, (centers.size, 1))
     positions[:, axis] = centers
     lines, inside = other.get_indices(positions)

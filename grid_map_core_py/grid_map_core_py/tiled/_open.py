@@ -7,8 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import GridMapError, required, short
-from ..files._shared import storage_errors
+from ..errors import GridMapError, short
 from ..plugins import check
 from ._tiled_map import TiledMap
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
 
 _TILE = 1024
 """Side of a tile, if neither the caller nor the store says it [cells]."""
-
-_REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
 def open_map(
@@ -49,23 +46,10 @@ def open_map(
     name = fspath(path)
     if Path(name).suffix.lower() in (".tif", ".tiff"):
         return _open_rasters([name], chunks)
-    return _open_zarr(name, chunks)
+    from ._stores import open_store
+
+    return open_store(name, chunks)
 
 
-def _open_rasters(paths: Sequence[Any], chunks: int | None) -> TiledMap:
+def _open_rasters(paths: Sequence[Any], chunks: int | None) -> TiledMap:  # noqa: ARG001
     raise GridMapError(f"{short(paths)}: not yet")
-
-
-def _open_zarr(name: str, chunks: int | None) -> TiledMap:
-    xarray = required("xarray", f"{name}: a Zarr store", _REMEDY)
-    required("zarr", f"{name}: a Zarr store", _REMEDY)
-    from ._xarray import layers_of, open_dataset
-
-    with storage_errors(Path(name), "read"):
-        dataset = xarray.open_zarr(name, chunks=None, decode_times=False)
-        layers = layers_of(dataset)
-        side = (chunks, chunks)
-        if chunks is None:
-            stored = dataset[layers[0]].encoding.get("chunks") if layers else None
-            side = (stored[0], stored[1]) if stored else (_TILE, _TILE)
-        return open_dataset(dataset, side, name)

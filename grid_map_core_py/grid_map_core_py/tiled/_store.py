@@ -9,7 +9,6 @@ chunks of all layers exist; a later run computes the others.
 import fcntl
 import hashlib
 import shutil
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,14 +16,16 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..arrays._checks import select_layers
 from ..errors import GridMapError
-from ..files._shared import check_ending, storage_errors
+from ..files._atomic import new_folder
+from ..files._shared import check_ending
+from ..map._geometry import GridGeometry
+from ..plugins import check
 from ._engine import in_any_order
+from ._stores import open_store
 from ._tiled_map import Progress, TiledMap
-from ._xarray import CRS_VARIABLE, DIMENSIONS, attributes, coordinates
+from ._zarr import check_local, check_names, consolidate, create_group, open_layer, store_errors
 
 _BEGUN = "grid_map_run"
 """Attribute of an unfinished store: what the run computes."""
@@ -40,12 +41,13 @@ def to_zarr(
     progress: Progress | None = None,
 ) -> None:
     """Write a tiled map into a Zarr store; see `TiledMap.to_zarr`."""
-    target = Path(path)
+    target = check_local(path)
     check_ending(target, ".zarr")
     names = select_layers(site.layers, layers)
+    check_names(names)
     site.source.prepare()
     part = target.with_name(f"{target.name}.part")
-    with storage_errors(target, "written"), _alone(part):
+    with store_errors(target, "written"), _alone(part):
         if target.exists() and not overwrite:
             raise GridMapError("exists already; 'overwrite' replaces it")
         run = _description(site, names)
@@ -66,6 +68,29 @@ def to_zarr(
         Path(part).rename(target)
 
 
+def create_store(
+    path: str | PathLike[str],
+    geometry: GridGeometry,
+    layers: Sequence[str],
+    *,
+    chunks: int,
+    **about: Any,
+) -> TiledMap:
+    """Make a store without data; see `TiledMap.create`."""
+    target = check_local(path)
+    check_ending(target, ".zarr")
+    check(chunks >= 1, "chunks", "a number of cells", chunks)
+    select_layers(layers, about["basic_layers"])
+    with store_errors(target, "written"), new_folder(target, _refuse) as folder:
+        create_group(folder, geometry, layers, (chunks, chunks), **about)
+        consolidate(folder)
+    return open_store(str(target), chunks)
+
+
+def _refuse(path: Path) -> None:
+    raise GridMapError(f"{path}: exists already")
+
+
 @dataclass(frozen=True)
 class _Write:
     """Computes a tile and writes it."""
@@ -75,31 +100,10 @@ class _Write:
     names: Sequence[str]
 
     def __call__(self, number: int) -> None:
-        group = _open(self.store)
         window = self.site.tiles[number]
         for name, layer in zip(self.names, self.site.source.read(window, self.names), strict=True):
-            group[name][window] = layer
-
-
-def _open(store: str) -> Any:
-    import zarr
-
-    return zarr.open_group(store, mode="r+")
-
-
-def _create(group: Any, name: str, shape: Sequence[int], chunks: Sequence[int]) -> None:
-    """Add a layer to a store: chunks have the memory order of layers, and exist even if empty."""
-    import numcodecs
-
-    packed = numcodecs.Blosc("lz4", 1, numcodecs.Blosc.SHUFFLE)
-    common: dict[str, Any] = {"shape": tuple(shape), "chunks": tuple(chunks), "dtype": "<f4"}
-    common |= {"fill_value": np.nan, "order": "F"}
-    if hasattr(group, "create_array"):
-        config = {"write_empty_chunks": True}
-        array = group.create_array(name, compressors=packed, config=config, **common)
-    else:  # Zarr 2
-        array = group.create_dataset(name, compressor=packed, write_empty_chunks=True, **common)
-    array.attrs["_ARRAY_DIMENSIONS"] = [*DIMENSIONS]
+            # A tile is finished when its chunks exist.
+            open_layer(self.store, name, empty_chunks=True)[window] = layer
 
 
 def _begin(
@@ -123,28 +127,16 @@ def _begin(
                 f"{part.name} is left from a run that did not finish; 'resume' continues it; "
                 "remove it to begin anew"
             )
-    options: dict[str, Any] = {"mode": "w", "zarr_format": 2}
-    if zarr.__version__.startswith("2."):
-        del options["zarr_format"]
-    group = zarr.open_group(str(part), **options)
-    for name in names:
-        _create(group, name, site.size, site.tile)
-    for name, (_, values, about) in coordinates(site.geometry).items():
-        array = group.create(name=name, shape=values.shape, dtype="<f8", chunks=values.shape)
-        array[:] = values
-        array.attrs.update(about | {"_ARRAY_DIMENSIONS": [name]})
-    if site.crs:
-        array = group.create(name=CRS_VARIABLE, shape=(), dtype="<i4", chunks=())
-        array.attrs.update(_grid_mapping(site.crs) | {"_ARRAY_DIMENSIONS": []})
-        for name in names:
-            group[name].attrs["grid_mapping"] = CRS_VARIABLE
-    basic = [name for name in site.basic_layers if name in names]
-    about = attributes(site.geometry, site.frame_id, site.timestamp, basic)
-    group.attrs.update(about | {_BEGUN: run})
-
-
-def _grid_mapping(crs: str) -> dict[str, str]:
-    return {"crs_wkt": crs, "spatial_ref": crs}
+    create_group(
+        part,
+        site.geometry,
+        names,
+        site.tile,
+        frame_id=site.frame_id,
+        timestamp=site.timestamp,
+        basic_layers=[name for name in site.basic_layers if name in names],
+        crs=site.crs,
+    ).attrs[_BEGUN] = run
 
 
 def _is_complete(part: Path, site: TiledMap, names: Sequence[str], number: int) -> bool:
@@ -158,9 +150,7 @@ def _finish(part: Path) -> None:
 
     group = zarr.open_group(str(part), mode="r+")
     del group.attrs[_BEGUN]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(str(part))
+    consolidate(part)
 
 
 def _description(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:

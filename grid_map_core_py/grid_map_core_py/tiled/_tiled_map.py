@@ -8,19 +8,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
-from ..arrays._checks import Layer, Positions, Size, select_layers
+from ..arrays._checks import Layer, Positions, Size, as_names, select_layers
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ._engine import in_any_order
 from ._source import Source, Tiles
-
-if TYPE_CHECKING:
-    pass
 
 T = TypeVar("T")
 
@@ -58,6 +55,49 @@ class TiledMap:
     timestamp: int = 0
     basic_layers: tuple[str, ...] = ()
     crs: str = ""
+
+    @classmethod
+    def create(
+        cls,
+        path: str | PathLike[str],
+        geometry: GridGeometry,
+        layers: Iterable[str],
+        *,
+        chunks: int = 1024,
+        basic_layers: Iterable[str] = (),
+        frame_id: str = "map",
+        timestamp: int = 0,
+        crs: str = "",
+    ) -> TiledMap:
+        """Make a Zarr store without data for `write`, and return its map.
+
+        Whatever its size, the store takes a few kilobytes. A chunk takes room when data is written
+        into it; cells of other chunks are NaN.
+
+        Args:
+            path: the folder of the store, which must not exist.
+            geometry: size, resolution and position.
+            layers: names of the layers.
+            chunks: side of a chunk [cells].
+            basic_layers, frame_id, timestamp: see `GridMap`.
+            crs: see `TiledMap`.
+
+        Raises:
+            GridMapError: there is something at the path, a name is not allowed, or the store cannot
+                be written.
+        """
+        from ._store import create_store
+
+        return create_store(
+            path,
+            geometry,
+            as_names(layers),
+            chunks=chunks,
+            basic_layers=as_names(basic_layers),
+            frame_id=frame_id,
+            timestamp=timestamp,
+            crs=crs,
+        )
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -140,7 +180,8 @@ class TiledMap:
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
         """Return the whole map, if the limits allow its size; see `block`."""
-        return self.block(*(slice(0, length) for length in self.size), layers)
+        rows, columns = self.size
+        return self.block(slice(0, rows), slice(0, columns), layers)
 
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
@@ -210,6 +251,37 @@ class TiledMap:
             overwrite=overwrite,
             progress=progress,
         )
+
+    def write(
+        self,
+        grid_map: GridMap,
+        position: ArrayLike | None = None,
+        *,
+        layers: Iterable[str] | None = None,
+    ) -> None:
+        """Merge a map into the store that this map was opened from.
+
+        Finite cells of the map replace those of the store; the others leave the store as it is.
+        Every cell of the store takes the cell of the map that its center is in, as with
+        `GridMap.add_data_from`; cells of the map outside the store are ignored. Only chunks under
+        the map are read and written. A reader finds every chunk as it was before or after; several
+        processes can write at once, and none of their data is lost.
+
+        Args:
+            grid_map: a map of the same resolution, and in the same frame or without one.
+            position: (2,) where its center is [m]; None takes its own position.
+            layers: names of the layers to write; None means all of the map.
+
+        Raises:
+            OutOfMapError: no cell of the map is on the store.
+            LayerNotFoundError: the map lacks a layer that `layers` names.
+            GeometryError: the map has another resolution.
+            GridMapError: this map is not that of a Zarr store on this machine, the store lacks a
+                layer, the frames differ, or the store cannot be written.
+        """
+        from ._write import write
+
+        write(self, grid_map, position, layers)
 
 
 def _of_tile(

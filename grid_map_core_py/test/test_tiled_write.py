@@ -1,0 +1,322 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps that are merged into Zarr stores, compared with `GridMap.add_data_from` in memory."""
+
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError
+from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.testing import assert_maps_equal, moved_in_buffer
+
+pytestmark = [
+    pytest.mark.needs("xarray", "zarr"),
+    pytest.mark.filterwarnings("error:.*:UserWarning"),
+]
+
+SIZE, RESOLUTION, CENTER = (23, 17), 0.5, (3.0, -1.0)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    return make_store(tmp_path / "site.zarr")
+
+
+def make_store(path: Path, chunks: int = 6) -> Path:
+    from grid_map_core_py.tiled import TiledMap
+
+    geometry = GridGeometry.from_size(SIZE, RESOLUTION, CENTER)
+    layers = ["elevation", "variance"]
+    TiledMap.create(path, geometry, layers, chunks=chunks, basic_layers=["elevation"])
+    return path
+
+
+def opened(path: Path):
+    from grid_map_core_py.tiled import open_map
+
+    return open_map(path)
+
+
+def patch(size=(5, 4), position=(3.1, -0.9), value: float = 1.0, **options: object) -> GridMap:
+    values = value + np.arange(size[0] * size[1], dtype=np.float32).reshape(size)
+    return GridMap.from_geometry(
+        GridGeometry.from_size(size, RESOLUTION, position),
+        {"elevation": values, "variance": -values},
+        frame_id="map",
+        **options,
+    )
+
+
+def chunk_files(store: Path) -> dict[str, bytes]:
+    return {
+        f"{file.parent.name}/{file.name}": file.read_bytes()
+        for layer in ("elevation", "variance")
+        for file in (store / layer).iterdir()
+        if not file.name.startswith(".")
+    }
+
+
+def test_new_store_is_an_empty_map(store: Path) -> None:
+    site = opened(store)
+    assert (site.size, site.layers, site.basic_layers) == (
+        SIZE,
+        ("elevation", "variance"),
+        ("elevation",),
+    )
+    assert np.isnan(site.to_map()["variance"]).all()
+    assert chunk_files(store) == {}
+
+
+patches = st.builds(
+    dict,
+    size=st.tuples(st.integers(1, 12), st.integers(1, 12)),
+    cells=st.tuples(st.integers(-16, 16), st.integers(-14, 14)),
+    phase=st.tuples(*[st.sampled_from([0.0, 0.1, -0.24, 0.25, 0.4])] * 2),
+    start=st.tuples(st.floats(0, 0.99), st.floats(0, 0.99)),
+    seed=st.integers(0, 99),
+)
+
+
+@settings(max_examples=25)
+@given(patches=st.lists(patches, min_size=1, max_size=3))
+def test_write_equals_add_data_from(patches: list[dict[str, object]]) -> None:
+    with TemporaryDirectory() as folder:
+        site = opened(make_store(Path(folder, "site.zarr")))
+        expected = site.to_map()
+        for one in patches:
+            part = random_patch(**one)
+            try:
+                site.write(part)
+            except OutOfMapError:
+                assert_maps_equal(added(site.to_map(), part), site.to_map())
+            expected = added(expected, part)
+        assert_maps_equal(site.to_map(), expected)
+
+
+def random_patch(size, cells, phase, start, seed) -> GridMap:
+    random = np.random.default_rng(seed)
+    position = np.add(CENTER, np.multiply(np.add(cells, 0.5 * np.subtract(size, SIZE)), RESOLUTION))
+    part = patch(size, position + phase)
+    for name in part:
+        part[name][...] = random.choice([np.nan, np.inf, -1.0, 2.0, 3.5], size)
+    return moved_in_buffer(part, tuple(int(f * n) for f, n in zip(start, size, strict=True)))
+
+
+def added(whole: GridMap, part: GridMap) -> GridMap:
+    whole.add_data_from(part, extend_map=False, overwrite_data=True)
+    return whole
+
+
+def test_write_takes_another_position(store: Path) -> None:
+    site, part = opened(store), patch(position=(100.0, 100.0))
+    site.write(part, (2.0, 0.5))
+    part.position = (2.0, 0.5)
+    assert_maps_equal(site.to_map(), added(opened_empty(site), part))
+
+
+def opened_empty(site) -> GridMap:
+    empty = GridMap.from_geometry(site.geometry, site.layers, frame_id="map")
+    empty.basic_layers = site.basic_layers
+    return empty
+
+
+def test_write_keeps_cells_under_holes(store: Path) -> None:
+    site = opened(store)
+    site.write(patch(value=10.0))
+    before = site.to_map()
+    site.write(GridMap((3, 3), RESOLUTION, (3.1, -0.9), {"elevation": np.nan, "variance": np.inf}))
+    assert_maps_equal(site.to_map(), before)
+
+
+def test_write_touches_only_chunks_under_the_map(store: Path) -> None:
+    site = opened(store)
+    site.write(patch((23, 17), CENTER))
+    before = chunk_files(store)
+    assert len(before) == 2 * 4 * 3
+    site.write(patch((2, 2), site.geometry.centers(([6, 7], [0, 1])).mean(axis=0), 99.0))
+    after = chunk_files(store)
+    changed = {name for name in after if after[name] != before[name]}
+    assert changed == {"elevation/1.0", "variance/1.0"}
+
+
+def test_write_of_some_layers(store: Path) -> None:
+    site, part = opened(store), patch()
+    part["color"] = 3.0
+    with pytest.raises(GridMapError, match=r"lacks the layers color of the map.*'layers'"):
+        site.write(part)
+    assert chunk_files(store) == {}
+    site.write(part, layers=["variance"])
+    assert np.isnan(site.to_map()["elevation"]).all()
+    assert np.isfinite(site.to_map()["variance"]).sum() == 20
+    with pytest.raises(LayerNotFoundError):
+        site.write(part, layers=["slope"])
+
+
+@pytest.mark.parametrize(
+    ("part", "error", "text"),
+    [
+        (patch(position=(300.0, 0.0)), OutOfMapError, "no cell of it is on the store"),
+        (GridMap((1, 1), 0.25, CENTER, ["elevation"]), GeometryError, "cells of 0.5 m"),
+        (GridMap((1, 1), 0.5, CENTER, ["elevation"], frame_id="odom"), GridMapError, "'map', got"),
+    ],
+)
+def test_write_refuses_other_maps(
+    store: Path, part: GridMap, error: type[Exception], text: str
+) -> None:
+    with pytest.raises(error, match=text):
+        opened(store).write(part)
+    assert chunk_files(store) == {}
+
+
+def test_write_refuses_maps_that_are_no_stores(store: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+    from grid_map_core_py.tiled._xarray import to_dataset
+
+    dataset = open_map(to_dataset(opened(store).to_map()))
+    with pytest.raises(GridMapError, match="expected a map of a Zarr store to write to"):
+        dataset.write(patch())
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_write_into_a_foreign_store(tmp_path: Path, transposed: bool) -> None:
+    """The store has ascending coordinates, another order of dimensions, and chunks of its own."""
+    import xarray
+
+    rows, columns = np.arange(7) * RESOLUTION, np.arange(9) * RESOLUTION
+    values = np.random.default_rng(1).normal(size=(7, 9))
+    dataset = xarray.Dataset(
+        {"elevation": (("x", "y"), values)}, {"x": rows, "y": columns}, {"resolution": RESOLUTION}
+    )
+    dataset = dataset.transpose("y", "x") if transposed else dataset
+    path = tmp_path / "foreign.zarr"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        dataset.to_zarr(path, zarr_format=2, encoding={"elevation": {"chunks": (4, 3)}})
+    site = opened(path)
+    expected = site.to_map()
+    np.testing.assert_array_equal(expected["elevation"], values[::-1, ::-1].astype(np.float32))
+    part = patch((3, 5), (2.0, 2.5))
+    site.write(part, layers=["elevation"])
+    expected.add_data_from(part, extend_map=False, overwrite_data=True, layers=["elevation"])
+    assert_maps_equal(opened(path).to_map(), expected)
+
+
+def test_write_refuses_a_store_of_scaled_integers(tmp_path: Path) -> None:
+    import xarray
+
+    encoding = {"elevation": {"dtype": "i2", "scale_factor": 0.1, "_FillValue": -999}}
+    axis = np.arange(4) * RESOLUTION
+    dataset = xarray.Dataset({"elevation": (("x", "y"), np.eye(4))}, {"x": axis, "y": axis})
+    dataset.to_zarr(tmp_path / "a.zarr", zarr_format=2, encoding=encoding)
+    site = opened(tmp_path / "a.zarr")
+    np.testing.assert_allclose(site.to_map()["elevation"], np.eye(4))
+    with pytest.raises(GridMapError, match="expected a layer of floats"):
+        site.write(patch(position=(0.0, 0.0)), layers=["elevation"])
+
+
+WRITER = """
+import sys
+from grid_map_core_py import GridMap
+from grid_map_core_py.tiled import open_map
+
+path, column = sys.argv[1], int(sys.argv[2])
+site = open_map(path)
+print("ready", flush=True)
+sys.stdin.readline()
+for row in range(site.size[0]):
+    center = site.geometry.centers((row, column))
+    site.write(GridMap((0.5, 0.5), 0.5, center, {"elevation": float(100 * row + column)}))
+"""
+
+
+@pytest.fixture
+def writers(store: Path) -> Iterator[list[subprocess.Popen[str]]]:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    processes = [
+        subprocess.Popen([sys.executable, "-c", WRITER, str(store), str(column)], **pipes)
+        for column in (2, 3)
+    ]
+    yield processes
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def test_two_processes_write_the_same_chunks(
+    store: Path, writers: list[subprocess.Popen[str]]
+) -> None:
+    for process in writers:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in writers:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    assert [process.wait(30) for process in writers] == [0, 0]
+    expected = np.full(SIZE, np.nan, np.float32)
+    expected[:, 2:4] = 100 * np.arange(SIZE[0])[:, None] + [2, 3]
+    np.testing.assert_array_equal(opened(store).to_map()["elevation"], expected)
+
+
+def test_full_disk_leaves_the_store_as_it_was(store: Path, full_disk) -> None:
+    site = opened(store)
+    site.write(patch())
+    before = chunk_files(store)
+    values = np.random.default_rng(1).normal(size=SIZE)
+    noise = GridMap.from_geometry(site.geometry, {"elevation": values})
+    with full_disk(64), pytest.raises(GridMapError, match=r"site.zarr/elevation: cannot be writt"):
+        site.write(noise)
+    assert chunk_files(store) == before
+
+
+def test_damaged_chunk_is_named(store: Path) -> None:
+    site = opened(store)
+    site.write(patch((23, 17), CENTER))
+    (store / "variance" / "1.2").write_bytes(b"nothing")
+    text = r"site.zarr: variance, chunk of cells \[6:12, 12:17\]: cannot be read"
+    with pytest.raises(GridMapError, match=text):
+        site.to_map()
+    assert np.isfinite(site.to_map(["elevation"])["elevation"]).all()
+    with pytest.raises(GridMapError, match=r"site.zarr/variance: cannot be written"):
+        site.write(patch((23, 17), CENTER))
+
+
+def test_write_tells_that_the_store_was_replaced(tmp_path: Path) -> None:
+    import shutil
+
+    from grid_map_core_py.tiled import TiledMap
+
+    path = make_store(tmp_path / "site.zarr")
+    site = opened(path)
+    shutil.rmtree(path)
+    with pytest.raises(GridMapError, match="No such file"):
+        site.write(patch())
+    TiledMap.create(path, GridGeometry.from_size((3, 3), RESOLUTION), ["elevation"])
+    with pytest.raises(GridMapError, match="has been replaced"):
+        site.write(patch(), layers=["elevation"])
+
+
+@pytest.mark.parametrize("name", ["a/b", "a\\b", ".hidden", "__x", "x", "spatial_ref", ""])
+def test_names_that_a_store_cannot_hold(tmp_path: Path, name: str) -> None:
+    from grid_map_core_py.tiled import TiledMap
+
+    with pytest.raises(GridMapError, match="names that a Zarr store can hold"):
+        TiledMap.create(tmp_path / "a.zarr", GridGeometry.from_size((3, 3), 1.0), [name])
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_create_keeps_what_is_there(store: Path) -> None:
+    with pytest.raises(GridMapError, match=r"site.zarr: exists already"):
+        make_store(store)
+    with pytest.raises(GridMapError, match="a folder of this machine"):
+        make_store("s3://bucket/site.zarr")  # type: ignore[arg-type]
+    assert [file.name for file in store.parent.iterdir()] == ["site.zarr"]
