@@ -53,8 +53,16 @@ setup(
     extras_require={
         "completion": ["argcomplete>=3"],
         "files": ["pypcd4>=1.1", "trimesh>=4.8"],
-        "geo": ["rasterio>=1.3"],
+        "geo": ["pyproj>=3.6.1", "rasterio>=1.3.9"],
         "test": ["pytest"],
+        "tiled": [
+            "dask[array]>=2023.12.1",
+            "distributed>=2023.12.1",
+            "numcodecs>=0.12.1",
+            "xarray>=2023.12.0",
+            "zarr>=2.17.0",
+        ],
+        "xarray": ["xarray>=2023.12.0"],
     },
     zip_safe=True,
     entry_points={"console_scripts": ["grid_map = grid_map_core_py.__main__:main"]},

@@ -37,7 +37,9 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-OPTIONAL = {"llvmlite", "nav2_msgs", "numba", "octomap_msgs", "viser"}
+TILED = {"dask", "distributed", "numcodecs", "pyproj", "rio_cogeo", "rioxarray", "xarray", "zarr"}
+
+OPTIONAL = {"llvmlite", "nav2_msgs", "numba", "octomap_msgs", "rasterio", "viser"} | TILED
 """Optional modules, imported on use; if one is missing, an error names the remedy."""
 
 
@@ -192,7 +194,9 @@ def pytest_pycollect_makemodule(module_path, parent):
 """
 """Plug-in that imports the modules of tests while it collects, as launch_testing of ROS does."""
 
-WITHOUT_KEYS = {"argcomplete", "mcap", "playwright", "pypcd4", "rasterio", "rosbags", "trimesh"}
+NO_KEYS = {"argcomplete", "mcap", "playwright", "pypcd4", "rasterio", "rosbags", "trimesh"}
+
+WITHOUT_KEYS = NO_KEYS | TILED
 """Modules that rosdep does not know, so that a machine with ROS lacks them."""
 
 HIDE = """

@@ -26,6 +26,9 @@ SITE_PACKAGES = VENV / "lib" / PYTHON / "site-packages"
 PINS = ROOT / "tools" / "requirements.in"
 """Versions of what `REQUIREMENTS` holds with hashes, without what these pull in."""
 
+PINS_OLDEST = ROOT / "tools" / "requirements-oldest.in"
+"""The same of `REQUIREMENTS_OLDEST`."""
+
 REQUIREMENTS = ROOT / "tools" / "requirements.txt"
 REQUIREMENTS_BUILD = ROOT / "tools" / "requirements-build.txt"
 REQUIREMENTS_DOCS = ROOT / "tools" / "requirements-docs.txt"
@@ -44,24 +47,39 @@ RECIPE = "1"
 
 ADDED_TO_ROS = (
     "argcomplete",
+    "dask",
+    "distributed",
     "hypothesis",
     "import-linter",
     "lark",
     "mcap",
     "mypy",
     "numba",
+    "numcodecs",
+    "pandas",
     "playwright",
     "pypcd4",
+    "pyproj",
     "pytest-benchmark",
     "pytest-timeout",
     "rasterio",
+    "rio-cogeo",
+    "rioxarray",
     "rosbags",
     "ruff",
     "trimesh",
     "types-PyYAML",
     "viser",
+    "xarray",
+    "zarr",
 )
 """Distributions that `.venv` adds to a sourced ROS where they are missing."""
+
+OLDEST_BESIDE_ROS = {"dask", "distributed", "numcodecs", "pandas", "rioxarray", "xarray", "zarr"}
+"""Those whose current versions need NumPy 2, or other newer versions than Ubuntu 24.04 has."""
+
+RENEWED = {"importlib_metadata", "packaging", "typing_extensions"}
+"""Plain Python without changes for its users; `.venv` may have a newer version than ROS."""
 
 
 def setup(outer: Mapping[str, str], ros: bool) -> str:
@@ -146,7 +164,7 @@ def _browsers() -> dict[str, str]:
 
 def _wanted(ros: bool) -> str:
     if ros:
-        return _fingerprint("beside ROS", PINS)
+        return _fingerprint("beside ROS", PINS, PINS_OLDEST)
     return _fingerprint("with ROS", REQUIREMENTS_BUILD, REQUIREMENTS)
 
 
@@ -223,15 +241,18 @@ def _add_to_ros(outer: Mapping[str, str]) -> None:
     held = VENV / "installed-with-ros.txt"
     # pip rejects the whole file for one version with a local suffix, as Debian's may have.
     plain = re.compile(r"[\w.-]+==\d+(\.\d+)*")
-    lines = [f"{name}=={version}" for name, version in installed.items()]
+    kept = {n: v for n, v in installed.items() if n.lower().replace("-", "_") not in RENEWED}
+    lines = [f"{name}=={version}" for name, version in kept.items()]
     held.write_text("\n".join(filter(plain.fullmatch, lines)))
     _pip(VENV, outer, "-c", held, *_pins_of(missing))
 
 
 def _pins_of(names: Iterable[str]) -> list[str]:
-    lines = PINS.read_text().splitlines()
-    pins = {line.partition("==")[0]: line.strip() for line in lines}
-    return [pins[name] for name in names]
+    newest, oldest = (
+        {line.partition("==")[0]: line.strip() for line in path.read_text().splitlines()}
+        for path in (PINS, PINS_OLDEST)
+    )
+    return [(oldest if name in OLDEST_BESIDE_ROS else newest)[name] for name in names]
 
 
 def inner_environment(outer: Mapping[str, str], ros: bool) -> dict[str, str]:

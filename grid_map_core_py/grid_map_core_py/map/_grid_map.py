@@ -20,7 +20,6 @@ from ..arrays._checks import (
     Size,
     as_layer,
     as_names,
-    as_pair,
     as_point,
     as_size,
     as_text,
@@ -29,7 +28,7 @@ from ..arrays._checks import (
     plain_pair,
     select_layers,
 )
-from ..errors import GeometryError, GridMapError, LayerNotFoundError, OutOfMapError, cut, short
+from ..errors import GridMapError, LayerNotFoundError, OutOfMapError, cut, short
 from . import _merge as merge, _ring_buffer as ring_buffer
 from ._geometry import GridGeometry
 from ._interpolation import Interpolation, interpolate
