@@ -79,7 +79,7 @@ def new_folder(path: str | PathLike[str], check_old: Callable[[Path], object]) -
                 raise
             # Another process may have created it in the meantime.
             check_old(target)
-            _replace(temporary, target)
+            replace_folder(temporary, target)
         _sync(target.parent)
 
 
@@ -124,7 +124,8 @@ def _errors_of(path: str | PathLike[str], temporary: Path) -> Iterator[None]:
         raise
 
 
-def _replace(temporary: Path, target: Path) -> None:
+def replace_folder(temporary: Path, target: Path) -> None:
+    """Replace a folder by another one, which may have the old content afterwards."""
     if _exchange(temporary, target):
         return
     aside = _hidden(target, "old")

@@ -7,60 +7,102 @@ takes its cluster; `dask.config.set(scheduler=...)` chooses another local schedu
 """
 
 import itertools
-import os
-from collections.abc import Callable, Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextvars import copy_context
+from functools import lru_cache
 from typing import Any, TypeVar
 
-from ..errors import required
+from ..errors import GridMapError, required
 
 T = TypeVar("T")
 P = TypeVar("P")
 
-_PER_THREAD = 16
-"""Tasks that a local scheduler gets at once for each thread: the last ones wait for each other."""
+_REMEDY = "pip install 'grid_map_core_py[tiled]'"
+
+_WAITING = 2
+"""Calls that are begun or wait, for each thread of this process."""
+
+_PER_BATCH = 16
+"""Calls that another local scheduler gets at once for each process: the last ones wait."""
 
 _PER_WORKER = 4
-"""Tasks of a cluster that wait for each of its threads."""
+"""Tasks that are begun or wait, for each thread of a cluster."""
+
+_TASK = 0.1
+"""Time of a task of a cluster [s]; a task has several parts that are computed sooner. The cluster
+takes about a millisecond for each task."""
+
+_MOST = 256
+"""Largest number of parts of a task."""
+
+_PERIOD = 1.0
+"""Time after which the threads of a cluster, which may grow, are counted again [s]."""
 
 
 def in_any_order(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
     """Yield each part and `function(part)` as they are ready.
 
     Only a bounded number of parts is taken in advance, so that neither this process nor the
-    scheduler holds all of them.
+    scheduler holds all of them. When the iterator is closed, calls that wait are canceled; threads
+    of this process finish those that they have begun.
 
     Args:
         function: it and the parts are pickled if other processes compute.
         parts: what it is called with, one after the other.
 
     Raises:
+        GridMapError: the cluster is lost, or workers die of a part again and again.
         Exception: a call has failed. Further parts are not begun.
     """
     required("dask", "tiled maps", _REMEDY)
-    client = _client()
-    yield from _on_cluster(client, function, parts) if client else _here(function, parts)
+    from dask import threaded
+
+    get, client = _scheduler()
+    if client:
+        return _on_cluster(client, function, parts)
+    if get is None or get is threaded.get:
+        return _in_threads(function, parts)
+    return _in_batches(get, function, parts)
 
 
-_REMEDY = "pip install 'grid_map_core_py[tiled]'"
+def _scheduler() -> tuple[Any, Any]:
+    """Return the function `get` of the scheduler of the program, and its client, or None."""
+    from dask import base
+
+    find: Any = base.get_scheduler
+    get = find()
+    owner = getattr(get, "__self__", None)
+    return get, owner if hasattr(owner, "submit") and hasattr(owner, "scatter") else None
 
 
-def _client() -> Any:
-    """Return the client of a cluster that is the default of the program, or None."""
-    from dask.base import get_scheduler
+def _threads() -> int:
+    from dask import config, system
 
-    owner = getattr(get_scheduler(), "__self__", None)
-    return owner if hasattr(owner, "submit") and hasattr(owner, "scatter") else None
+    return int(config.get("num_workers", None) or system.CPU_COUNT)
 
 
-def _here(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
-    from dask import config
-    from dask.base import get_scheduler
-    from dask.threaded import get as in_threads
+def _in_threads(function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
+    threads, rest = _threads(), iter(parts)
+    running: dict[Future[T], P] = {}
+    with ThreadPoolExecutor(threads, "tiles") as pool:
+        try:
+            while True:
+                for part in itertools.islice(rest, _WAITING * threads - len(running)):
+                    # Limits, for example, are those of the caller.
+                    running[pool.submit(copy_context().run, function, part)] = part
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    yield running.pop(future), future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
-    get = get_scheduler() or in_threads
-    threads = config.get("num_workers", None) or os.cpu_count() or 1
+
+def _in_batches(get: Any, function: Callable[[P], T], parts: Iterable[P]) -> Iterator[tuple[P, T]]:
     rest = iter(parts)
-    while batch := [*itertools.islice(rest, _PER_THREAD * threads)]:
+    while batch := [*itertools.islice(rest, _PER_BATCH * _threads())]:
         keys = [f"tile-{number}" for number in range(len(batch))]
         calls = {key: (function, part) for key, part in zip(keys, batch, strict=True)}
         yield from zip(batch, get(calls, keys), strict=True)
@@ -71,19 +113,80 @@ def _on_cluster(
 ) -> Iterator[tuple[P, T]]:
     from distributed import as_completed
 
-    rest = iter(parts)
-    threads = sum(client.nthreads().values()) or 1
-    first = [*itertools.islice(rest, _PER_WORKER * threads)]
-    part_of = {client.submit(function, part, pure=False): part for part in first}
-    running = as_completed(list(part_of), with_results=True)
+    rest, call = iter(parts), _Packed(function)
+    running: dict[Any, Sequence[P]] = {}
+    completed: Any = as_completed
+    ready = completed(with_results=True, raise_errors=False)
+    size, most, counted = 1, 0, -_PERIOD
     try:
-        for future, result in running:
-            part = part_of.pop(future)
-            for following in itertools.islice(rest, 1):
-                added = client.submit(function, following, pure=False)
-                part_of[added] = following
-                running.add(added)
-            yield part, result
+        while True:
+            if time.monotonic() - counted > _PERIOD:
+                most, counted = _PER_WORKER * _threads_of(client), time.monotonic()
+            while len(running) < most and (group := [*itertools.islice(rest, size)]):
+                future = client.submit(_call_each, call, group, pure=False)
+                running[future] = group
+                ready.add(future)
+            if not running:
+                return
+            future, result = next(ready)
+            seconds, results = _checked(future, result, client)
+            finished = running.pop(future)
             future.release()
+            yield from zip(finished, results, strict=True)
+            size = min(max(int(_TASK * len(finished) / max(seconds, 1e-9)), 1), _MOST)
     finally:
-        client.cancel(list(part_of), force=True)
+        client.cancel([*running], force=True)
+
+
+def _threads_of(client: Any) -> int:
+    """Return the number of threads of a cluster, at least 1."""
+    try:
+        threads: dict[str, int] = client.nthreads()
+    except (OSError, TimeoutError) as error:
+        raise _lost(client) from error
+    return max(1, sum(threads.values()))
+
+
+def _checked(future: Any, result: Any, client: Any) -> Any:
+    """Return the result of a future, or raise its error."""
+    from distributed import KilledWorker
+
+    if future.status == "finished":
+        return result
+    if future.status != "error":
+        raise _lost(client)
+    error = result[1]
+    if isinstance(error, KilledWorker):
+        raise GridMapError(
+            f"{error.allowed_failures + 1} workers died one after the other while they computed "
+            "the same tile. They may need more memory"
+        ) from error
+    raise error
+
+
+def _lost(client: Any) -> GridMapError:
+    return GridMapError(f"the cluster at {client.scheduler.address} is lost")
+
+
+class _Packed:
+    """A function that is pickled once, and unpickled once by each process."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._bytes = required("cloudpickle", "tiled maps on a cluster", _REMEDY).dumps(function)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpacked, (self._bytes,)
+
+
+@lru_cache(maxsize=4)
+def _unpacked(pickled: bytes) -> Any:
+    import pickle
+
+    return pickle.loads(pickled)
+
+
+def _call_each(function: Callable[[P], T], group: Sequence[P]) -> tuple[float, list[T]]:
+    """Return the time that a worker takes for some parts [s], and their results."""
+    begin = time.perf_counter()
+    results = [function(part) for part in group]
+    return time.perf_counter() - begin, results

@@ -95,3 +95,8 @@ def within(window: Window, outer: Window) -> Window:
 def shape(window: Window) -> Size:
     """Return the numbers of rows and columns of a window."""
     return window[0].stop - window[0].start, window[1].stop - window[1].start
+
+
+def tile_name(window: Window) -> str:
+    """Return the name of a window for messages."""
+    return f"cells [{', '.join(f'{part.start}:{part.stop}' for part in window)}]"

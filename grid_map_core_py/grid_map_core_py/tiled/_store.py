@@ -8,6 +8,8 @@ chunks of all layers exist; a later run computes the others.
 
 import fcntl
 import hashlib
+import json
+import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,19 +18,34 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from .._unfinished import remove
 from ..arrays._checks import select_layers
 from ..errors import GridMapError
-from ..files._atomic import new_folder
+from ..files._atomic import new_file, new_folder, replace_folder
 from ..files._shared import check_ending
 from ..map._geometry import GridGeometry
 from ..plugins import check
 from ._engine import in_any_order
+from ._source import tile_name
 from ._stores import open_store
 from ._tiled_map import Progress, TiledMap
-from ._zarr import check_local, check_names, consolidate, create_group, open_layer, store_errors
+from ._zarr import (
+    check_local,
+    check_names,
+    consolidate,
+    create_group,
+    is_same,
+    locked,
+    metadata_file,
+    open_layer,
+    store_errors,
+)
 
-_BEGUN = "grid_map_run"
-"""Attribute of an unfinished store: what the run computes."""
+_RUN = ".run.json"
+"""File in an unfinished store: what the run computes."""
+
+_LOCK = ".lock"
+"""File in an unfinished store, which the process that writes it has locked."""
 
 
 def to_zarr(
@@ -45,27 +62,65 @@ def to_zarr(
     check_ending(target, ".zarr")
     names = select_layers(site.layers, layers)
     check_names(names)
-    site.source.prepare()
     part = target.with_name(f"{target.name}.part")
-    with store_errors(target, "written"), _alone(part):
-        if target.exists() and not overwrite:
+    with store_errors(target, "written"):
+        _check_target(target, overwrite=overwrite)
+        with _alone(part):
+            run = _description(site, names)
+            begun = _is_begun(part, run, resume=resume)
+            site.source.prepare()
+            if not begun:
+                _begin(part, site, names, run)
+            _compute(site, part, names, progress or _silent)
+            _check_target(target, overwrite=overwrite)
+            _put_in_place(part, target)
+
+
+def _silent(done: int, total: int) -> None:
+    """Show no progress."""
+
+
+def _check_target(target: Path, *, overwrite: bool) -> None:
+    """Refuse to replace a store without `overwrite`, and what is no store."""
+    if target.exists():
+        if not overwrite:
             raise GridMapError("exists already; 'overwrite' replaces it")
-        run = _description(site, names)
-        _begin(part, site, names, run, resume=resume)
-        tiles = site.tiles
-        missing = [n for n in range(len(tiles)) if not _is_complete(part, site, names, n)]
-        write = _Write(site, str(part), names)
-        done = len(tiles) - len(missing)
-        if progress is not None:
-            progress(done, len(tiles))
-        for _ in in_any_order(write, missing):
-            done += 1
-            if progress is not None:
-                progress(done, len(tiles))
-        _finish(part)
-        if target.exists():
-            shutil.rmtree(target)
-        Path(part).rename(target)
+        metadata_file(target)
+
+
+def _compute(site: TiledMap, part: Path, names: Sequence[str], progress: Progress) -> None:
+    """Compute the tiles that are not in the unfinished store."""
+    tiles, columns = site.tiles, site.tiles.counts[1]
+    chunks = [_chunks_of(part / name) for name in names]
+    finished = set.intersection(*chunks) if chunks else set()
+    missing = [n for n in range(len(tiles)) if "{}.{}".format(*divmod(n, columns)) not in finished]
+    done = len(tiles) - len(missing)
+    progress(done, len(tiles))
+    for _ in in_any_order(_Write(site, str(part), names), missing):
+        done += 1
+        progress(done, len(tiles))
+
+
+def _chunks_of(layer: Path) -> set[str]:
+    """Return the names of the chunks of a layer."""
+    with os.scandir(layer) as files:
+        return {file.name for file in files if file.name[0].isdecimal()}
+
+
+def _put_in_place(part: Path, target: Path) -> None:
+    """Give a complete store its name."""
+    # Workers that were killed leave files that they had begun.
+    for leftover in part.glob("*/*.partial"):
+        leftover.unlink()
+    if target.exists():
+        # Processes that merge maps into the old store have finished, or find the new one.
+        with locked(target):
+            replace_folder(part, target)
+        shutil.rmtree(part, ignore_errors=True)
+    else:
+        part.rename(target)
+    for name in (_RUN, _LOCK):
+        (target / name).unlink()
 
 
 def create_store(
@@ -101,34 +156,46 @@ class _Write:
 
     def __call__(self, number: int) -> None:
         window = self.site.tiles[number]
-        for name, layer in zip(self.names, self.site.source.read(window, self.names), strict=True):
-            # A tile is finished when its chunks exist.
-            open_layer(self.store, name, empty_chunks=True)[window] = layer
+        try:
+            layers = self.site.source.read(window, self.names)
+        except GridMapError as error:
+            raise GridMapError(f"{tile_name(window)}: {error}") from error
+        for name, layer in zip(self.names, layers, strict=True):
+            with store_errors(Path(self.store, name), "written"):
+                # A tile is finished when its chunks exist.
+                open_layer(self.store, name, empty_chunks=True)[window] = layer
 
 
-def _begin(
-    part: Path, site: TiledMap, names: Sequence[str], run: dict[str, Any], *, resume: bool
-) -> None:
-    """Make the unfinished store, or check that the one that exists belongs to this run."""
-    import zarr
+def _is_begun(part: Path, run: dict[str, Any], *, resume: bool) -> bool:
+    """Return whether the unfinished store is there, and refuse that of another run."""
+    file = part / _RUN
+    if not file.exists():
+        return False
+    found = json.loads(file.read_text(encoding="utf-8"))
+    if not resume:
+        raise GridMapError(
+            f"{part.name} is left from a run that did not finish; 'resume' continues it; "
+            "remove it to begin anew"
+        )
+    if different := [key for key in run if found.get(key) != run[key]]:
+        raise GridMapError(
+            f"{part.name} was begun with another {', '.join(different)}; remove it, or "
+            "resume with the same input, filters and tiles"
+        )
+    return True
 
-    if (part / ".zgroup").exists():
-        found = dict(zarr.open_group(str(part), mode="r").attrs).get(_BEGUN)
-        if resume and found is not None:
-            different = [key for key in run if found.get(key) != run[key]]
-            if different:
-                raise GridMapError(
-                    f"{part.name} was begun with another {', '.join(different)}; remove it, or "
-                    "resume with the same input, filters and tiles"
-                )
-            return
-        if found is not None and not resume:
-            raise GridMapError(
-                f"{part.name} is left from a run that did not finish; 'resume' continues it; "
-                "remove it to begin anew"
-            )
+
+def _begin(part: Path, site: TiledMap, names: Sequence[str], run: dict[str, Any]) -> None:
+    """Make the unfinished store."""
+    # A run that was killed before this leaves a part of the metadata.
+    for old in part.iterdir():
+        if old.name != _LOCK:
+            remove(old)
+    # Zarr warns of files that are not its own.
+    store = part / "new"
+    store.mkdir()
     create_group(
-        part,
+        store,
         site.geometry,
         names,
         site.tile,
@@ -136,21 +203,13 @@ def _begin(
         timestamp=site.timestamp,
         basic_layers=[name for name in site.basic_layers if name in names],
         crs=site.crs,
-    ).attrs[_BEGUN] = run
-
-
-def _is_complete(part: Path, site: TiledMap, names: Sequence[str], number: int) -> bool:
-    row, column = divmod(number, site.tiles.counts[1])
-    return all((part / name / f"{row}.{column}").exists() for name in names)
-
-
-def _finish(part: Path) -> None:
-    """Write the metadata of a complete store into one place, without those of the run."""
-    import zarr
-
-    group = zarr.open_group(str(part), mode="r+")
-    del group.attrs[_BEGUN]
-    consolidate(part)
+    )
+    consolidate(store)
+    for file in store.iterdir():
+        file.rename(part / file.name)
+    store.rmdir()
+    with new_file(part / _RUN) as file:
+        file.write_text(json.dumps(run), encoding="utf-8")
 
 
 def _description(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
@@ -163,12 +222,20 @@ def _description(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
 @contextmanager
 def _alone(part: Path) -> Iterator[None]:
     """Let one process at a time write an unfinished store."""
-    lock = part.with_name(f"{part.name}.lock")
-    lock.parent.mkdir(parents=True, exist_ok=True)
-    with lock.open("w") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise GridMapError("another process is writing it") from None
-        yield
-        lock.unlink(missing_ok=True)
+    lock = part / _LOCK
+    while True:
+        part.mkdir(exist_ok=True)
+        with lock.open("w") as stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise GridMapError("another process is writing it") from None
+            # That process may have finished in between.
+            if not is_same(stream, lock):
+                continue
+            try:
+                yield
+            finally:
+                if not (part / _RUN).exists() and is_same(stream, lock):
+                    shutil.rmtree(part, ignore_errors=True)
+            return

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..arrays._checks import Layer, Size
 from ..errors import GridMapError, required
-from ._source import Tiles, Window
+from ._source import Tiles, Window, tile_name
 from ._tiled_map import TiledMap
 from ._xarray import DIMENSIONS, DatasetSource, layers_of, open_dataset
-from ._zarr import metadata_file, store_errors
+from ._zarr import check_layers, metadata_file, store_errors
 
 if TYPE_CHECKING:
     import xarray
@@ -94,9 +94,8 @@ class StoreSource:
                 try:
                     source.read(tile, [name])
                 except GridMapError as found:
-                    place = ", ".join(f"{part.start}:{part.stop}" for part in tile)
                     text = str(found).replace(f"{self.path}: ", "")
-                    return GridMapError(f"{self.path}: {name}, chunk of cells [{place}]: {text}")
+                    return GridMapError(f"{self.path}: {name}, chunk of {tile_name(tile)}: {text}")
         return error
 
 
@@ -178,6 +177,8 @@ def _dataset(name: str) -> "xarray.Dataset":
     # Without the choice, xarray warns of stores without metadata in one place.
     if is_local(name):
         consolidated = Path(name, ".zmetadata").exists()
+        if not consolidated:
+            check_layers(Path(name))
         return xarray.open_zarr(name, consolidated=consolidated, **options)  # type: ignore[no-any-return]
     with suppress(KeyError, ValueError):
         return xarray.open_zarr(name, consolidated=True, **options)  # type: ignore[no-any-return]

@@ -13,7 +13,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -176,6 +176,14 @@ def metadata_file(store: Path) -> Path:
     raise GridMapError(f"{store}: expected a Zarr store, got a folder without {_METADATA[0]}")
 
 
+def check_layers(store: Path) -> None:
+    """Raise `GridMapError` for a layer whose description is lost: Zarr would leave it out."""
+    for folder in store.iterdir():
+        described = any((folder / name).is_file() for name in (".zarray", *_METADATA))
+        if folder.is_dir() and not folder.name.startswith(".") and not described:
+            raise GridMapError(f"{folder}: the file .zarray is missing")
+
+
 @contextmanager
 def locked(store: Path) -> Iterator[None]:
     """Let one process, and one thread of it, at a time write into a store; others wait.
@@ -189,9 +197,15 @@ def locked(store: Path) -> Iterator[None]:
         with file.open("r+") as stream:
             fcntl.flock(stream, fcntl.LOCK_EX)
             # Another process may have replaced the store while this one waited.
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(stream.fileno()), file.stat()):
-                    yield
-                    # Later runs see by the time that the content has changed.
-                    os.utime(file)
-                    return
+            if is_same(stream, file):
+                yield
+                # Later runs see by the time that the content has changed.
+                os.utime(file)
+                return
+
+
+def is_same(stream: IO[str], file: Path) -> bool:
+    """Return whether an open file still has its name."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(stream.fileno()), file.stat())
+    return False

@@ -1,0 +1,296 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs of tiled maps that are killed, disturbed or refused, as real processes."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GridMapError
+
+pytestmark = [
+    pytest.mark.needs("xarray", "zarr", "distributed"),
+    pytest.mark.filterwarnings("error:.*Zarr.*"),
+]
+
+SCRIPT = Path(__file__).with_name("tiled_sources.py")
+TILES = 7 * 5
+
+
+def waves(folder: Path, **options: Any):
+    # Its module needs the optional packages.
+    from tiled_sources import waves
+
+    return waves(folder, **options)
+
+
+def files(store: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(store)): f.read_bytes() for f in store.rglob("*") if f.is_file()}
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Files of a store that was written without disturbance."""
+    folder = tmp_path_factory.mktemp("expected")
+    waves(folder).to_zarr(folder / "out.zarr")
+    return files(folder / "out.zarr")
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    from distributed import Client, LocalCluster
+
+    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
+    with LocalCluster(2, **options) as cluster, Client(cluster, set_as_default=False) as client:
+        yield client
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Iterator[Path]:
+    """Path of a store; in the end there is only the store, or what resume needs."""
+    (tmp_path / "out").mkdir()
+    yield tmp_path / "out" / "out.zarr"
+    assert {file.name for file in (tmp_path / "out").iterdir()} <= {"out.zarr", "out.zarr.part"}
+
+
+def test_store_holds_the_map(tmp_path: Path, target: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    site, counts = waves(tmp_path), []
+    site.to_zarr(target, progress=lambda *count: counts.append(count))
+    rows, columns = np.arange(100)[:, None], np.arange(70)
+    wanted = np.sin(0.1 * rows) * np.cos(0.07 * columns)
+    wanted[wanted > 0.9] = np.nan
+    result = open_map(target)
+    assert result.tile == (16, 16)
+    np.testing.assert_array_equal(result.to_map()["variance"], (2 * wanted).astype(np.float32))
+    assert counts == [(done, TILES) for done in range(TILES + 1)]
+    assert (result.geometry, result.frame_id) == (site.geometry, "map")
+
+
+def test_killed_worker_costs_no_bytes(
+    cluster: Any, tmp_path: Path, target: Path, expected: dict[str, bytes]
+) -> None:
+    site = waves(tmp_path)
+    (tmp_path / "kill").write_text("48 32")
+    with cluster.as_current():
+        site.to_zarr(target)
+    assert not (tmp_path / "kill").exists()
+    assert files(target) == expected
+    assert site.source.computed().count("48 32") == 2
+
+
+def test_error_on_a_cluster_is_raised_once(cluster: Any, tmp_path: Path, target: Path) -> None:
+    site = waves(tmp_path)
+    (tmp_path / "fail").write_text("16 16")
+    with cluster.as_current(), pytest.raises(GridMapError) as error:
+        site.to_zarr(target)
+    assert str(error.value) == f"{target}: cells [16:32, 16:32]: there are no waves"
+    (tmp_path / "fail").unlink()
+    site.source.computed()
+    with cluster.as_current():
+        site.to_zarr(target, resume=True)
+    assert site.source.computed().count("0 0") == 0
+
+
+def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str, bytes]) -> None:
+    site = waves(tmp_path)
+    (tmp_path / "kill").write_text("48 32")
+    killed = subprocess.run([sys.executable, SCRIPT, tmp_path, target], check=False, timeout=60)
+    assert killed.returncode == -signal.SIGKILL
+    assert not target.exists()
+    part = target.with_name("out.zarr.part")
+    there = [{f.name for f in (part / layer).glob("[0-9]*.[0-9]")} for layer in site.layers]
+    finished = there[0] & there[1]
+    assert 0 < len(finished) < TILES
+    (part / "elevation" / "6.abc.partial").write_bytes(b"of a worker that was killed")
+    with pytest.raises(GridMapError, match=r"out.zarr.part is left from .* 'resume' continues"):
+        site.to_zarr(target)
+    site.source.computed()
+    counts: list[tuple[int, int]] = []
+    site.to_zarr(target, resume=True, progress=lambda *count: counts.append(count))
+    computed = {tuple(int(n) // 16 for n in line.split()) for line in site.source.computed()}
+    assert computed == {(n // 5, n % 5) for n in range(TILES)} - {
+        tuple(map(int, name.split("."))) for name in finished
+    }
+    assert counts[0] == (len(finished), TILES)
+    assert files(target) == expected
+    assert not part.exists()
+
+
+def test_resume_of_another_run_is_refused(tmp_path: Path, target: Path) -> None:
+    site = waves(tmp_path)
+    (tmp_path / "fail").write_text("16 16")
+    with pytest.raises(GridMapError, match="no waves"):
+        site.to_zarr(target)
+    part = target.with_name("out.zarr.part")
+    before = files(part)
+    with pytest.raises(GridMapError, match="begun with another tiles; remove it"):
+        waves(tmp_path, tile=15).to_zarr(target, resume=True)
+    with pytest.raises(GridMapError, match="begun with another layers"):
+        site.to_zarr(target, resume=True, layers=["variance"])
+    assert files(part) == before
+
+
+def test_interrupt_ends_promptly(tmp_path: Path, target: Path, expected: dict[str, bytes]) -> None:
+    (tmp_path / "wait").write_text("48 32")
+    command = [sys.executable, str(SCRIPT), str(tmp_path), str(target)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+        wait_for(lambda: "48 32" in (tmp_path / "log").read_text(), tmp_path / "log")
+        # A second run on the same target is refused meanwhile.
+        with pytest.raises(GridMapError, match=r"out.zarr: another process is writing it"):
+            waves(tmp_path).to_zarr(target, resume=True)
+        running.send_signal(signal.SIGINT)
+        (tmp_path / "wait").unlink()
+        assert running.communicate(timeout=20)[1].strip().endswith("KeyboardInterrupt")
+    assert len(waves(tmp_path).source.computed()) < TILES
+    waves(tmp_path).to_zarr(target, resume=True)
+    assert files(target) == expected
+
+
+def wait_for(condition: Callable[[], bool], file: Path) -> None:
+    end = time.monotonic() + 30
+    while not (file.exists() and condition()):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_full_disk_then_resume(
+    tmp_path: Path,
+    target: Path,
+    expected: dict[str, bytes],
+    full_disk: Callable[[int], AbstractContextManager[None]],
+) -> None:
+    site = waves(tmp_path)
+    largest = max(len(content) for name, content in expected.items() if name[-1].isdecimal())
+    with full_disk(largest - 1), pytest.raises(GridMapError, match=r"cannot be written: File too"):
+        site.to_zarr(target)
+    assert not target.exists()
+    site.to_zarr(target, resume=True)
+    assert files(target) == expected
+
+
+@pytest.mark.parametrize("folder", ["/proc", "/proc/self/fdinfo", "/no/such/folder"])
+def test_folder_that_takes_no_files(tmp_path: Path, folder: str) -> None:
+    with pytest.raises(GridMapError, match=rf"^{folder}/out.zarr: cannot be written: "):
+        waves(tmp_path).to_zarr(f"{folder}/out.zarr")
+    assert not (tmp_path / "log").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("memory://out.zarr", "path: expected a folder of this machine"),
+        ("out.tif", r"expected a name that ends in \.zarr"),
+    ],
+)
+def test_other_targets_are_refused(tmp_path: Path, path: str, text: str) -> None:
+    with pytest.raises(GridMapError, match=text):
+        waves(tmp_path).to_zarr(path)
+
+
+def test_names_with_slashes_are_refused(target: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+    from grid_map_core_py.tiled._xarray import to_dataset
+
+    site = open_map(to_dataset(GridMap((1, 1), 0.1, layers={"a/b": 1.0})))
+    with pytest.raises(GridMapError, match=r"names that a Zarr store can hold.*'a/b'"):
+        site.to_zarr(target)
+
+
+def test_overwrite_replaces_stores_only(
+    tmp_path: Path, target: Path, expected: dict[str, bytes]
+) -> None:
+    site = waves(tmp_path)
+    waves(tmp_path, size=(5, 5)).to_zarr(target)
+    old = files(target)
+    with pytest.raises(GridMapError, match=r"out.zarr: exists already; 'overwrite' replaces it"):
+        site.to_zarr(target)
+    (tmp_path / "fail").write_text("48 32")
+    with pytest.raises(GridMapError, match="no waves"):
+        site.to_zarr(target, overwrite=True)
+    assert files(target) == old
+    (tmp_path / "fail").unlink()
+    site.to_zarr(target, overwrite=True, resume=True)
+    assert files(target) == expected
+    (target / ".zgroup").unlink()
+    with pytest.raises(GridMapError, match=r"expected a Zarr store, got a folder without \.zgroup"):
+        site.to_zarr(target, overwrite=True)
+
+
+def test_store_may_replace_its_own_source(tmp_path: Path, target: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    waves(tmp_path).to_zarr(target)
+    before = open_map(target).to_map()
+    open_map(target, chunks=32).to_zarr(target, overwrite=True)
+    assert open_map(target).tile == (32, 32)
+    assert open_map(target).to_map() == before
+
+
+def test_damaged_chunk_of_the_source(tmp_path: Path, target: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    source = tmp_path / "dem.zarr"
+    waves(tmp_path).to_zarr(source)
+    (source / "variance" / "1.2").write_bytes(b"nothing")
+    with pytest.raises(GridMapError) as error:
+        open_map(source).to_zarr(target)
+    place = "cells [16:32, 32:48]"
+    text = f"{target}: {place}: {source}: variance, chunk of {place}: cannot be read: "
+    assert str(error.value).startswith(text)
+
+
+@pytest.mark.parametrize("missing", [".zgroup", "elevation/.zarray", "x/.zarray", ".zmetadata"])
+def test_missing_metadata_of_the_source(tmp_path: Path, target: Path, missing: str) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    waves(tmp_path).to_zarr(target)
+    before = open_map(target).to_map()
+    if missing.endswith(".zarray"):
+        (target / ".zmetadata").unlink()
+    (target / missing).unlink()
+    if missing == ".zmetadata":
+        assert open_map(target).to_map() == before
+        return
+    folder, _, file = f"{target}/{missing}".rpartition("/")
+    with pytest.raises(GridMapError, match=rf"^{folder}: .*{file}"):
+        open_map(target)
+
+
+def test_threads_stop_at_the_first_error() -> None:
+    from dask import config
+
+    from grid_map_core_py.tiled._engine import in_any_order
+
+    calls: list[int] = []
+
+    def call(number: int) -> int:
+        calls.append(number)
+        if number == 20:
+            raise GridMapError("at 20")
+        return number
+
+    with config.set(num_workers=2), pytest.raises(GridMapError, match="at 20"):
+        [*in_any_order(call, range(10**6))]
+    assert len(calls) < 40
+
+
+@pytest.mark.parametrize("scheduler", ["synchronous", "threads", "processes"])
+def test_local_schedulers_give_the_same_bytes(
+    scheduler: str, tmp_path: Path, target: Path, expected: dict[str, bytes]
+) -> None:
+    from dask import config
+
+    with config.set(scheduler=scheduler, num_workers=2):
+        waves(tmp_path).to_zarr(target)
+    assert files(target) == expected
