@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from ..arrays._checks import Size, is_name
-from ..errors import GridMapError, LayerNotFoundError, required, short
+from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, required, short
 from ..files._shared import storage_errors
 from ..map._geometry import GridGeometry
 from ._xarray import CRS_VARIABLE, DIMENSIONS, attributes, coordinates
@@ -39,15 +39,20 @@ def store_errors(path: str | os.PathLike[str], doing: str) -> Iterator[None]:
     """
     try:
         yield
-    except LayerNotFoundError:
+    except (LayerNotFoundError, MissingPackageError):
         raise
     except GridMapError as error:
         if os.fspath(path) not in str(error):
             error.args = (f"{path}: {error}",)
         raise
-    except Exception:
-        with storage_errors(Path(path), doing):
-            raise
+    except Exception as error:
+        try:
+            with storage_errors(Path(path), doing):
+                raise
+        except GridMapError as named:
+            # A path has one slash less than the address.
+            text = str(named).replace(str(Path(path)), os.fspath(path), 1)
+            raise GridMapError(text) from error
 
 
 def check_local(path: str | os.PathLike[str]) -> Path:
@@ -88,10 +93,10 @@ def create_group(
     check_names(names)
     form = {} if _is_zarr_2(zarr) else {"zarr_format": 2}
     group = zarr.open_group(str(path), mode="a", **form)
+    # Readers make a coordinate of the variable, where rioxarray looks for it.
+    about_crs = {"grid_mapping": CRS_VARIABLE, "coordinates": CRS_VARIABLE} if crs else {}
     for name in names:
-        _create_layer(
-            group, name, geometry.size, chunks, {"grid_mapping": CRS_VARIABLE} if crs else {}
-        )
+        _create_layer(group, name, geometry.size, chunks, about_crs)
     for name, (_, values, about) in coordinates(geometry).items():
         # Values that equal the fill value are read as NaN.
         array = _create_array(group, name, values.shape, "<f8", values.shape, fill_value=np.nan)
@@ -135,7 +140,12 @@ def _create_array(
     return group.create_dataset(name, compressor=compressor, **options)
 
 
-def _grid_mapping(crs: str) -> dict[str, str]:
+def _grid_mapping(crs: str) -> dict[str, Any]:
+    """Return the attributes of a reference system: those of CF, where pyproj is installed."""
+    with suppress(Exception):
+        from pyproj import CRS
+
+        return {**CRS.from_user_input(crs).to_cf(), "crs_wkt": crs, "spatial_ref": crs}
     return {"crs_wkt": crs, "spatial_ref": crs}
 
 

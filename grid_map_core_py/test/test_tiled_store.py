@@ -1,0 +1,155 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Zarr stores as others read and write them: CRS, addresses, formats, readers of one window."""
+
+import pickle
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.errors import GridMapError, LimitError
+from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.testing import assert_maps_equal
+
+pytestmark = pytest.mark.needs("xarray", "zarr")
+
+CODE = "EPSG:25832"
+
+
+def a_map() -> GridMap:
+    random = np.random.default_rng(0)
+    return GridMap(
+        (2.0, 3.0),
+        0.1,
+        (10.0, -4.0),
+        {"elevation": random.normal(size=(20, 30)), "variance": 0.5},
+        frame_id="utm",
+        timestamp=7,
+        basic_layers=["elevation"],
+    )
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    from grid_map_core_py.tiled import TiledMap, open_map
+
+    made = a_map()
+    about = {"basic_layers": ["elevation"], "frame_id": "utm", "timestamp": 7, "crs": CODE}
+    TiledMap.create(tmp_path / "a.zarr", made.geometry, made.layers, chunks=8, **about)
+    open_map(tmp_path / "a.zarr").write(made)
+    return tmp_path / "a.zarr"
+
+
+@pytest.mark.needs("rioxarray", "pyproj")
+def test_rioxarray_finds_the_crs(store: Path) -> None:
+    import rioxarray  # noqa: F401
+    import xarray
+
+    from grid_map_core_py.tiled import open_map
+
+    dataset = xarray.open_zarr(store)
+    assert dataset.rio.crs.to_epsg() == 25832
+    assert dataset["spatial_ref"].attrs["grid_mapping_name"] == "transverse_mercator"
+    assert open_map(store).crs == CODE
+
+
+def test_resolution_and_place_are_those_of_the_map(store: Path) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    site = pickle.loads(pickle.dumps(open_map(store)))
+    assert_maps_equal(site.to_map(), a_map())
+    assert site.submap((10.0, -4.0), (0.35, 0.75)) == a_map().get_submap((10.0, -4.0), (0.35, 0.75))
+
+
+@pytest.mark.needs("fsspec")
+def test_store_at_an_address_is_read(store: Path, tmp_path: Path) -> None:
+    import fsspec
+
+    from grid_map_core_py.tiled import open_map
+
+    memory: Any = fsspec.filesystem("memory")
+    memory.put(str(store), "/a.zarr", recursive=True)
+    site = open_map("memory://a.zarr")
+    assert_maps_equal(site.to_map(), a_map())
+    site.to_zarr(tmp_path / "copy.zarr")
+    assert_maps_equal(open_map(tmp_path / "copy.zarr").to_map(), a_map())
+    with pytest.raises(GridMapError, match="expected a folder of this machine"):
+        site.write(a_map())
+    memory.rm("/a.zarr", recursive=True)
+    with pytest.raises(GridMapError, match=r"^memory://b\.zarr: cannot be read"):
+        open_map("memory://b.zarr")
+
+
+@pytest.mark.parametrize("form", [2, 3])
+def test_stores_of_xarray_of_both_formats(tmp_path: Path, form: int) -> None:
+    import zarr
+
+    from grid_map_core_py.tiled import open_map
+    from grid_map_core_py.tiled._xarray import to_dataset
+
+    if zarr.__version__.startswith("2."):
+        pytest.skip("writes format 2 only")
+    with pytest.warns() if form == 3 else pytest.MonkeyPatch.context():
+        to_dataset(a_map()).to_zarr(tmp_path / "a.zarr", zarr_format=form)
+    site = open_map(tmp_path / "a.zarr")
+    assert_maps_equal(site.to_map(), a_map())
+    site.write(GridMap((0.1, 0.1), 0.1, a_map().geometry.centers((0, 0)), {"variance": 9.0}))
+    expected = a_map()
+    expected["variance"][0, 0] = 9.0
+    assert_maps_equal(open_map(tmp_path / "a.zarr").to_map(), expected)
+
+
+def test_limits_hold_for_whole_maps(tmp_path: Path) -> None:
+    from grid_map_core_py.tiled import TiledMap
+
+    geometry = GridGeometry.from_size((100_000, 90_000), 1.0)
+    site = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation"])
+    with pytest.raises(LimitError, match="100000 x 90000"):
+        site.to_map()
+
+
+def test_window_of_a_billion_cells_reads_four_chunks(tmp_path: Path) -> None:
+    from grid_map_core_py.tiled import TiledMap, open_map
+
+    geometry = GridGeometry.from_size((31_623, 31_623), 0.1)
+    site = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation", "variance"], chunks=512)
+    center = geometry.centers((1024, 2048)) + 0.05
+    values = np.random.default_rng(0).normal(size=(1000, 1000))
+    site.write(GridMap((100, 100), 0.1, center, {"elevation": values, "variance": 1.0}))
+
+    site = open_map(tmp_path / "a.zarr")
+    window = site.submap(center, (20.0, 20.0))
+    np.testing.assert_array_equal(window["elevation"], values[400:600, 400:600].astype("f4"))
+    times = []
+    for _ in range(10):
+        begin = time.perf_counter()
+        site.submap(center, (20.0, 20.0))
+        times.append(time.perf_counter() - begin)
+    # Benchmarks measure it; here other processes may disturb.
+    assert min(times) < 0.1
+
+    opened: list[str] = []
+    sys.addaudithook(lambda event, about: opened.append(str(about[0])) if event == "open" else None)
+    site.submap(center, (20.0, 20.0))
+    chunks = [name for name in opened if str(tmp_path) in name]
+    opened.clear()
+    assert len({*chunks}) == len(chunks) == 2 * 4
+
+
+def test_zarr_prints_nothing(tmp_path: Path) -> None:
+    code = (
+        "from grid_map_core_py import GridMap; from grid_map_core_py.map import GridGeometry\n"
+        "from grid_map_core_py.tiled import TiledMap, open_map\n"
+        "site = TiledMap.create('a.zarr', GridGeometry.from_size((9, 9), 1.0), ['a'], chunks=4)\n"
+        "site.write(GridMap((3, 3), 1.0, layers={'a': 1.0})); site.to_zarr('b.zarr')\n"
+        "open_map('b.zarr').to_map()"
+    )
+    command = [sys.executable, "-W", "always", "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout == done.stderr == ""
