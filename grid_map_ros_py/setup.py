@@ -14,6 +14,7 @@ NODES = (
     "grid_map_loader",
     "grid_map_saver",
     "grid_map_server",
+    "grid_map_window",
     "octomap_to_grid_map",
     "point_cloud_to_grid_map",
 )

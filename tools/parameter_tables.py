@@ -30,14 +30,14 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import NoneType
+from types import NoneType, UnionType
 from typing import Any, Literal
 from unittest.mock import patch
 
 import rclpy
 from rclpy.node import Node
 
-from grid_map_core_py.errors import MissingPackageError
+from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.plugins import descriptions
 from grid_map_filters_py._registry import BUILT_IN as FILTERS
 from grid_map_ros_py import nodes
@@ -54,6 +54,7 @@ GIVEN: dict[str, dict[str, object]] = {
     "filter_chain": {"filters.filter1.name": "a", "filters.filter1.type": "BufferNormalizer"},
     "grid_map_loader": {"file_path": str(BAG), "bag_topic": ""},
     "grid_map_saver": {"file_path": "/tmp/a_bag_that_is_not_written"},
+    "grid_map_window": {"source": "a_store_that_is_not_there.zarr"},
     "grid_map_visualization": {"grid_map_visualizations": ["NAME"], "NAME.type": "map_region"},
     "web_viewer": {"port": 0},
 }
@@ -138,8 +139,8 @@ def create_and_destroy(create_node: Callable[[], Node]) -> int:
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             create_node().destroy_node()
-    except MissingPackageError:
-        pass  # A node imports its optional packages only after it has declared all parameters.
+    except GridMapError:
+        pass  # A node opens files and imports packages only after it has declared all parameters.
     finally:
         rclpy.shutdown()
     return 0
@@ -161,9 +162,8 @@ def kind(hint: Any) -> str:
         return ", ".join(f"`{value}`" for value in arguments)
     if origin in (list, tuple):
         return f"list of {kind(arguments[0])}"
-    if NoneType in arguments:
-        (other,) = (each for each in arguments if each is not NoneType)
-        return kind(other)
+    if origin in (typing.Union, UnionType):
+        return " or ".join(kind(each) for each in arguments if each is not NoneType)
     return "string" if hint is str else str(hint.__name__)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sites import make_site
 from test_grid_map import sample_map
 
 from conftest import arguments
@@ -174,3 +175,50 @@ def test_requests_without_memory_fail_and_the_server_goes_on(
         assert failed == requests.keys()
         assert client.call("get_grid_map").map.layers == [*layers]
         assert "Traceback" not in node.text
+
+
+@pytest.mark.needs("xarray", "zarr", "dask")
+def test_parts_of_a_source_are_read_for_each_request(client: Client, tmp_path: Path) -> None:
+    whole = make_site(tmp_path / "site.zarr")
+    options = arguments(source=tmp_path / "site.zarr", max_cells=50_000, directory=tmp_path)
+    with running_node(MODULE, *options) as node:
+        assert client.call("get_grid_map_info").info == to_message(whole).info
+        where = {"position_x": 105.0, "position_y": -52.0, "length_x": 9.7, "length_y": 4.3}
+        for frame_id, layers in (("", []), ("map", ["variance"]), ("", ["variance", "elevation"])):
+            request = {"frame_id": frame_id, "layers": layers, **where}
+            found = from_message(client.call("get_grid_map", **request).map)
+            expected = whole.get_submap((105.0, -52.0), (9.7, 4.3))
+            assert_maps_equal(found, from_message(to_message(expected, layers or None)))
+        # Where the map ends, so does the part.
+        corner = {"position_x": 120.0, "position_y": -62.6, "length_x": 3.0, "length_y": 2.0}
+        found = from_message(client.call("get_grid_map", **corner).map)
+        assert_maps_equal(found, whole.get_submap((120.0, -62.6), (3.0, 2.0)))
+
+        assert not client.call("load_map", file_path="site.zarr").success
+        client.call("set_grid_map", map=to_message(map_of(1)))
+        damaged = tmp_path / "site.zarr" / "variance" / "0.0"
+        damaged.write_bytes(bytes(100))
+        requests: list[dict[str, Any]] = [
+            {},
+            {"frame_id": "odom", **where},
+            {"layers": ["slope"], **where},
+            {"position_x": 0.0, "length_x": 1.0, "length_y": 1.0},
+            {"position_x": 120.0, "position_y": -37.5, "length_x": 1.0, "length_y": 1.0},
+        ]
+        for request in requests:
+            assert client.call("get_grid_map", **request).map.info.resolution == 0.0
+        assert not client.call("save_map", file_path="bag").success
+        found = from_message(client.call("get_grid_map", **where).map)
+        assert_maps_equal(found, whole.get_submap((105.0, -52.0), (9.7, 4.3)))
+        topics = dict(client.peer.node.get_topic_names_and_types())
+        assert "/grid_map" not in topics
+    for reason in (
+        "set_grid_map: the map is that of the parameter 'source'",
+        "get_grid_map: submap: expected at most 50000 cells, got 401 x 253",
+        "get_grid_map: frame_id: expected 'map', that of the map, got 'odom'",
+        "get_grid_map: no layer 'slope'; available: elevation, variance",
+        "does not overlap the map",
+        "site.zarr: variance, chunk of cells [0:64, 0:64]: cannot be read: error during blosc",
+        "save_map: submap: expected at most 50000 cells",
+    ):
+        assert reason in node.text, node.text

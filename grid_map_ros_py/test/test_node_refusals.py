@@ -4,6 +4,7 @@
 
 import pytest
 from bags import DATA
+from sites import make_site
 
 from conftest import arguments
 from grid_map_ros_py.nodes import has_tf
@@ -19,7 +20,7 @@ REFUSED = {
         ({"sensor_processor.type": "sonar"}, "input_sources.points.sensor_processor: parameter"),
         ({"input_sources.a.topic": "/a", "input_sources.a.type": "b"}, "'input_sources.a.type'"),
         ({"input_sources": 3}, "'input_sources': expected parameters below it, got 3 (int)"),
-        ({"pose_source": "topic", "pose_type": "gps"}, "'pose_type': expected one of pose_with_"),
+        ({"pose_source": "topic", "pose_type": "gps"}, "'pose_type': expected one of odometry,"),
         ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
         ({"postprocessor_pipeline.filter2.name": "a"}, "filters: filter1 is missing before filt"),
         *([] if has_tf() else [({"pose_source": "tf"}, "'tf' needs the package 'tf2_ros'")]),
@@ -44,6 +45,20 @@ REFUSED = {
         ({"file_path": "/no/such/bag"}, "/no/such/bag"),
         ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
         ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
+        ({"source": "/no/site.zarr"}, "/no/site.zarr: cannot be read"),
+        ({"source": 3}, "'source': expected a string or a list, each item a string, got 3 (int)"),
+    ],
+    "grid_map_window": [
+        ({}, "parameter 'source': expected a Zarr store or a GeoTIFF file, got ''"),
+        ({"source": "/no/site.zarr"}, "/no/site.zarr: cannot be read"),
+        ({"source": "site.zarr", "length": 1e4}, "length: expected at most 16000000 cells, got"),
+        ({"source": "site.zarr", "layers": "[slope]"}, "no layer 'slope'; available: elevation,"),
+        ({"source": "site.zarr", "step": -1.0}, "'step': expected a number from 0 to 1e+09"),
+        ({"source": "site.zarr", "pose_source": "none"}, "expected one of auto, tf, odometry,"),
+        (
+            {"source": "site.zarr", "write_back": True, "write_topic": "/grid_map"},
+            "write_topic and output_topic are both '/grid_map'",
+        ),
     ],
     "point_cloud_to_grid_map": [
         ({"pose_source": "gps"}, "'pose_source': expected one of auto, tf, odometry,"),
@@ -63,9 +78,12 @@ def test_invalid_parameters_end_the_node_with_one_message(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cut_off.mcap").write_bytes(BAG.read_bytes()[:-50])
+    if executable == "grid_map_window":
+        make_site(tmp_path / "site.zarr")
     module = f"grid_map_ros_py._executables.{executable}"
     # The error must not depend on whether tf is installed.
-    common = {"pose_source": "odometry"} if "cloud" in executable else {}
+    has_poses = executable in ("grid_map_window", "point_cloud_to_grid_map")
+    common = {"pose_source": "odometry"} if has_poses else {}
     started = [
         (start_node(module, *arguments(**{**common, **parameters})), text)
         for parameters, text in REFUSED[executable]

@@ -271,12 +271,13 @@ class TransformException(Exception):
 
 
 class Tree:
-    """Stand-in for tf2's buffer; it knows all poses after a certain time."""
+    """Stand-in for tf2's buffer; it knows all poses after a certain time, and 0 is the latest."""
 
     def lookup_transform(self, target: str, source: str, time: Any) -> TransformStamped:
-        if time.nanoseconds < SECOND:
+        if 0 < time.nanoseconds < SECOND or source == "arm":
             raise TransformException(f"no {source} in {target} yet")
         found = TransformStamped()
+        found.header.stamp = to_stamp(time.nanoseconds or 5 * SECOND)
         found.transform.translation.x = {"lidar": 3.0, "base": 2.0, "foot": 1.0}[source]
         return found
 
@@ -322,6 +323,22 @@ def test_tf_takes_covariances_from_a_topic() -> None:
     assert placement.covariance[2, 2] == pytest.approx(0.2)
     poses.go_back(0)
     assert poses.frame_at("foot", SECOND - 1) is None
+
+
+@pytest.mark.usefixtures("tf2")
+def test_latest_pose_has_its_time() -> None:
+    poses = TfPoses(None, "map", "base")
+    matrix, stamp = poses.latest()
+    assert (matrix[0, 3], stamp) == (2.0, 5 * SECOND)
+    poses = TfPoses(None, "map", "arm")
+    assert poses.latest() is None
+    assert poses.waits_for == "no arm in map yet"
+    known = history(limit=1)
+    assert known.latest() is None
+    known.add(pose(2, x=1.0))
+    known.add(pose(3, x=4.0))
+    matrix, stamp = known.latest()
+    assert (matrix[0, 3], stamp) == (4.0, 3 * SECOND)
 
 
 def test_error_names_tf_if_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

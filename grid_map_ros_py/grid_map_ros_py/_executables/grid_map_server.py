@@ -9,6 +9,9 @@ Services:
     ~/load_map: `grid_map_msgs/ProcessFile`, loads the last map of a bag.
     ~/save_map: `grid_map_msgs/ProcessFile`, saves the map to a bag.
 
+The parameter `source` names a map of any size: parts of it are read for each answer, nothing is
+published, and no request replaces it.
+
 A request that fails is logged and changes nothing. The response is a map without layers and with a
 resolution of 0, or `success: false`.
 """
@@ -19,11 +22,13 @@ from typing import Any
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import ConfigError
 from grid_map_core_py.plugins import check
+from grid_map_core_py.tiled import TiledMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, GetGridMapInfo, ProcessFile, SetGridMap
 
 from .. import from_message, load_from_bag, save_to_bag, to_message, to_serialized_message
 from .._mapping.map_server import part, place_to_read, place_to_write
+from .._mapping.tiled_source import read_source
 from ..bags._bag import STORAGES
 from ..errors import RequestError
 from ..messages._grid_map import to_info
@@ -36,7 +41,6 @@ class GridMapServerNode(ConfiguredNode):
     def __init__(self) -> None:
         super().__init__("grid_map_server")
         self._log = LogThrottle(self.get_logger())
-        self._map: GridMap | None = None
         about = "file format of saved bags: `mcap` or `sqlite3`"
         self._storage = self.read_choice("storage", STORAGES, "mcap", about)
         about = "directory below which requests load and save bags; empty refuses them"
@@ -45,16 +49,23 @@ class GridMapServerNode(ConfiguredNode):
         self._directory = Path(path) if path else None
         about = "topic of the map, published whenever it changes"
         topic = self.read_topic("output_topic", "/grid_map", about)
-        self._publisher = self.create_publisher(GridMapMessage, topic, map_qos())
+        self._topic = self.resolve_topic_name(topic)
         about = "bag whose last map is loaded at the start; empty means none"
         path = self.read("file_path", "", about)
         about = "topic in that bag; empty means the only topic with maps"
         bag_topic = self.read("bag_topic", "", about)
+        topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
+        source = read_source(self)
+        self._map: GridMap | TiledMap | None = source.open() if source.source else None
+        if self._map is None:
+            self._publisher = self.create_publisher(GridMapMessage, self._topic, map_qos())
+        else:
+            for name, value in (("file_path", path), ("input_topic", topic)):
+                check(not value, name, "nothing beside a source", value)
         if path:
             self._take(load_from_bag(path, bag_topic or None, unwrap=False))
-        topic = self.read_topic("input_topic", "", "topic of maps to serve; empty means none")
         if topic:
-            if self.resolve_topic_name(topic) == self._publisher.topic_name:
+            if self.resolve_topic_name(topic) == self._topic:
                 raise ConfigError(f"input_topic and output_topic are both {topic!r}")
             self._subscription = MapSubscription(
                 self, topic, lambda received: self._take(received.decode(unwrap=False))
@@ -67,14 +78,20 @@ class GridMapServerNode(ConfiguredNode):
             (ProcessFile, self._save_map),
         ):
             offer_service(self, kind, action.__name__.removeprefix("_"), action, self._log)
-        self.get_logger().info(f"serves {self._publisher.topic_name}")
+        served = self._topic
+        if isinstance(self._map, TiledMap):
+            rows, columns = self._map.size
+            served = f"parts of {rows} x {columns} cells in the frame {self._map.frame_id!r}"
+        self.get_logger().info(f"serves {served}")
 
     def _take(self, grid_map: GridMap) -> None:
+        if isinstance(self._map, TiledMap):
+            raise RequestError("the map is that of the parameter 'source'")
         # First: a map that cannot be published must not replace the last one.
         self._publisher.publish(to_serialized_message(grid_map))
         self._map = grid_map
 
-    def _held_map(self) -> GridMap:
+    def _held_map(self) -> GridMap | TiledMap:
         if self._map is None:
             raise RequestError("there is no map yet")
         return self._map
@@ -84,8 +101,9 @@ class GridMapServerNode(ConfiguredNode):
     def _get_grid_map(self, request: Any, response: Any) -> None:
         position = request.position_x, request.position_y
         length = request.length_x, request.length_y
-        found = part(self._held_map(), request.frame_id, position, length)
-        response.map = to_message(found, request.layers or None)
+        layers = request.layers or None
+        found = part(self._held_map(), request.frame_id, position, length, layers)
+        response.map = to_message(found, layers)
 
     def _get_grid_map_info(self, _request: Any, response: Any) -> None:
         response.info = to_info(self._held_map().geometry)
@@ -99,7 +117,8 @@ class GridMapServerNode(ConfiguredNode):
         response.success = True
 
     def _save_map(self, request: Any, response: Any) -> None:
-        grid_map, topic = self._held_map(), request.topic_name or self._publisher.topic_name
+        held, topic = self._held_map(), request.topic_name or self._topic
+        grid_map = held.to_map() if isinstance(held, TiledMap) else held
         with place_to_write(self._directory, request.file_path) as path:
             save_to_bag(grid_map, path, topic, storage=self._storage)
         response.success = True

@@ -6,7 +6,7 @@ import math
 from functools import partial
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -19,6 +19,7 @@ from grid_map_core_py.plugins import check
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from .. import to_serialized_message
+from .._mapping.pose_types import POSE_TYPES
 from .._mapping.poses import PoseHistory, Poses, from_xyz_rpy
 from .._mapping.scan_queue import RollingFusion, ScanQueue, read_cloud
 from ..nodes import (
@@ -34,11 +35,6 @@ from ..nodes import (
     warn_of_gaps,
 )
 
-POSE_TYPES = {
-    "odometry": Odometry,
-    "pose": PoseStamped,
-    "pose_with_covariance": PoseWithCovarianceStamped,
-}
 POSE_SOURCES = ("auto", "tf", *POSE_TYPES, "none")
 RELIABILITIES = {
     "best_effort": ReliabilityPolicy.BEST_EFFORT,

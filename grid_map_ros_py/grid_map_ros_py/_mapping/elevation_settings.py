@@ -31,14 +31,10 @@ from .elevation_parameters import (
     frame_name,
     read_source,
 )
+from .pose_types import POSE_TYPES
 from .postprocessing import Chain, make_chain
 
 POSE_SOURCES = ("auto", "tf", "topic", "none")
-POSE_TYPES = {
-    "pose_with_covariance": PoseWithCovarianceStamped,
-    "odometry": Odometry,
-    "pose": PoseStamped,
-}
 
 
 @dataclass(frozen=True)

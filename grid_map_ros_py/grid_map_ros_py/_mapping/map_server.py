@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import GridMapError, short
 from grid_map_core_py.limits import check_bytes
+from grid_map_core_py.tiled import TiledMap
 
 from ..errors import RequestError
 
@@ -21,7 +22,11 @@ _DESCRIPTORS = Path("/proc/self/fd")
 
 
 def part(
-    grid_map: GridMap, frame_id: str, position: Sequence[float], length: Sequence[float]
+    grid_map: GridMap | TiledMap,
+    frame_id: str,
+    position: Sequence[float],
+    length: Sequence[float],
+    layers: Sequence[str] | None = None,
 ) -> GridMap:
     """Return the cells of a map that a rectangle overlaps.
 
@@ -30,16 +35,22 @@ def part(
         frame_id: frame of the position; empty means the frame of the map.
         position: (2,) center of the rectangle [m].
         length: (2,) side lengths of the rectangle along x and y [m]; zeros mean the whole map.
+        layers: names of the layers to read of a tiled map, None for all; others have all layers.
 
     Raises:
         RequestError: the map has another frame.
         OutOfMapError: the rectangle does not overlap the map.
         GeometryError: a length is negative, or a number is not finite.
+        LimitError: the part of a tiled map has more cells than the limits allow.
+        GridMapError: a tiled map cannot be read.
     """
     if frame_id not in ("", grid_map.frame_id):
         raise RequestError(
             f"frame_id: expected {grid_map.frame_id!r}, that of the map, got {frame_id!r}"
         )
+    if isinstance(grid_map, TiledMap):
+        is_part = any(length)
+        return grid_map.submap(position, length, layers) if is_part else grid_map.to_map(layers)
     return grid_map.get_submap(position, length) if any(length) else grid_map
 
 

@@ -169,6 +169,10 @@ class PoseHistory(Poses):
         """Return the pose of the robot, which stands for all of its frames."""
         return np.eye(4) if frame_id == self._map_frame else self.at(stamp)
 
+    def latest(self) -> tuple[Matrix, int] | None:
+        """Return the latest pose and its time [ns]; None before the first."""
+        return (self._poses[-1], self._stamps[-1]) if self._stamps else None
+
     def at(self, stamp: int) -> Matrix | None:
         """Return the pose at a time [ns], 0 for the latest; None if the time is in the future.
 

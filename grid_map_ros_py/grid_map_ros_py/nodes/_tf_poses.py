@@ -15,6 +15,7 @@ from grid_map_core_py.errors import MissingPackageError
 
 from .._mapping.poses import Placement, PoseHistory, Poses, carried
 from ..messages._pose import Matrix, from_transform
+from ..messages._time import from_stamp
 
 PACKAGE = "tf2_ros"
 
@@ -82,14 +83,22 @@ class TfPoses(Poses):
 
     def frame_at(self, frame_id: str, stamp: int) -> Matrix | None:
         """Return the transform from a frame to the map; None while tf2 does not know it."""
+        found = self._look_up(frame_id, stamp)
+        return None if found is None else from_transform(found)
+
+    def latest(self) -> tuple[Matrix, int] | None:
+        """Return the latest pose of the robot and its time [ns], 0 if static; None if unknown."""
+        found = self._look_up(self._robot_frame, 0)
+        return None if found is None else (from_transform(found), from_stamp(found.header.stamp))
+
+    def _look_up(self, frame_id: str, stamp: int) -> Any:
         time = Time(nanoseconds=stamp)
         try:
-            found = self._buffer.lookup_transform(self._map_frame, frame_id, time)
+            return self._buffer.lookup_transform(self._map_frame, frame_id, time)
         except self._tf.TransformException as error:
             # tf2 cannot tell whether the transform will become available.
             self.waits_for = str(error)
             return None
-        return from_transform(found)
 
     def go_back(self, _stamp: int) -> None:
         """Forget all transforms but those of `/tf_static`; tf2 would not take earlier ones."""
