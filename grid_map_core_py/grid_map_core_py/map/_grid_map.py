@@ -35,6 +35,9 @@ from ._interpolation import Interpolation, interpolate
 from ._ring_buffer import BufferRegion
 from ._transform import transformed_map
 
+if TYPE_CHECKING:
+    import xarray
+
 _NO_DATA = np.array(nan, np.float32)  # an array, which NumPy writes faster than a number
 
 
@@ -719,6 +722,61 @@ class GridMap(MutableMapping[str, Layer]):
             GeometryError: the transform is not rigid or the ratio not finite.
         """
         return transformed_map(self, transform, height_layer, frame_id, sample_ratio)
+
+    # Datasets of xarray
+
+    def to_xarray(self, *, crs: str = "") -> xarray.Dataset:
+        """Return the map as a dataset of xarray.
+
+        Each layer is a float32 variable of the dimensions ("x", "y"), with the centers of the cells
+        [m] as coordinates; both descend. The layers of a map whose `start_index` is (0, 0) are not
+        copied: writing into the dataset changes the map. The attributes `frame_id`, `timestamp`
+        [ns], `basic_layers`, `resolution` [m] and `position` [m] describe the map.
+
+        Args:
+            crs: coordinate reference system of the frame: WKT, a code such as "EPSG:25832", or a
+                string of PROJ. It becomes the coordinate `spatial_ref`, where rioxarray finds it.
+
+        Raises:
+            MissingPackageError: xarray is not installed, or pyproj, which `crs` needs.
+            ConfigError: `crs` is unknown.
+            GridMapError: a layer is called x, y or spatial_ref.
+        """
+        # At the top it would be an import cycle.
+        from ..tiled._xarray import to_dataset
+
+        return to_dataset(self, crs)
+
+    @classmethod
+    def from_xarray(
+        cls,
+        dataset: xarray.Dataset | xarray.DataArray,
+        layers: Iterable[str] | None = None,
+    ) -> GridMap:
+        """Return the map of a dataset or an array of xarray; the values are copied.
+
+        Each variable of the dimensions x and y is a layer, whatever the order of the dimensions and
+        the direction of the coordinates. Bands, a dimension `band`, become layers. No data, as
+        `_FillValue` marks it, is NaN; scales and offsets are applied. A variable without x or y is
+        ignored. An array without a name becomes `elevation`. Attributes that `to_xarray` does not
+        write are ignored; without a frame it is "map".
+
+        Args:
+            dataset: its coordinates x and y are the centers of square cells [m], evenly spaced.
+                One cell needs the attribute `resolution` [m].
+            layers: names of the layers; None means all.
+
+        Raises:
+            GeometryError: coordinates are missing, not finite or not evenly spaced, or the cells
+                are no squares.
+            LayerNotFoundError: a layer does not exist.
+            LimitError: the map would have more cells than the limits allow.
+            GridMapError: a layer has further dimensions or no numbers, the values cannot be read,
+                or an attribute is wrong.
+        """
+        from ..tiled._xarray import from_dataset
+
+        return from_dataset(dataset, layers)
 
     def __repr__(self) -> str:
         return cut(

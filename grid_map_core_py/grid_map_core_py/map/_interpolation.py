@@ -31,6 +31,9 @@ Places: TypeAlias = NDArray[np.intp]
 
 _PADDING = 2  # number of cells beyond the border that an axis repeats
 
+REACH = 3
+"""Cells around that of a position on which its value can depend, rounding included."""
+
 
 class Interpolation(Enum):
     """Methods of interpolation between cell centers, in the order of increasing effort."""
@@ -64,23 +67,20 @@ def interpolate(
     grid_map: GridMap, layer: str, positions: ArrayLike, interpolation: Interpolation | str
 ) -> float | Positions:
     """Return the values of a layer at positions, as `GridMap.at_position` describes them."""
-    method = interpolation if type(interpolation) is Interpolation else _method(interpolation)
+    method = interpolation if type(interpolation) is Interpolation else method_of(interpolation)
     grid = grid_map.geometry, grid_map.start_index, grid_map[layer]
     point = plain_pair(positions)
     if point is not None:
         return _value(*grid, point, method)
-    surface, positions = _Surface(*grid), as_positions(positions)
-    points = positions.reshape(-1, 2)
-    values = np.empty(len(points))
-    # An infinite cell with weight 0 gives NaN; the simpler method is then used.
-    with np.errstate(invalid="ignore"):
-        for part in slices(len(points), CHUNK):
-            xy = surface.coordinates(points[part])
-            values[part] = surface.values(xy, method)
+    positions = as_positions(positions)
+    values = Surface(*grid).at(positions.reshape(-1, 2), method)
     return float(values[0]) if positions.ndim == 1 else values.reshape(positions.shape[:-1])
 
 
-def _method(interpolation: object) -> Interpolation:
+def method_of(interpolation: object) -> Interpolation:
+    """Return a method, which may be given by its name."""
+    if type(interpolation) is Interpolation:
+        return interpolation
     try:
         return Interpolation(interpolation)
     except ValueError:
@@ -93,7 +93,7 @@ def _method(interpolation: object) -> Interpolation:
 def _value(
     geometry: GridGeometry, start: Size, layer: Layer, point: Pair, method: Interpolation
 ) -> float:
-    """Return the value at one position, the same as `_Surface.values`.
+    """Return the value at one position, the same as `Surface.values`.
 
     For one position, plain numbers are several times as fast as arrays.
 
@@ -126,23 +126,49 @@ def _outside(geometry: GridGeometry, point: object) -> OutOfMapError:
     return OutOfMapError(f"position {point} is outside the map: {geometry.place}")
 
 
-class _Surface:
-    """A layer as a function of coordinates (2, N), x and y in two rows."""
+def check_inside(geometry: GridGeometry, points: Positions) -> None:
+    """Raise `OutOfMapError` if one of (N, 2) positions is not on the map."""
+    if not len(points):
+        return
+    # Rounding keeps the order: if the extremes are inside, all positions are.
+    lowest, highest = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    if not (geometry.contains(lowest) and geometry.contains(highest)):
+        outside = points[~geometry.is_inside(points)][0]
+        raise _outside(geometry, as_text(outside))
 
-    def __init__(self, geometry: GridGeometry, start: Size, layer: Layer) -> None:
+
+class Surface:
+    """A layer as a function of coordinates (2, N), x and y in two rows.
+
+    Args:
+        geometry: the grid.
+        start: start index of the layer.
+        layer: (rows, cols), or the part of a layer in map order that the positions depend on.
+        corner: first row and column of that part.
+    """
+
+    def __init__(
+        self, geometry: GridGeometry, start: Size, layer: Layer, corner: Size = (0, 0)
+    ) -> None:
         self._geometry = geometry
         self._start = start
         self._layer = layer
+        self._corner = corner
+
+    def at(self, points: Positions, method: Interpolation) -> Positions:
+        """Return the values (N,) at positions (N, 2); raise if one is not on the map."""
+        values = np.empty(len(points))
+        # An infinite cell with weight 0 gives NaN; the simpler method is then used.
+        with np.errstate(invalid="ignore"):
+            for part in slices(len(points), CHUNK):
+                xy = self.coordinates(points[part])
+                values[part] = self.values(xy, method)
+        return values
 
     def coordinates(self, points: Positions) -> Positions:
         """Return (N, 2) positions as coordinates (2, N); raise if one is not on the map."""
-        xy = np.ascontiguousarray(points.T)
-        # Rounding keeps the order: if the extremes are inside, all positions are.
-        lowest, highest = xy.min(axis=1).tolist(), xy.max(axis=1).tolist()
-        if not (self._geometry.contains(lowest) and self._geometry.contains(highest)):
-            outside = points[~self._geometry.is_inside(points)][0]
-            raise _outside(self._geometry, as_text(outside))
-        return xy
+        check_inside(self._geometry, points)
+        return np.ascontiguousarray(points.T)
 
     def values(self, xy: Positions, method: Interpolation) -> NDArray[np.floating[Any]]:
         """Return the values (N,) at coordinates (2, N) on the map."""
@@ -187,7 +213,11 @@ class _Surface:
     @property
     def _places(self) -> tuple[Places, Places]:
         (rows, columns), (row, column) = self._geometry.size, self._start
-        return _places(rows, row, 1), _places(columns, column, rows)
+        stride = self._layer.shape[0]
+        places = _places(rows, row, 1), _places(columns, column, stride)
+        if self._corner == (0, 0):
+            return places
+        return places[0] - self._corner[0], places[1] - self._corner[1] * stride
 
 
 def _shape(method: Interpolation) -> tuple[int, bool]:

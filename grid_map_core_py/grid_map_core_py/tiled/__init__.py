@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps larger than memory: tiles in Zarr stores and GeoTIFF files, computed by Dask.
 
-Needs the extra `tiled`; GeoTIFF needs `geo`, too.
+Needs the extra `tiled`; GeoTIFF needs `geo`, too. `grid_map_core_py.xarray` adds the accessor
+`grid_map` to datasets.
 """
 
 from ._open import open_map as open_map

@@ -14,9 +14,6 @@ from ._tiled_map import TiledMap
 if TYPE_CHECKING:
     import xarray
 
-_TILE = 1024
-"""Side of a tile, if neither the caller nor the store says it [cells]."""
-
 
 def open_map(
     path: "str | PathLike[str] | Sequence[str | PathLike[str]] | xarray.Dataset",
@@ -37,11 +34,11 @@ def open_map(
     """
     check(chunks is None or chunks >= 1, "chunks", "a number of cells", chunks)
     if not isinstance(path, str | PathLike):
-        if hasattr(path, "data_vars"):
+        dataset: Any = path
+        if hasattr(dataset, "dims"):
             from ._xarray import open_dataset
 
-            side = chunks or _TILE
-            return open_dataset(path, (side, side))
+            return open_dataset(dataset, (chunks, chunks) if chunks else None)
         return _open_rasters([*path], chunks)
     name = fspath(path)
     if Path(name).suffix.lower() in (".tif", ".tiff"):

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -16,8 +16,12 @@ from ..arrays._checks import Layer, Positions, Size, as_names, select_layers
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
+from ..map._interpolation import Interpolation
 from ._engine import in_any_order
 from ._source import Source, Tiles
+
+if TYPE_CHECKING:
+    import xarray
 
 T = TypeVar("T")
 
@@ -143,19 +147,18 @@ class TiledMap:
         """
         names = select_layers(self.layers, layers)
         window = rows, columns
-        geometry = self.geometry.cropped(*window)
+        is_whole = window == (slice(0, self.size[0]), slice(0, self.size[1]))
+        # That of a part has rounding errors.
+        geometry = self.geometry if is_whole else self.geometry.cropped(*window)
         check_cells("submap", geometry.size, len(names))
         self.source.prepare()
         return self._map(geometry, names, self.source.read(window, names))
 
     def _map(self, geometry: GridGeometry, names: Sequence[str], layers: list[Layer]) -> GridMap:
         """Return a map of some layers."""
-        grid_map = GridMap.from_geometry(
-            geometry,
-            frame_id=self.frame_id,
-            timestamp=self.timestamp,
-            layers=dict(zip(names, layers, strict=True)),
-        )
+        empty = GridMap.from_geometry(geometry, frame_id=self.frame_id, timestamp=self.timestamp)
+        # Adopts the layers, which belong to nobody else.
+        grid_map = empty.with_layers(dict(zip(names, layers, strict=True)))
         grid_map.basic_layers = [name for name in self.basic_layers if name in names]
         return grid_map
 
@@ -182,6 +185,52 @@ class TiledMap:
         """Return the whole map, if the limits allow its size; see `block`."""
         rows, columns = self.size
         return self.block(slice(0, rows), slice(0, columns), layers)
+
+    def at(
+        self,
+        positions: ArrayLike,
+        layer: str,
+        interpolation: Interpolation | str = Interpolation.NEAREST,
+    ) -> float | Positions:
+        """Return the values of a layer at positions; only cells around them are read.
+
+        The values are those of `GridMap.at_position`, also beside the borders of tiles. Tiles are
+        read by the scheduler of Dask that the program has chosen.
+
+        Args:
+            positions: (2,) or (N, 2) x, y [m].
+            layer: name of the layer.
+            interpolation: the method, or its value as a string such as "linear".
+
+        Returns:
+            A float for one position, else (N,) float64.
+
+        Raises:
+            LayerNotFoundError: there is no such layer.
+            OutOfMapError: a position is NaN or not on the map.
+            GridMapError: the layer cannot be read or computed.
+        """
+        from ._at import at
+
+        return at(self, positions, layer, interpolation)
+
+    def to_xarray(self, layers: Iterable[str] | None = None) -> xarray.Dataset:
+        """Return a dataset of Dask arrays, whose tiles are computed when they are used.
+
+        A chunk is a tile. A tile is computed once, however many of its layers are used together.
+        The rest is as with `GridMap.to_xarray`; `crs` is a variable as CF has it. Quantities of the
+        whole map that a filter needs are computed at once.
+
+        Args:
+            layers: names of the layers; None means all.
+
+        Raises:
+            LayerNotFoundError: a layer does not exist.
+            MissingPackageError: xarray or Dask is not installed.
+        """
+        from ._lazy import to_lazy_dataset
+
+        return to_lazy_dataset(self, layers)
 
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
