@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import cv2
 import numpy as np
@@ -19,11 +19,16 @@ from grid_map_core_py.errors import ConfigError, GridMapError, short
 from grid_map_core_py.plugins import build, check, descriptions
 
 from ._config import StepConfig, field_name, parse_steps, read_chain
-from ._filter import Filter, reach_of, running
+from ._filter import Filter, TileOptions, reach_of, running
 from ._registry import FILTERS
 from .builtin._buffer_normalizer import BufferNormalizer
 from .errors import FilterConfigError, FilterError
 from .parts._side_by_side import use_threads
+
+if TYPE_CHECKING:
+    from grid_map_core_py.tiled import TiledMap
+
+    from ._tiles import FilteredTiles
 
 _FEWEST_CELLS = 1000**2
 """Cells of the smallest map on which two threads are not slower than one.
@@ -217,7 +222,7 @@ class FilterChain:
         if start != (0, 0):
             return result.with_start_index(start)
         taken = {_address(grid_map[name]) for name in grid_map}
-        return result.with_layers({name: _own(result[name], taken) for name in result})
+        return result.with_layers({name: own_layer(result[name], taken) for name in result})
 
     def without_copies(
         self,
@@ -239,22 +244,50 @@ class FilterChain:
         threads = self.threads if math.prod(grid_map.size) >= _FEWEST_CELLS else 1
         with use_threads(threads):
             for step in self.steps:
-                given = _read_only(result)
+                given = read_only(result)
                 begin = time.perf_counter()
-                result = _filtered(step, given, warnings)
+                result = filtered(step, given, warnings)
                 if observer is not None:
                     observer(step, time.perf_counter() - begin)
         keeps_start = result.size == grid_map.size and not any(
             isinstance(step.filter, BufferNormalizer) for step in self.steps
         )
-        return _read_only(result), grid_map.start_index if keeps_start else (0, 0)
+        return read_only(result), grid_map.start_index if keeps_start else (0, 0)
+
+    def on_tiles(
+        self,
+        site: "TiledMap",
+        *,
+        max_hole: int | None = None,
+        large_holes: Literal["refuse", "leave"] = "refuse",
+    ) -> "FilteredTiles":
+        """Return the filtered layers of a tiled map, which are computed when they are read.
+
+        `TiledMap.filter` calls this. The numbers are those of the chain on the whole map. `threads`
+        has no effect: tiles run side by side.
+
+        Args:
+            site: the map.
+            max_hole: length of the largest hole that `Inpaint` fills, along rows or columns
+                [cells]; by default the longer side of a tile.
+            large_holes: "refuse" raises an error before the first tile if `Inpaint` should fill a
+                longer hole; "leave" leaves it as it is.
+
+        Raises:
+            FilterError: a filter needs the whole map, or the chain fails on a small map of zeros;
+                the message names the filter.
+        """
+        from ._tiles import filtered_tiles
+
+        options = TileOptions(max_hole=max_hole or max(site.tile), large_holes=large_holes)
+        return filtered_tiles(self.steps, site, options)
 
     def reach(self, resolution: float) -> float:
         """Return how far the chain looks: the sum of the reaches of its filters [cells].
 
         A cell of the result depends on the cells of the input that are at most this number of rows
-        and columns away, and on quantities of whole layers of some filters, such as an offset
-        against rounding. It is `WHOLE_MAP` if a filter looks at the whole map.
+        and columns away, up to rounding: some filters compute with differences to a typical value
+        of the layer. It is `WHOLE_MAP` if a filter looks at the whole map.
 
         Args:
             resolution: side of a cell [m].
@@ -271,7 +304,7 @@ class FilterChain:
         return f"FilterChain({', '.join(step.config.name for step in self.steps)})"
 
 
-def _opencv_keeps_read_only() -> bool:
+def _opencv_keepsread_only() -> bool:
     """Return whether OpenCV refuses to write into a read-only array; OpenCV 4.6 does not."""
     array = np.zeros((1, 1), np.float32)
     array.flags.writeable = False
@@ -282,7 +315,7 @@ def _opencv_keeps_read_only() -> bool:
     return False
 
 
-OPENCV_KEEPS_READ_ONLY = _opencv_keeps_read_only()
+OPENCV_KEEPS_READ_ONLY = _opencv_keepsread_only()
 """If False, a call works on a copy, since a filter could change the caller's map unnoticed."""
 
 
@@ -331,14 +364,15 @@ def _names_in(params: object) -> Iterator[str]:
         yield from inner or [str(name)]
 
 
-def _read_only(grid_map: GridMap) -> GridMap:
+def read_only(grid_map: GridMap) -> GridMap:
+    """Return a map with views of the layers that cannot be written into."""
     views = {name: grid_map[name].view() for name in grid_map}
     for view in views.values():
         view.flags.writeable = False
     return grid_map.with_layers(views)
 
 
-def _own(layer: Layer, taken: set[int]) -> Layer:
+def own_layer(layer: Layer, taken: set[int]) -> Layer:
     """Return a read-only layer as a writeable one, copied if its memory is not its own.
 
     Args:
@@ -358,7 +392,12 @@ def _address(layer: Layer) -> int:
     return int(layer.__array_interface__["data"][0])
 
 
-def _filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> GridMap:
+def filtered(step: Step, grid_map: GridMap, warnings: list[str] | None) -> GridMap:
+    """Return the map after a step, in map order.
+
+    Raises:
+        FilterError: the filter failed; the message names it.
+    """
     try:
         with running(step.config, warnings):
             result = step.filter(grid_map)

@@ -11,6 +11,13 @@ the user should know something about the result.
 A filter may say how far it looks, by a method `reach(resolution)`: a cell of its output depends on
 the cells of its input that are at most this number of rows and columns away. Other filters look at
 the whole map.
+
+On tiled maps, further methods are possible. `for_tiles_of(site, options)` returns another filter,
+with the quantities of the whole map put in that it needs; `site` is the `TiledMap` before it, whose
+`over_tiles` reduces. That filter has a `reach`, and if this depends on the data, a method
+`missing(grid_map, window)`: the number of cells by which the border around a window of `grid_map`
+is too narrow. `why_whole_map(names)` explains why a map with these layers cannot be tiled; its text
+is empty if it can.
 """
 
 import functools
@@ -19,15 +26,20 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Protocol, TypeVar, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar, cast
 
 import numpy as np
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.errors import short
+from grid_map_core_py.plugins import check
 
 from ._memory import keep_temporaries
 from .errors import FilterError
+
+if TYPE_CHECKING:
+    from grid_map_core_py.tiled import TiledMap
 
 
 class Filter(Protocol):
@@ -68,16 +80,29 @@ def reach_of(function: Filter, resolution: float) -> float:
     return float(cells)
 
 
-def for_tiles_of(function: Filter, grid_map: GridMap) -> Filter | None:
-    """Return the filter for the tiles of a map; None if it needs the whole map.
+@dataclass(frozen=True, kw_only=True)
+class TileOptions:
+    """Choices of the user for filters on tiled maps; see `FilterChain.on_tiles`."""
+
+    max_hole: int
+    large_holes: Literal["refuse", "leave"] = "refuse"
+
+    def __post_init__(self) -> None:
+        check(self.max_hole >= 1, "max_hole", "a number of cells", self.max_hole)
+        known = self.large_holes in ("refuse", "leave")
+        check(known, "large_holes", "'refuse' or 'leave'", self.large_holes)
+
+
+def for_tiles_of(function: Filter, site: "TiledMap", options: TileOptions) -> Filter:
+    """Return the filter for the tiles of a map, with the quantities of the whole map put in.
 
     Args:
-        function: a filter with a reach. Its method of the same name, if any, returns the filter
-            with the quantities of the whole map put in that it needs.
-        grid_map: the whole map, without the layers that are not computed yet.
+        function: a filter; its method of the same name, if any, does it.
+        site: the map before the filter.
+        options: choices of the user.
     """
     bind = getattr(function, "for_tiles_of", None)
-    bound: Filter | None = bind(grid_map) if callable(bind) else function
+    bound: Filter = bind(site, options) if callable(bind) else function
     return bound
 
 

@@ -25,6 +25,9 @@ EXPRESSIONS = st.sampled_from(
         "atan2(elevation, other) + log(abs(n_z)) + tan(n_x) .* tanh(n_y)",
         "meanOfFinites(elevation) - other",
         "transpose(transpose(elevation))",
+        "other - max(elevation) * size(n_x, 1)",
+        "where(elevation > absmax(other ./ minOfFinites(elevation)), numberOfFinites(n_x), other)",
+        "square(elevation - meanOfFinites(elevation)) ./ (1 + norm(abs(n_x) ./ maxOfFinites(n_x)))",
         "3",
     ]
 )
@@ -135,7 +138,7 @@ EXTREMES = np.float32([-0.0, 0.0, 1e-30, 3e38, -3e38, 1e20, 1000.25])
 
 
 @st.composite
-def maps(draw, allow_moved=True):
+def maps(draw, allow_moved=True, extremes=EXTREMES):
     """Draw a map with holes, infinities and extremes, terrain or noise, often moved."""
     grid_map = draw(grid_maps(LAYERS[:1], max_side=20, allow_moved=allow_moved))
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -144,22 +147,10 @@ def maps(draw, allow_moved=True):
         heights = base + np.cumsum(random.normal(size=grid_map.size), axis=0)
         heights[random.random(grid_map.size) < draw(st.sampled_from([0.0, 0.3]))] = np.nan
         strange = random.random(grid_map.size) < draw(st.sampled_from([0.0, 0.05]))
-        heights[strange] = random.choice([*EXTREMES, np.inf, -np.inf], strange.sum())
+        heights[strange] = random.choice([*extremes, np.inf, -np.inf], strange.sum())
         grid_map[name] = heights.astype(np.float32)
     grid_map.basic_layers = LAYERS[:1]
     return grid_map
-
-
-def blocks_of(grid_map):
-    """Return a strategy for (rows, columns) of a map."""
-
-    def sides(length):
-        starts = st.integers(0, length - 1)
-        return starts.flatmap(
-            lambda start: st.builds(slice, st.just(start), st.integers(start + 1, length))
-        )
-
-    return st.tuples(*map(sides, grid_map.size))
 
 
 def assert_same_bits(found, expected):

@@ -7,7 +7,12 @@ Needs the extra `tiled`; GeoTIFF needs `geo`, too. `grid_map_core_py.xarray` add
 """
 
 from ._open import open_map as open_map
-from ._source import Source as Source, Window as Window
+from ._source import (
+    Source as Source,
+    Window as Window,
+    widened as widened,
+    within as within,
+)
 from ._tiled_map import TiledMap as TiledMap
 
 __all__ = [name for name in dir() if not name.startswith("_")]

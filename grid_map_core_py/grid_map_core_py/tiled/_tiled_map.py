@@ -32,8 +32,16 @@ Progress = Callable[[int, int], Any]
 class Chain(Protocol):
     """What `TiledMap.filter` needs: `FilterChain` of grid_map_filters_py has it."""
 
-    def on_tiles(self, site: TiledMap, **options: Any) -> Source:
+    def on_tiles(self, site: TiledMap, **options: Any) -> FilteredSource:
         """Return the filtered layers of a tiled map, which are computed when they are read."""
+
+
+class FilteredSource(Source, Protocol):
+    """Layers after a chain."""
+
+    @property
+    def basic_layers(self) -> tuple[str, ...]:
+        """Names of the basic layers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +269,8 @@ class TiledMap:
         Raises:
             FilterError: a filter needs the whole map in memory, or fails on all maps.
         """
-        return replace(self, source=chain.on_tiles(self, **options))
+        source = chain.on_tiles(self, **options)
+        return replace(self, source=source, basic_layers=source.basic_layers)
 
     def to_zarr(
         self,

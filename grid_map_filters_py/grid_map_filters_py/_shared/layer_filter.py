@@ -17,7 +17,7 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.plugins import check
 
-from .._filter import WHOLE_MAP, CellFilter, Filter, in_map_order
+from .._filter import WHOLE_MAP, CellFilter, in_map_order
 from ..parts._blocks import blockwise
 from ..parts._disc import Disc, disc_reach, typical_value
 
@@ -62,15 +62,8 @@ class LayerFilter(ABC):
 class AroundTypicalValue(LayerFilter):
     """Base class of filters that compute with differences to the typical value of the layer.
 
-    The typical value is that of the whole layer, so that tiles give the same bits.
+    The typical value is that of the whole layer, so that blocks give the same bits.
     """
-
-    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
-        def apply(tile: GridMap, offset: float) -> GridMap:
-            result = self._filter_around(offset, tile[self.input_layer], tile.resolution)
-            return tile.with_layers({self.output_layer: result})
-
-        return with_typical_value(apply, grid_map, self.input_layer)
 
     def _for_blocks_of(self, layer: Layer) -> Callable[[Layer, float], Values]:
         return partial(self._filter_around, typical_value(layer))
@@ -110,16 +103,6 @@ class FillingDiscFilter(DiscFilter):
     """
 
     compute_empty_cells: bool = False
-
-
-def with_typical_value(
-    apply: Callable[[GridMap, float], GridMap], grid_map: GridMap, name: str
-) -> Filter | None:
-    """Return the filter `apply` with the typical value of a layer; None without the layer."""
-    if name not in grid_map:
-        return None
-    offset = typical_value(grid_map[name])
-    return lambda tile: apply(tile, offset)
 
 
 def check_radius(radius: float, name: str = "radius") -> None:

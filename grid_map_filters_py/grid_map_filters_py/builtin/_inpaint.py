@@ -5,20 +5,34 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import compress
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_core_py.arrays import Layer, Mask, elementwise, max_of_finites, min_of_finites
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import (
+    Layer,
+    Mask,
+    Size,
+    elementwise,
+    max_of_finites,
+    min_of_finites,
+)
 from grid_map_core_py.loops import Compiled
 from grid_map_core_py.plugins import check
 
-from .._filter import WHOLE_MAP, warn
+from .._filter import WHOLE_MAP, Filter, TileOptions, warn
+from .._shared.holes import FindHoles, Holes, Integers, find_holes, merged, place_of
 from .._shared.inpaint_loop import inpaint
 from .._shared.layer_filter import LayerFilter, check_radius
+from ..errors import FilterError
 from ..parts._side_by_side import side_by_side, thread_count
+
+if TYPE_CHECKING:
+    from grid_map_core_py.tiled import TiledMap, Window
 
 _CELLS = 2**18
 """Cells that OpenCV inpaints at once, so that its six images fit the cache."""
@@ -28,6 +42,13 @@ _HOLE = 30
 
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
+
+_BORDER = 16
+"""Least cells to see around a tile, beside those within a few radii."""
+
+_GROUPS = 2
+"""Borders as far as groups of holes are followed. Cells further away change less than 1e-6 of the
+range of a layer, also where half of the cells are missing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,33 +79,157 @@ class Inpaint(LayerFilter):
         # A hole may be as large as the map, and gray values depend on all heights.
         return WHOLE_MAP
 
+    def for_tiles_of(self, site: "TiledMap", options: TileOptions) -> Filter:
+        find = FindHoles(self.input_layer, site.geometry, options.max_hole)
+        tiles = site.over_tiles(find, [self.input_layer])
+        if options.large_holes == "refuse":
+            rows, columns = site.tiles.counts
+            self._refuse(merged(tiles, (rows, columns)), site.geometry, options.max_hole)
+        lowest = min_of_finites([tile.lowest for tile in tiles])
+        highest = max_of_finites([tile.highest for tile in tiles])
+        if math.isnan(lowest):
+            self._warn_of_no_cell()
+        return _InpaintTiles(self, site.geometry, (lowest, highest), options.max_hole)
+
+    def _refuse(self, holes: Holes, geometry: GridGeometry, max_hole: int) -> None:
+        """Raise a FilterError if there are holes to fill that are too long for tiles."""
+        lengths = holes.lengths * self.wanted(holes, geometry.size, geometry.resolution)
+        if not (lengths > max_hole).any():
+            return
+        longest = int(lengths.argmax())
+        (row, column), (end, behind) = holes.starts[longest], holes.ends[longest]
+        x, y = geometry.cropped(slice(row, end), slice(column, behind)).position
+        raise FilterError(
+            f"max_hole: expected holes of at most {max_hole} cells, got one of {end - row} x "
+            f"{behind - column} cells around ({x:g}, {y:g}). Give a larger 'max_hole', which takes "
+            "memory, or large_holes='leave' to leave such holes as they are"
+        )
+
     def _filter(self, layer: Layer, resolution: float) -> Layer:
-        filled, holes = layer.copy("F"), ~np.isfinite(layer)
-        if holes.all():
-            warn(f"layer {self.input_layer!r} has no finite cell to fill its holes from")
+        filled, missing = layer.copy("F"), ~np.isfinite(layer)
+        if missing.all():
+            self._warn_of_no_cell()
             return filled
-        chosen = self._choose(holes, resolution)
+        chosen = missing
+        if self.enclosed_holes_only or self.max_hole_area is not None:
+            labels, holes = find_holes(missing)
+            chosen = _mask(labels, self.wanted(holes, missing.shape, resolution))
         if chosen.any():
-            _fill(filled, layer, holes, chosen, self.radius / resolution)
+            extremes = min_of_finites(layer), max_of_finites(layer)
+            _fill(filled, layer, missing, chosen, self.radius / resolution, extremes)
         return filled
 
-    def _choose(self, holes: Mask, resolution: float) -> Mask:
-        """Return the mask of the holes to fill."""
-        if not self.enclosed_holes_only and self.max_hole_area is None:
-            return holes
-        _, labels, sizes, _ = cv2.connectedComponentsWithStats(holes.T.astype(np.uint8))
-        area = sizes[:, cv2.CC_STAT_AREA] * resolution**2
+    def wanted(self, holes: Holes, size: Size, resolution: float) -> Mask:
+        """Return which holes to fill (n,)."""
         limit = math.inf if self.max_hole_area is None else self.max_hole_area
-        wanted = area <= limit * (1 + 1e-9)
-        if self.enclosed_holes_only:
-            for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-                wanted[side] = False
-        # Label 0 marks all cells outside of holes.
-        wanted[0] = False
-        return np.asarray(wanted[labels].T)
+        wanted: Mask = holes.areas * resolution**2 <= limit * (1 + 1e-9)
+        return wanted & ~holes.touch_border(size) if self.enclosed_holes_only else wanted
+
+    def _warn_of_no_cell(self) -> None:
+        warn(f"layer {self.input_layer!r} has no finite cell to fill its holes from")
 
 
-def _fill(filled: Layer, layer: Layer, holes: Mask, chosen: Mask, radius: float) -> None:
+@dataclass(frozen=True)
+class _InpaintTiles:
+    """Fills the holes of tiles.
+
+    Args:
+        whole: the filter.
+        geometry: that of the whole map.
+        extremes: lowest and highest value of the whole layer; NaN if there is none.
+        max_hole: length of the longest hole to fill [cells].
+    """
+
+    whole: Inpaint
+    geometry: GridGeometry
+    extremes: tuple[float, float]
+    max_hole: int
+
+    def reach(self, _resolution: float) -> float:
+        return self._border
+
+    def missing(self, tile: GridMap, window: "Window") -> int:
+        """Return how many more cells to see around a window of a tile; 0 if all are there.
+
+        These are the cells of holes that reach into the window, unless they are too long, and of
+        groups of holes that know of each other, as far as `_GROUPS` borders.
+        """
+        missing, near = ~np.isfinite(tile[self.whole.input_layer]), self._near
+        edges = self._open_edges(tile, near + 1)
+        if not (missing[window].any() and any(missing[edge].any() for edge in edges)):
+            return 0
+
+        def reaching(labels: Integers, count: int) -> Mask:
+            outside = [_marked(labels[edge], count) for edge in edges]
+            both: Mask = _marked(labels[window], count) & np.any(outside, axis=0)
+            both[0] = False
+            return both
+
+        starts = [part.start for part in window]
+        ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
+        border, followed = int(max(*starts, *ends)), _GROUPS * self._border
+        if border < followed and reaching(*_groups(missing, near)).any():
+            return min(border, followed - border)
+        labels, holes = find_holes(missing)
+        longest = self.max_hole + near + 1
+        incomplete = reaching(labels, len(holes.areas) + 1)[1:] & (holes.lengths <= self.max_hole)
+        return min(border, longest - border) if border < longest and incomplete.any() else 0
+
+    def __call__(self, grid_map: GridMap) -> GridMap:
+        layer = grid_map[self.whole.input_layer]
+        filled, missing = layer.copy("F"), ~np.isfinite(layer)
+        labels, holes = find_holes(missing)
+        in_map = holes.moved(place_of(grid_map, self.geometry))
+        wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
+        wanted &= holes.lengths <= self.max_hole
+        # Those that go on beyond the tile are longer, or do not matter.
+        for edge in self._open_edges(grid_map, 1):
+            wanted &= ~_marked(labels[edge], len(wanted) + 1)[1:]
+        if wanted.any() and not math.isnan(self.extremes[0]):
+            chosen = missing if wanted.all() else _mask(labels, wanted)
+            radius = self.whole.radius / self.geometry.resolution
+            _fill(filled, layer, missing, chosen, radius, self.extremes)
+        return grid_map.with_layers({self.whole.output_layer: filled})
+
+    @property
+    def _near(self) -> int:
+        return _near(self.whole.radius / self.geometry.resolution)
+
+    @property
+    def _border(self) -> int:
+        return _BORDER + 4 * self._near
+
+    def _open_edges(self, tile: GridMap, width: int) -> "list[Window]":
+        """Return the first and last rows and columns of a tile, where the map goes on."""
+        edges = []
+        for axis, first in enumerate(place_of(tile, self.geometry)):
+            length = tile.size[axis]
+            goes_on = first > 0, first + length < self.geometry.size[axis]
+            sides = slice(0, width), slice(max(length - width, 0), length)
+            for side in compress(sides, goes_on):
+                edges.append((side, slice(None)) if axis == 0 else (slice(None), side))
+        return edges
+
+
+def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
+    """Return the mask of the cells of wanted holes; 0 marks all cells outside of holes."""
+    mask: Mask = np.append(False, wanted)[labels]
+    return mask
+
+
+def _near(radius: float) -> int:
+    """Return the number of cells at which holes know of each other, for a radius in cells."""
+    return math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
+
+
+def _fill(
+    filled: Layer,
+    layer: Layer,
+    holes: Mask,
+    chosen: Mask,
+    radius: float,
+    extremes: tuple[float, float],
+) -> None:
     """Write the chosen cells of a layer, inpainted, into a copy of it.
 
     Args:
@@ -93,8 +238,9 @@ def _fill(filled: Layer, layer: Layer, holes: Mask, chosen: Mask, radius: float)
         holes: mask of all holes.
         chosen: mask of the holes to fill.
         radius: radius of the neighborhood [cells].
+        extremes: lowest and highest value of the whole layer.
     """
-    lowest, highest = min_of_finites(layer), max_of_finites(layer)
+    lowest, highest = extremes
     if lowest == highest:
         filled[chosen] = lowest
         return
@@ -105,13 +251,12 @@ def _fill(filled: Layer, layer: Layer, holes: Mask, chosen: Mask, radius: float)
         whole = np.asfortranarray(np.pad(layer, margins, "edge"))
         wanted = np.asfortranarray(np.pad(chosen, margins, "edge"))
         wide = whole.copy("F")
-        _fill(wide, whole, ~np.isfinite(whole), wanted, radius)
+        _fill(wide, whole, ~np.isfinite(whole), wanted, radius, extremes)
         filled[chosen] = wide[inner][chosen]
         return
     # The method weights by gradients, with thresholds for 8-bit gray values.
     scaling = lowest, 255.0 / (highest - lowest)
     run = inpaint.compiled()
-    near = math.ceil(min(max(radius, 1.0), _LARGEST_RADIUS)) + 1
     strips = max(thread_count(), 1 if run else holes.size // _CELLS)
 
     def fill(strip: _Strip) -> None:
@@ -121,7 +266,7 @@ def _fill(filled: Layer, layer: Layer, holes: Mask, chosen: Mask, radius: float)
         else:
             _fill_compiled(run, filled[:, columns], layer[:, columns], own, radius, scaling)
 
-    side_by_side(fill, _strips(holes, near, strips))
+    side_by_side(fill, _strips(holes, _near(radius), strips))
 
 
 def _fill_compiled(
@@ -249,17 +394,13 @@ def _border(holes: Mask, near: int, column: int, limits: tuple[int, int]) -> _Bo
     while True:
         begin, end = max(column - width, limits[0]), min(column + width, limits[1])
         part, middle = holes[:, begin:end], column - begin
-        # Two cells in reach of each other touch when each becomes a block of this side.
-        grown = cv2.dilate(part.T.view(np.uint8), np.ones((near, near), np.uint8))
-        # Rows of the map are along x of the image. The label 0 marks all cells outside of holes.
-        count, labels = cv2.connectedComponents(grown, connectivity=8)
-        labels[~part.T] = 0
+        labels, count = _groups(part, near)
         beside = near if begin else 0, near if end < holes.shape[1] else 0
-        open_ends = labels[: beside[0]], labels[max(len(labels) - beside[1], 0) :]
-        across = _marked(labels[:middle], count) & _marked(labels[middle:], count)
+        open_ends = labels[:, : beside[0]], labels[:, max(labels.shape[1] - beside[1], 0) :]
+        across = _marked(labels[:, :middle], count) & _marked(labels[:, middle:], count)
         across[0] = False
         if not any(across[each].any() for each in open_ends):
-            mask = across[labels[middle:].T]
+            mask = across[labels[:, middle:]]
             used = np.flatnonzero(mask.any(axis=0))
             reach = int(used[-1]) + 1 if used.size else 0
             return _Border(slice(column, column + reach), mask[:, :reach])
@@ -268,7 +409,22 @@ def _border(holes: Mask, near: int, column: int, limits: tuple[int, int]) -> _Bo
         width *= 2
 
 
-def _marked(labels: npt.NDArray[np.int32], count: int) -> Mask:
+def _groups(holes: Mask, near: int) -> tuple[Integers, int]:
+    """Return the number of the group of each cell of a hole, and how many numbers there are.
+
+    Args:
+        holes: mask (rows, columns); all other cells have the number 0.
+        near: number of cells at which holes know of each other.
+    """
+    # Two cells in reach of each other touch when each becomes a block of this side.
+    grown = cv2.dilate(holes.T.view(np.uint8), np.ones((near, near), np.uint8))
+    # Rows of the map are along x of the image.
+    count, labels = cv2.connectedComponents(grown, connectivity=8)
+    labels[~holes.T] = 0
+    return np.asarray(labels.T, np.int32), count
+
+
+def _marked(labels: Integers, count: int) -> Mask:
     """Return which of `count` labels there are (count,)."""
     marked = np.zeros(count, np.bool_)
     marked[labels] = True

@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`gridMapFilters/MathExpressionFilter`"""
 
+from collections.abc import Container
+from copy import copy
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +13,13 @@ import numpy.typing as npt
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import slices
 
-from .._filter import WHOLE_MAP, Filter, in_map_order
+from .._filter import WHOLE_MAP, Filter, TileOptions, in_map_order
 from ..errors import ExpressionError
 from ..expression import Expression
 from ..parts._side_by_side import CELLS, side_by_side
+
+if TYPE_CHECKING:
+    from grid_map_core_py.tiled import TiledMap
 
 _CELLS = 4 * CELLS
 """Cells that are computed together: walking the syntax tree takes as long as an operation."""
@@ -40,9 +46,13 @@ class MathExpression:
     def reach(self, _resolution: float) -> float:
         return 0 if self._parsed.is_cellwise else WHOLE_MAP
 
-    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
-        # A layer may hide a function or a constant, and make the expression a different one.
-        return None if self._parsed.is_changed_by(grid_map) else self
+    def why_whole_map(self, names: Container[str]) -> str:
+        return self._parsed.why_whole_map(names)
+
+    def for_tiles_of(self, site: "TiledMap", _options: TileOptions) -> Filter:
+        bound = copy(self)
+        object.__setattr__(bound, "_parsed", self._parsed.for_tiles_of(site))
+        return bound
 
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
@@ -57,7 +67,8 @@ class MathExpression:
 
     def _evaluate(self, grid_map: GridMap) -> npt.NDArray[np.float32]:
         names, (rows, columns) = self._parsed.names, grid_map.size
-        is_cellwise = self._parsed.is_cellwise and self.for_tiles_of(grid_map) is not None
+        # A layer may hide a function or a constant, and make the expression a different one.
+        is_cellwise = self._parsed.is_cellwise and not self._parsed.is_changed_by(grid_map)
         if not (is_cellwise and names and names <= set(grid_map)):
             return np.asarray(self._parsed(grid_map), dtype=np.float32)
         result = np.empty(grid_map.size, np.float32, order="F")

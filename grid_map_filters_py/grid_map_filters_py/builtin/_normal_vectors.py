@@ -11,8 +11,7 @@ import numpy as np
 from grid_map_core_py import GridMap
 from grid_map_core_py.plugins import check
 
-from .._filter import Filter, in_map_order
-from .._shared.layer_filter import with_typical_value
+from .._filter import in_map_order
 from .._shared.normals import area_normals, prepare_normals, raster_normals
 from ..parts._disc import disc_reach, typical_value
 
@@ -48,29 +47,20 @@ class NormalVectors:
     def reach(self, resolution: float) -> float:
         return 1 if self._is_raster else disc_reach(self.radius, resolution)
 
-    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
-        if self._is_raster:
-            return self
-        return with_typical_value(self._with_normals, grid_map, self.input_layer)
-
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
-        heights = grid_map[self.input_layer]
-        return self._with_normals(grid_map, 0.0 if self._is_raster else typical_value(heights))
-
-    @property
-    def _is_raster(self) -> bool:
-        return self.algorithm == "raster" or self.radius <= 0
-
-    def _with_normals(self, grid_map: GridMap, offset: float) -> GridMap:
-        heights = grid_map[self.input_layer]
+        heights, resolution = grid_map[self.input_layer], grid_map.resolution
         if self._is_raster:
-            normals = raster_normals(heights, grid_map.resolution)
+            normals = raster_normals(heights, resolution)
         else:
-            normals = area_normals(heights, offset, self.radius, grid_map.resolution)
+            normals = area_normals(heights, typical_value(heights), self.radius, resolution)
         away = normals["xyz".index(self.normal_vector_positive_axis)] < 0
         if away.any():
             for component in normals:
                 np.negative(component, out=component, where=away)
         names = (self.output_layers_prefix + axis for axis in "xyz")
         return grid_map.with_layers(dict(zip(names, normals, strict=True)))
+
+    @property
+    def _is_raster(self) -> bool:
+        return self.algorithm == "raster" or self.radius <= 0

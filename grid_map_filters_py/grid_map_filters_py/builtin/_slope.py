@@ -10,8 +10,8 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import ConfigError
 
-from .._filter import Filter, in_map_order
-from .._shared.layer_filter import check_radius, with_typical_value
+from .._filter import in_map_order
+from .._shared.layer_filter import check_radius
 from .._shared.normals import area_normals, prepare_normals, raster_normals
 from ..parts._blocks import blockwise
 from ..parts._disc import disc_reach, typical_value
@@ -52,31 +52,24 @@ class Slope:
             return 0
         return disc_reach(self.radius, resolution) if self.radius else 1
 
-    def for_tiles_of(self, grid_map: GridMap) -> Filter | None:
-        if not self.radius:
-            return self
-        return with_typical_value(self._with_slope, grid_map, self.input_layer or "")
-
     @in_map_order
     def __call__(self, grid_map: GridMap) -> GridMap:
-        heights = grid_map[self.input_layer or ""] if self.radius else None
-        return self._with_slope(grid_map, 0.0 if heights is None else typical_value(heights))
-
-    def _with_slope(self, grid_map: GridMap, offset: float) -> GridMap:
-        resolution = grid_map.resolution
-
-        def of_heights(heights: Layer) -> Layer:
-            if self.radius:
-                return _slope(*area_normals(heights, offset, self.radius, resolution))
-            return _slope(*raster_normals(heights, resolution))
-
         if self.input_layers_prefix is None:
-            heights = grid_map[self.input_layer or ""]
-            slope = blockwise(of_heights, heights, reach=self.reach(resolution))
+            slope = self._of_heights(grid_map[self.input_layer or ""], grid_map.resolution)
         else:
             normals = (grid_map[self.input_layers_prefix + axis] for axis in "xyz")
             slope = blockwise(_slope, *normals)
         return grid_map.with_layers({self.output_layer: slope})
+
+    def _of_heights(self, layer: Layer, resolution: float) -> Layer:
+        offset = typical_value(layer) if self.radius else 0.0
+
+        def of_block(heights: Layer) -> Layer:
+            if self.radius:
+                return _slope(*area_normals(heights, offset, self.radius, resolution))
+            return _slope(*raster_normals(heights, resolution))
+
+        return blockwise(of_block, layer, reach=self.reach(resolution))
 
 
 def _slope(x: Layer, y: Layer, z: Layer) -> Layer:

@@ -1,7 +1,13 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Expressions of single cells: each cell of the result depends on the same cell of the layers."""
+"""Expressions of single cells: each cell of the result depends on the same cell of the layers.
 
+Reductions such as `max(elevation)` depend on all cells, but are numbers: once they are known, the
+rest of an expression may be one of single cells.
+"""
+
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
 from enum import Enum
 
 from ._functions import CONSTANTS, FUNCTIONS
@@ -15,35 +21,77 @@ class _Kind(Enum):
     OTHER = "anything else, or undecided"
 
 
-def is_cellwise(root: Node) -> bool:
-    """Return True if an expression is a number, or one of single cells.
+@dataclass(frozen=True)
+class Analysis:
+    """What the parts of an expression are.
 
-    Names of functions and constants must not be those of layers. The result is False if this simple
-    analysis cannot decide.
+    Args:
+        layers: names of the layers, which hide functions and constants. None if they are unknown:
+            names of functions and constants must not be those of layers then, and what could be an
+            index is undecided.
+        reduced: take reductions for numbers.
     """
-    return _kind(root) is not _Kind.OTHER
 
+    layers: Container[str] | None = None
+    reduced: bool = False
 
-def _kind(node: Node) -> _Kind:
-    match node.kind, node.parts:
-        case "number", _:
+    def is_cellwise(self, root: Node) -> bool:
+        """Return True if an expression is a number, or one of single cells."""
+        return self._kind(root) is not _Kind.OTHER
+
+    def culprit(self, root: Node) -> Node | None:
+        """Return the first innermost part that is neither; None if there is none."""
+        if self.is_cellwise(root):
+            return None
+        inner = (self.culprit(child) for child in root.children())
+        return next(filter(None, inner), root)
+
+    def reductions(self, root: Node) -> Iterator[Node]:
+        """Yield the reductions that can be computed first: of single cells of the layers."""
+        for node in root.descendants():
+            if node.kind == "call" and not self._is_index(node) and self._reduces(*node.parts):
+                yield node
+
+    def _reduces(self, function: str, arguments: tuple[Node, ...]) -> bool:
+        kinds = [self._kind(argument) for argument in arguments]
+        numbers = [_Kind.NUMBER] * (len(kinds) - 1)
+        return FUNCTIONS[function].reduces == len(kinds) and kinds == [_Kind.CELLS, *numbers]
+
+    def _is_index(self, call: Node) -> bool:
+        return may_be_index(call) if self.layers is None else call.parts[0] in self.layers
+
+    def _kind(self, node: Node) -> _Kind:
+        match node.kind, node.parts:
+            case "number", _:
+                return _Kind.NUMBER
+            case "name", (name,):
+                is_hidden = self.layers is not None and name in self.layers
+                return _Kind.NUMBER if name in CONSTANTS and not is_hidden else _Kind.CELLS
+            case "unary", (_, operand):
+                return self._kind(operand)
+            case "binary", (operator, left, right):
+                kinds = [self._kind(left), self._kind(right)]
+                # These are the operators of matrices.
+                if operator in ("*", "/") and _Kind.NUMBER not in kinds:
+                    return _Kind.OTHER
+            case "call", (function, arguments) if not self._is_index(node):
+                return self._kind_of_call(function, arguments)
+            case _:
+                return _Kind.OTHER
+        return _joined(kinds)
+
+    def _kind_of_call(self, function: str, arguments: tuple[Node, ...]) -> _Kind:
+        if self.reduced and self._reduces(function, arguments):
             return _Kind.NUMBER
-        case "name", (name,):
-            return _Kind.NUMBER if name in CONSTANTS else _Kind.CELLS
-        case "unary", (_, operand):
-            return _kind(operand)
-        case "binary", (operator, left, right):
-            kinds = [_kind(left), _kind(right)]
-            # These are the operators of matrices.
-            if operator in ("*", "/") and _Kind.NUMBER not in kinds:
-                return _Kind.OTHER
-        case "call", (function, arguments) if not may_be_index(node):
-            kinds = [_kind(argument) for argument in arguments]
-            # With a matrix as the second argument, these compare cell by cell.
-            pairwise = function in ("min", "max") and kinds[1:] == [_Kind.CELLS]
-            if not (FUNCTIONS[function].elementwise or pairwise):
-                return _Kind.OTHER
-        case _:
+        kinds = [self._kind(argument) for argument in arguments]
+        # With a matrix as the second argument, these compare cell by cell.
+        pairwise = function in ("min", "max") and kinds[1:] == [_Kind.CELLS]
+        of_number = FUNCTIONS[function].reduces == len(kinds) and {*kinds} == {_Kind.NUMBER}
+        if not (FUNCTIONS[function].elementwise or pairwise or of_number):
             return _Kind.OTHER
+        return _joined(kinds)
+
+
+def _joined(kinds: list[_Kind]) -> _Kind:
     found = set(kinds)
     return next(kind for kind in (_Kind.OTHER, _Kind.CELLS, _Kind.NUMBER) if kind in found)

@@ -2,24 +2,29 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Mathematical expressions over layers."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import Size
 
 from ..errors import ExpressionError
-from ._cells import is_cellwise
-from ._functions import CONSTANTS
+from ._cells import Analysis
+from ._functions import CONSTANTS, FUNCTIONS
 from ._interpreter import Interpreter, check
 from ._matrices import Matrices
 from ._nodes import Fault, Node
 from ._parser import parse
+from ._reductions import Combined, Partial
 from ._windows import EdgeHandling, evaluate_over_windows
+
+if TYPE_CHECKING:
+    from grid_map_core_py.tiled import TiledMap
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,8 @@ class Expression:
 
     _root: Node = field(init=False, repr=False, compare=False)
     _places: dict[str, int] = field(init=False, repr=False, compare=False)
+    _layers: frozenset[str] | None = field(init=False, repr=False, compare=False, default=None)
+    """Names of the layers of the tiled map that it is for; None if it is for any map."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -53,6 +60,9 @@ class Expression:
         with _faults_as_errors(self.text):
             root = parse(self.text)
             check(root)
+        self._set(root)
+
+    def _set(self, root: Node) -> None:
         nodes = list(root.descendants())
         names, functions = (
             {node.parts[0]: node.position for node in nodes if node.kind == kind}
@@ -62,13 +72,50 @@ class Expression:
         object.__setattr__(self, "_root", root)
         object.__setattr__(self, "_places", functions | names)
 
-    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
-        return Expression, (self.text,)
+    def __reduce__(self) -> tuple[Any, ...]:
+        # An expression for tiles is not the one of its text.
+        state = () if self._layers is None else (self.__dict__,)
+        return Expression, (self.text,), *state
 
     @property
     def is_cellwise(self) -> bool:
         """True if a cell of the result depends on the same cell of the layers alone."""
-        return is_cellwise(self._root)
+        return Analysis(self._layers).is_cellwise(self._root)
+
+    def why_whole_map(self, layers: Container[str]) -> str:
+        """Return why the expression needs whole layers of these names; empty if it does not.
+
+        Reductions are possible: `for_tiles_of` computes them first.
+        """
+        culprit = Analysis(layers, reduced=True).culprit(self._root)
+        if culprit is None:
+            return ""
+        return _shown("this part needs whole layers", self.text, culprit.position)
+
+    def for_tiles_of(self, site: "TiledMap") -> "Expression":
+        """Return the expression for tiles of a map: its reductions are numbers.
+
+        Reductions of single cells are computed tile by tile; parts are combined in double
+        precision, in the order of the tiles. Reductions that contain others follow.
+
+        Args:
+            site: its layers hide functions and constants.
+
+        Raises:
+            ExpressionError: the rest of the expression is not one of single cells.
+        """
+        root, layers = self._root, frozenset(site.layers)
+        while nodes := [*Analysis(layers).reductions(root)]:
+            parts = _PartsOfTile(self, nodes)
+            of_tiles = site.over_tiles(parts, sorted(parts.names & layers))
+            numbers = parts.combined(of_tiles, site.size)
+            root = root.with_numbers(dict(zip(nodes, numbers, strict=True)))
+        bound = Expression(self.text)
+        bound._set(root)
+        object.__setattr__(bound, "_layers", layers)
+        if not bound.is_cellwise:
+            raise ExpressionError(self.why_whole_map(layers))
+        return bound
 
     def is_changed_by(self, names: Iterable[str]) -> bool:
         """Return whether a layer hides a function or a constant that the expression uses."""
@@ -94,14 +141,15 @@ class Expression:
         """
         if isinstance(layers, GridMap) and layers.start_index != (0, 0):
             return self._of_moved_map(layers)
-        available = ", ".join(sorted(layers)) or "none"
-        used = self._places.keys() & layers.keys()
         with _faults_as_errors(self.text):
-            values = {name: _bind(name, layers[name], self._places[name]) for name in used}
-            interpreter = Interpreter(Matrices(), values, available)
-            result: NDArray[np.float32] | float = interpreter(self._root)
+            result: NDArray[np.float32] | float = self._interpreter(layers)(self._root)
         is_shared = isinstance(result, np.ndarray) and not result.flags.writeable
         return np.copy(result, order="K") if is_shared else result
+
+    def _interpreter(self, layers: Mapping[str, NDArray[Any]]) -> Interpreter:
+        used = self._places.keys() & layers.keys()
+        values = {name: _bind(name, layers[name], self._places[name]) for name in used}
+        return Interpreter(Matrices(), values, ", ".join(sorted(layers)) or "none")
 
     def fill(self, out: NDArray[np.float32], layers: Mapping[str, NDArray[Any]]) -> None:
         """Write the value for whole layers into an array, with one temporary array less.
@@ -163,6 +211,58 @@ class Expression:
         return result
 
 
+@dataclass(frozen=True)
+class _PartsOfTile:
+    """Computes parts of reductions on a tile.
+
+    Args:
+        expression: holds the reductions.
+        nodes: calls of functions that reduce.
+    """
+
+    expression: Expression
+    nodes: Sequence[Node]
+
+    @property
+    def names(self) -> set[str]:
+        """The names in the arguments."""
+        parts = (part for node in self.nodes for part in node.descendants())
+        return {part.parts[0] for part in parts if part.kind in ("name", "call")}
+
+    def __call__(self, layers: Mapping[str, NDArray[Any]]) -> list[list[float]]:
+        """Return what the folds of each reduction give."""
+        with _faults_as_errors(self.expression.text):
+            interpreter = self.expression._interpreter(layers)
+            return [self._parts(interpreter, node).parts for node in self.nodes]
+
+    def _parts(self, interpreter: Interpreter, node: Node) -> Partial:
+        partial, (function, arguments) = Partial(), node.parts
+        FUNCTIONS[function].apply(partial, *map(interpreter, arguments))
+        return partial
+
+    def combined(self, of_tiles: Sequence[list[list[float]]], size: Size) -> list[float]:
+        """Return the reductions of a map.
+
+        Args:
+            of_tiles: the parts, tile after tile.
+            size: rows and columns of the map.
+        """
+        # Only its shape is used.
+        whole = np.broadcast_to(np.float32(0), size)
+        of_nodes = zip(self.nodes, zip(*of_tiles, strict=True), strict=True)
+        with _faults_as_errors(self.expression.text):
+            return [_combined(node, whole, parts) for node, parts in of_nodes]
+
+
+def _combined(node: Node, whole: NDArray[Any], parts: Sequence[list[float]]) -> float:
+    """Return a reduction of a map from what its folds give in each tile."""
+    function, (_, *others) = node.parts
+    algebra = Combined(zip(*parts, strict=True))
+    numbers = map(Interpreter(Matrices(), {}, ""), others)
+    result: float = FUNCTIONS[function].apply(algebra, whole, *numbers)
+    return result
+
+
 def _bind(name: str, layer: NDArray[Any], position: int) -> NDArray[np.float32]:
     """Return a read-only float32 view (or copy, of another type) of a layer."""
     values = np.asarray(layer).astype(np.float32, copy=False).view()
@@ -183,6 +283,10 @@ def _faults_as_errors(text: str) -> Iterator[None]:
         with np.errstate(all="ignore"):
             yield
     except Fault as fault:
-        line = "".join(" " if character.isspace() else character for character in text)
-        caret = " " * (fault.position or 0) + "^"
-        raise ExpressionError(f"{fault}\n    {line}\n    {caret}") from None
+        raise ExpressionError(_shown(str(fault), text, fault.position or 0)) from None
+
+
+def _shown(message: str, text: str, position: int) -> str:
+    """Return a message above the expression with a caret under a place."""
+    line = "".join(" " if character.isspace() else character for character in text)
+    return f"{message}\n    {line}\n    {' ' * position}^"

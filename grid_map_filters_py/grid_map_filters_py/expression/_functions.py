@@ -205,6 +205,8 @@ class Function:
         keeps_nan: elementwise, and NaN wherever an argument is NaN.
         skips_nan: takes one argument, and gives the same number whether NaN elements are there or
             left out.
+        reduces: number of arguments with which it gives a number, from folds of all elements of the
+            first one or from its shape; 0 if there is none.
     """
 
     apply: Callable[..., Any]
@@ -214,6 +216,7 @@ class Function:
     elementwise: bool = False
     keeps_nan: bool = False
     skips_nan: bool = False
+    reduces: int = 0
 
 
 def elementwise(function: Callable[..., Any], arity: int = 1, *, keeps_nan: bool) -> Function:
@@ -243,7 +246,7 @@ def of_finites(fold: Fold) -> Function:
             lambda n, r: np.where(np.equal(n, 0.0), np.nan, r), count, result
         )
 
-    return Function(reduce, skips_nan=True)
+    return Function(reduce, skips_nan=True, reduces=1)
 
 
 FUNCTIONS = {
@@ -272,17 +275,17 @@ FUNCTIONS = {
     "cwiseMax": _cwise(np.maximum),
     "minOfFinites": of_finites(FINITE_MINIMUM),
     "maxOfFinites": of_finites(FINITE_MAXIMUM),
-    "meanOfFinites": Function(_mean_of_finites, skips_nan=True),
+    "meanOfFinites": Function(_mean_of_finites, skips_nan=True, reduces=1),
     "sumOfFinites": of_finites(FINITE_SUM),
-    "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True),
-    "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True),
-    "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True),
-    "absmax": Function(_absmax, most=2, axis=True),
-    "mean": Function(_mean, most=2, axis=True),
-    "sum": Function(_folding(SUM), most=2, axis=True),
-    "prod": Function(_folding(PRODUCT), most=2, axis=True),
-    "size": Function(_size, most=2, axis=True),
-    "norm": Function(_norm),
+    "numberOfFinites": Function(_folding(FINITE_COUNT), skips_nan=True, reduces=1),
+    "min": Function(_extreme(MINIMUM, np.minimum, "cwiseMin"), most=2, axis=True, reduces=1),
+    "max": Function(_extreme(MAXIMUM, np.maximum, "cwiseMax"), most=2, axis=True, reduces=1),
+    "absmax": Function(_absmax, most=2, axis=True, reduces=1),
+    "mean": Function(_mean, most=2, axis=True, reduces=1),
+    "sum": Function(_folding(SUM), most=2, axis=True, reduces=1),
+    "prod": Function(_folding(PRODUCT), most=2, axis=True, reduces=1),
+    "size": Function(_size, most=2, axis=True, reduces=2),
+    "norm": Function(_norm, reduces=1),
     "trace": Function(_trace),
     "transpose": Function(lambda algebra, value: algebra.transpose(value)),
     "adjoint": Function(lambda algebra, value: algebra.transpose(value)),

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The syntax tree of an expression, and errors at places of the text."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -55,6 +55,23 @@ class Node:
         yield self
         for child in self.children():
             yield from child.descendants()
+
+    def with_numbers(self, numbers: Mapping["Node", float]) -> "Node":
+        """Return the node with numbers in place of some nodes."""
+        if self in numbers:
+            return Node("number", (numbers[self],), self.position)
+        return Node(self.kind, _with_numbers(self.parts, numbers), self.position)
+
+
+def _with_numbers(parts: tuple[Any, ...], numbers: Mapping[Node, float]) -> tuple[Any, ...]:
+    return tuple(
+        part.with_numbers(numbers)
+        if isinstance(part, Node)
+        else _with_numbers(part, numbers)
+        if isinstance(part, tuple)
+        else part
+        for part in parts
+    )
 
 
 def _nodes_in(parts: tuple[Any, ...]) -> Iterator[Node]:

@@ -1,0 +1,165 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Holes of layers: missing cells that touch, also at a corner; in one map, and across tiles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.arrays import Mask, Size, max_of_finites, min_of_finites
+
+Integers = npt.NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Boxes and areas of holes.
+
+    Args:
+        starts: (n, 2) first row and column.
+        ends: (n, 2) row and column behind the last ones.
+        areas: (n,) number of cells.
+    """
+
+    starts: Integers
+    ends: Integers
+    areas: Integers
+
+    @property
+    def lengths(self) -> Integers:
+        """(n,) length along rows or columns, whichever is longer [cells]."""
+        lengths: Integers = (self.ends - self.starts).max(axis=1, initial=0)
+        return lengths
+
+    def touch_border(self, size: Size) -> Mask:
+        """Return which holes reach the border of a map (n,)."""
+        touch: Mask = ((self.starts == 0) | (self.ends == size)).any(axis=1)
+        return touch
+
+    def moved(self, shift: Size) -> "Holes":
+        """Return the holes in a map in which they are some rows and columns further."""
+        return Holes(self.starts + shift, self.ends + shift, self.areas)
+
+    def __getitem__(self, which: Any) -> "Holes":
+        return Holes(self.starts[which], self.ends[which], self.areas[which])
+
+
+def find_holes(missing: Mask) -> tuple[Integers, Holes]:
+    """Return the number of the hole of each cell (rows, cols), from 1; and the holes.
+
+    Args:
+        missing: (rows, cols); cells that are not have the number 0.
+    """
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(missing.T.astype(np.uint8))
+    # Rows of the map are along x of the image.
+    starts = stats[1:, [cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP]].astype(np.int64)
+    sides = stats[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].astype(np.int64)
+    holes = Holes(starts, starts + sides, stats[1:, cv2.CC_STAT_AREA].astype(np.int64))
+    return np.asarray(labels.T, np.int32), holes
+
+
+def place_of(tile: GridMap, whole: GridGeometry) -> Size:
+    """Return the row and column of the first cell of a tile in the whole map."""
+    return whole.cell_at(tile.geometry.center_of((0, 0))) or (0, 0)
+
+
+class HolesOfTile(NamedTuple):
+    """What the holes of a map need to know about those of a tile.
+
+    Args:
+        lowest, highest: of the finite values; NaN if there are none.
+        holes: those that reach the border of the tile or are long; in the whole map.
+        edges: their numbers from 1, or 0, along the first and last row, first and last column.
+    """
+
+    lowest: float
+    highest: float
+    holes: Holes
+    edges: tuple[Integers, ...]
+
+
+@dataclass(frozen=True)
+class FindHoles:
+    """Finds the holes of a layer in a tile.
+
+    Args:
+        layer: name of the layer.
+        whole: geometry of the whole map.
+        length: longest hole that may be left out if it is inside of a tile [cells].
+    """
+
+    layer: str
+    whole: GridGeometry
+    length: float
+
+    def __call__(self, tile: GridMap) -> HolesOfTile:
+        layer = tile[self.layer]
+        labels, holes = find_holes(~np.isfinite(layer))
+        kept = holes.touch_border(tile.size) | (holes.lengths > self.length)
+        numbers = np.append(0, np.cumsum(kept) * kept)
+        edges = tuple(
+            numbers[edge] for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1])
+        )
+        moved = holes[kept].moved(place_of(tile, self.whole))
+        return HolesOfTile(min_of_finites(layer), max_of_finites(layer), moved, edges)
+
+
+def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
+    """Return the holes of a map.
+
+    Args:
+        tiles: those of its tiles, row after row of tiles.
+        counts: number of tiles along rows and along columns.
+    """
+    parts = [tile.holes for tile in tiles]
+    firsts = np.cumsum([0, *(len(part.areas) for part in parts)])
+    # Numbers of parts in the whole map; 0 is no hole.
+    edges = [
+        [np.where(edge, edge + first, 0) for edge in tile.edges]
+        for tile, first in zip(tiles, firsts, strict=False)
+    ]
+    grid = [edges[first : first + counts[1]] for first in range(0, len(edges), counts[1])]
+    pairs = [np.empty((2, 0), np.int64)]
+    for lines, (behind, ahead) in ((grid, (1, 0)), ([*zip(*grid, strict=True)], (3, 2))):
+        for one, other in pairwise(lines):
+            last, first = (
+                np.concatenate([tile[side] for tile in line])
+                for line, side in ((one, behind), (other, ahead))
+            )
+            # A hole goes on straight, or at a corner to both sides.
+            pairs += [np.stack([last, first]), np.stack([last[1:], first[:-1]])]
+            pairs += [np.stack([last[:-1], first[1:]])]
+    touching = np.concatenate(pairs, axis=1)
+    roots = _roots(firsts[-1] + 1, *touching[:, (touching > 0).all(axis=0)])[1:]
+    which, of_part = np.unique(roots, return_inverse=True)
+    starts = np.full((len(which), 2), np.iinfo(np.int64).max)
+    ends, areas = np.zeros((len(which), 2), np.int64), np.zeros(len(which), np.int64)
+    np.minimum.at(starts, of_part, np.concatenate([part.starts for part in parts]))
+    np.maximum.at(ends, of_part, np.concatenate([part.ends for part in parts]))
+    np.add.at(areas, of_part, np.concatenate([part.areas for part in parts]))
+    return Holes(starts, ends, areas)
+
+
+def _roots(count: int, ones: Integers, others: Integers) -> Integers:
+    """Return the smallest number of the group of each number below `count`.
+
+    Args:
+        count: how many numbers there are.
+        ones, others: pairs that are in one group.
+    """
+    roots = np.arange(count)
+    while True:
+        lowest = np.minimum(roots[ones], roots[others])
+        lower = roots.copy()
+        for numbers in (ones, others):
+            np.minimum.at(lower, roots[numbers], lowest)
+        lower = lower[lower]
+        if np.array_equal(lower, roots):
+            return roots
+        roots = lower

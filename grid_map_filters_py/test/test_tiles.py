@@ -1,0 +1,548 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chains on tiled maps: the numbers of the whole map, window by window."""
+
+import pickle
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from filter_cases import ground, step_of, terrain
+from filter_strategies import EXTREMES, PARAMETERS, assert_same_bits, maps
+from hypothesis import given, settings, strategies as st
+
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain, FilterError, FilterWarning, Step, StepConfig
+from grid_map_filters_py._shared.holes import FindHoles, find_holes, merged
+
+pytestmark = pytest.mark.needs("xarray", "dask")
+
+SUMS = ("GaussianBlur", "MeanInRadius", "NormalVectors", "Roughness", "Slope")
+"""Filters whose sums are taken around a typical value of the layer, or of the tile."""
+
+SIDES = st.tuples(st.integers(3, 17), st.integers(3, 17))
+
+
+def tiled(grid_map, side):
+    """Return a map as a tiled one; `side` is that of a tile, or both."""
+    from grid_map_core_py.tiled import open_map
+    from grid_map_core_py.tiled._xarray import to_dataset
+
+    return replace(open_map(to_dataset(grid_map)), tile=np.broadcast_to(side, 2).tolist())
+
+
+def in_tiles(site) -> GridMap:
+    """Return a tiled map that is read tile by tile."""
+    import dask
+
+    layers = {name: np.empty(site.size, np.float32, order="F") for name in site.layers}
+    with dask.config.set(scheduler="synchronous"):
+        site.source.prepare()
+    for window in site.tiles:
+        for name, part in zip(layers, site.source.read(window, site.layers), strict=True):
+            layers[name][window] = part
+    return GridMap.from_geometry(
+        site.geometry,
+        layers,
+        basic_layers=site.basic_layers,
+        frame_id=site.frame_id,
+        timestamp=site.timestamp,
+    )
+
+
+def both_ways(steps, grid_map, side):
+    """Return the map that a chain gives in tiles, and the one that it gives as a whole."""
+    chain = FilterChain(steps)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FilterWarning)
+        return in_tiles(tiled(grid_map, side).filter(chain, max_hole=1000)), chain(grid_map)
+
+
+def with_hole(rows, columns, *, size=(40, 50)):
+    heights = np.random.default_rng(1).normal(size=size)
+    heights[rows, columns] = np.nan
+    return ground(heights)
+
+
+def assert_near(found, expected):
+    """Compare with 1e-5 of the range of each layer."""
+    assert found.layers == expected.layers
+    for name in expected:
+        finite = expected[name][np.isfinite(expected[name])]
+        spread = float(np.ptp(finite)) if finite.size else 0.0
+        slack = 1e-5 * spread + 1e-6 * np.abs(finite).max(initial=1e-3)
+        np.testing.assert_allclose(found[name], expected[name], rtol=0, atol=slack, err_msg=name)
+
+
+def sums_up(step):
+    """Return whether the numbers depend on the order of sums."""
+    name, params = type(step.filter).__name__, step.config.params
+    if name in ("NormalVectors", "Slope"):
+        return params.get("radius", 0) > 0 and params.get("algorithm") != "raster"
+    return name in SUMS or (name == "MathExpression" and "mean" in params["expression"])
+
+
+def steps_of(type_name):
+    """Return a strategy for steps that can run on tiles."""
+    steps = PARAMETERS[type_name].map(lambda parameters: step_of(type_name, **parameters))
+    return steps.filter(lambda step: "transpose" not in step.config.params.get("expression", ""))
+
+
+@pytest.mark.parametrize("type_name", sorted(PARAMETERS))
+@given(data=st.data(), side=SIDES)
+@settings(max_examples=20)
+def test_every_filter_in_tiles_equals_the_whole_map(type_name, data, side):
+    step = data.draw(steps_of(type_name))
+    sums = sums_up(step)
+    grid_map = data.draw(maps(allow_moved=False, extremes=[0.0] if sums else EXTREMES))
+    (assert_near if sums else assert_same_bits)(*both_ways([step], grid_map, side))
+
+
+@given(data=st.data(), side=SIDES)
+@settings(max_examples=40)
+def test_chains_without_sums_in_tiles_give_the_same_bits(data, side):
+    kinds = st.sampled_from(sorted(PARAMETERS.keys() - {*SUMS, "Deletion"})).flatmap(steps_of)
+    steps = data.draw(
+        st.lists(kinds.filter(lambda step: not sums_up(step)), min_size=2, max_size=4)
+    )
+    grid_map = data.draw(maps(allow_moved=False))
+    assert_same_bits(*both_ways(steps, grid_map, side))
+
+
+CONTINUOUS = [
+    step_of("MeanInRadius", input_layer="elevation", output_layer="elevation", radius=0.2),
+    step_of("GaussianBlur", input_layer="elevation", output_layer="elevation", sigma=0.1),
+    step_of("Inpaint", input_layer="elevation", output_layer="elevation", radius=0.1),
+    step_of("Dilation", input_layer="elevation", output_layer="other", radius=0.2),
+    step_of("Roughness", input_layer="elevation", output_layer="rough", radius=0.2),
+    step_of("Slope", input_layer="elevation", output_layer="slope", radius=0.2),
+    step_of(
+        "MathExpression",
+        expression="(elevation - meanOfFinites(elevation)) ./ sumOfFinites(abs(other))",
+        output_layer="elevation",
+    ),
+    step_of(
+        "MathExpression",
+        expression="elevation + maxOfFinites(other - meanOfFinites(elevation))",
+        output_layer="other",
+    ),
+    step_of(
+        "SlidingWindowMathExpression",
+        input_layer="other",
+        output_layer="elevation",
+        expression="meanOfFinites(other) - minOfFinites(other)",
+        edge_handling="crop",
+    ),
+]
+
+
+@given(st.lists(st.sampled_from(CONTINUOUS), min_size=2, max_size=4), st.data(), SIDES)
+@settings(max_examples=40)
+def test_chains_with_sums_in_tiles_are_near(steps, data, side):
+    grid_map = data.draw(maps(allow_moved=False, extremes=[0.0]))
+    assert_near(*both_ways(steps, grid_map, side))
+
+
+# --- what is read and computed --------------------------------------------------------------------
+
+
+class Recorder:
+    """A source that records what is read."""
+
+    def __init__(self, site):
+        self.source, self.names = site.source, set()
+
+    def __getattr__(self, name):
+        return getattr(self.source, name)
+
+    def read(self, window, names):
+        self.names.update(names)
+        return self.source.read(window, names)
+
+
+def chain_of(*entries):
+    config = [
+        {"name": f"filter{number}", "type": type_name, "params": params}
+        for number, (type_name, params) in enumerate(entries)
+    ]
+    return FilterChain.from_config(config)
+
+
+def math(expression, output_layer="out"):
+    return "MathExpression", {"expression": expression, "output_layer": output_layer}
+
+
+def test_a_chain_reads_only_the_layers_that_a_result_needs():
+    site = tiled(terrain(a=1.0, b=2.0, c=3.0, d=4.0), 4)
+    recorder = Recorder(site)
+    chain = chain_of(math("a + 1", "x"), math("b + max(c)", "y"), math("2 * y", "z"))
+    result = replace(site, source=recorder).filter(chain)
+    assert recorder.names == set()
+    result.source.prepare()
+    assert recorder.names == {"c"}
+    recorder.names.clear()
+    np.testing.assert_array_equal(result.to_map(["x"])["x"], 2)
+    assert recorder.names == {"a"}
+    recorder.names.clear()
+    np.testing.assert_array_equal(result.to_map(["z", "d"])["z"], 10)
+    assert recorder.names == {"b", "c", "d"}
+
+
+def test_results_have_their_own_memory_in_the_order_of_layers():
+    site = tiled(terrain(elevation=1.0), 4).filter(chain_of(math("elevation + 1")))
+    window = slice(0, 9), slice(0, 7)
+    for layer in site.source.read(window, ["elevation", "out"]):
+        assert layer.flags.f_contiguous
+        layer[...] = 7
+    for layer, expected in zip(site.source.read(window, site.layers), (1, 2), strict=True):
+        np.testing.assert_array_equal(layer, expected)
+
+
+def test_quantities_of_the_whole_map_are_computed_once_and_pickled():
+    grid_map = ground(np.arange(63.0).reshape(9, 7))
+    site = tiled(grid_map, 4)
+    recorder = Recorder(site)
+    chain = chain_of(math("elevation ./ max(elevation - min(elevation))"))
+    result = replace(site, source=recorder).filter(chain)
+    expected = result.to_map()
+    result = pickle.loads(pickle.dumps(replace(result, source=replace(result.source, site=site))))
+    recorder.names.clear()
+    assert_same_bits(in_tiles(result), expected)
+    assert_same_bits(expected, chain(grid_map))
+    assert recorder.names == set()
+
+
+def test_a_description_changes_with_parameters_and_options():
+    site = tiled(terrain(elevation=1.0), 4)
+    one, same, other = (
+        site.filter(chain_of(math(text))).source.describe() for text in ("1", "1", "2")
+    )
+    assert one == same != other
+    assert site.filter(chain_of(math("1")), max_hole=9).source.describe() != one
+    assert site.source.describe() in one
+
+
+def test_tiles_have_their_positions_frame_and_time():
+    def put_positions(grid_map):
+        assert (grid_map.frame_id, grid_map.timestamp) == ("odom", 7)
+        x, y = grid_map.geometry.axes_in_map_order()
+        return grid_map.with_layers({"sum": x[:, None] + 100 * y})
+
+    put_positions.reach = lambda _resolution: 2
+    grid_map = GridMap((0.9, 0.7), 0.1, (30.0, -40.0), frame_id="odom", timestamp=7, layers=["a"])
+    assert_near(*both_ways(mine(put_positions).steps, grid_map, 4))
+
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+def test_a_missing_layer_is_an_error_before_data_is_read():
+    site = tiled(terrain(elevation=1.0), 4)
+    with pytest.raises(FilterError, match=r"'filter1'.*no layer 'hight'; available: elevation, x"):
+        site.filter(chain_of(math("elevation", "x"), math("abs(hight)")))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """A filter of another package: moves the layer by a row."""
+
+    def __call__(self, grid_map):
+        layer = grid_map["elevation"]
+        shifted = np.concatenate([layer[:1], layer[:-1]])
+        return grid_map.with_layers({"elevation": shifted})
+
+
+class LocalShift(Shift):
+    def reach(self, _resolution):
+        return 1
+
+
+class ShiftByMean(Shift):
+    """A filter of another package: subtracts the mean of the layer."""
+
+    def for_tiles_of(self, site, _options):
+        means = site.over_tiles(lambda tile: (tile["elevation"].sum(), tile["elevation"].size))
+        return Subtract(np.divide(*np.sum(means, axis=0)))
+
+    def __call__(self, grid_map):
+        return Subtract(grid_map["elevation"].mean())(grid_map)
+
+
+@dataclass(frozen=True)
+class Subtract:
+    number: float
+
+    def reach(self, _resolution):
+        return 0
+
+    def __call__(self, grid_map):
+        return grid_map.with_layers({"elevation": grid_map["elevation"] - self.number})
+
+
+def mine(function):
+    return FilterChain([Step(StepConfig(1, "mine", "my/Filter"), function)])
+
+
+def test_a_filter_without_reach_is_refused_with_a_remedy():
+    site = tiled(ground(np.eye(9)), 4)
+    with pytest.raises(FilterError, match=r"'mine'.*cannot run on tiles.*`reach\(resolution\)`"):
+        site.filter(mine(Shift()))
+
+
+@pytest.mark.parametrize("function", [LocalShift(), ShiftByMean()])
+def test_filters_of_other_packages_run_on_tiles(function):
+    grid_map = ground(np.arange(63.0).reshape(9, 7))
+    assert_near(*both_ways(mine(function).steps, grid_map, 4))
+
+
+def test_a_filter_may_change_layers_only_for_some_data():
+    def fill(grid_map):
+        missing = np.isnan(grid_map["elevation"])
+        if not missing.any():
+            return grid_map
+        return grid_map.with_layers({"elevation": np.where(missing, grid_map["other"], 0)})
+
+    fill.reach = lambda _resolution: 0
+    grid_map = with_hole(slice(3, 5), slice(4, 9))
+    grid_map["other"] = 5.0
+    expected = np.where(np.isnan(grid_map["elevation"]), 5, 0)
+    found = in_tiles(tiled(grid_map, 40).filter(mine(fill)))["elevation"]
+    np.testing.assert_array_equal(found[:, :40], expected[:, :40])
+
+
+def test_a_filter_that_changes_the_grid_is_refused():
+    def crop(grid_map):
+        return grid_map.get_block(slice(0, 1), slice(0, 1))
+
+    crop.reach = lambda _resolution: 0
+    with pytest.raises(FilterError, match=r"'mine'.*changes the grid"):
+        tiled(ground(np.eye(9)), 4).filter(mine(crop))
+
+
+@pytest.mark.parametrize(
+    ("expression", "place"),
+    [
+        ("1 + transpose(elevation)", "transpose"),
+        ("elevation * elevation", "* elevation"),
+        ("elevation - mean(elevation, 0)", "mean"),
+        ("max(elevation(0, 0))", "elevation(0"),
+        ("elevation + mean(0, 1)", "mean(0"),
+        ("size(elevation) .* elevation", "size"),
+        ("[elevation, elevation]", "["),
+    ],
+)
+def test_expressions_of_whole_layers_are_refused(expression, place):
+    site = tiled(terrain(elevation=1.0, mean=2.0), 4)
+    with pytest.raises(FilterError, match="cannot run on tiles: this part needs whole") as caught:
+        site.filter(chain_of(math(expression)))
+    *_, line, caret = str(caught.value).splitlines()
+    assert line.strip() == expression
+    assert line[caret.index("^") :].startswith(place)
+
+
+# --- expressions ----------------------------------------------------------------------------------
+
+REDUCTIONS = {
+    "min(a)": 0,
+    "max(a - minOfFinites(b))": 0,
+    "absmax(b)": 0,
+    "minOfFinites(a .* b)": 0,
+    "maxOfFinites(a) + size(b, 0) * size(b, 1)": 0,
+    "numberOfFinites(a ./ b)": 0,
+    "meanOfFinites(a)": 1e-6,
+    "sumOfFinites(b)": 1e-6,
+    "mean(b)": 1e-6,
+    "sum(b - meanOfFinites(a))": 1e-6,
+    "norm(b)": 1e-6,
+    "prod(b)": 1e-6,
+    "max(sumOfFinites(a)) + norm(3)": 1e-6,
+}
+
+
+@pytest.mark.parametrize("expression", REDUCTIONS)
+@pytest.mark.parametrize("values", [1.0, np.nan, np.inf])
+def test_reductions_over_tiles_equal_those_of_the_layer(expression, values):
+    random = np.random.default_rng(3)
+    a, b = random.uniform(0.5, 1.5, (2, 9, 7)).astype(np.float32)
+    a[random.random(a.shape) < 0.3] = np.nan
+    a[0], b[2, 3] = values, values
+    found, expected = both_ways(
+        chain_of(math(f"a + {expression}")).steps, terrain(a=a, b=b), (4, 3)
+    )
+    rtol = REDUCTIONS[expression]
+    np.testing.assert_allclose(found["out"], expected["out"], rtol=rtol, equal_nan=True)
+
+
+@pytest.mark.parametrize("reduction", ["meanOfFinites", "minOfFinites", "sumOfFinites"])
+def test_reductions_of_layers_without_values_are_nan(reduction):
+    found, expected = both_ways(chain_of(math(f"{reduction}(a)")).steps, terrain(a=np.nan), 4)
+    np.testing.assert_array_equal(found["out"], expected["out"])
+    assert np.isnan(found["out"]).all()
+
+
+def test_layers_that_hide_a_constant_keep_their_meaning():
+    grid_map = terrain(pi=np.arange(63.0).reshape(9, 7))
+    chain = chain_of(math("pi - max(pi)"), math("pi + out", "inf"), math("inf - min(inf)"))
+    found, expected = both_ways(chain.steps, grid_map, 4)
+    assert_same_bits(found, expected)
+    assert found["out"].max() == 124
+
+
+# --- holes ----------------------------------------------------------------------------------------
+
+INPAINT = "gridMapCv/InpaintFilter"
+
+
+def inpaint(**params):
+    return chain_of((INPAINT, {"input_layer": "elevation", "output_layer": "out"} | params))
+
+
+def heights_with_holes(size, share, seed, longest=0):
+    """Return noise on a slope with scattered holes, and some long ones."""
+    random = np.random.default_rng(seed)
+    heights = np.cumsum(random.normal(size=size), axis=0)
+    heights[random.random(size) < share] = np.nan
+    for _ in range(3 if longest else 0):
+        (row, column), (rows, columns) = random.integers(0, size), random.integers(1, longest, 2)
+        heights[row : row + rows, column : column + columns] = np.nan
+    return heights
+
+
+def by_place(holes):
+    return sorted(np.column_stack([holes.starts, holes.ends, holes.areas]).tolist())
+
+
+@given(
+    st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    st.sampled_from([0.0, 0.1, 0.4, 0.6, 1.0]),
+    st.tuples(st.integers(1, 9), st.integers(1, 9)),
+    st.integers(0, 2**32),
+)
+def test_holes_across_tiles_equal_those_of_the_whole_map(size, share, side, seed):
+    grid_map = ground(heights_with_holes(size, share, seed))
+    site = tiled(grid_map, side)
+    find = FindHoles("elevation", site.geometry, 0)
+    found = merged([find(site.block(*window)) for window in site.tiles], site.tiles.counts)
+    _, expected = find_holes(np.isnan(grid_map["elevation"]))
+    assert by_place(found) == by_place(expected)
+
+
+LIMITS = st.fixed_dictionaries(
+    {"radius": st.sampled_from([0.1, 0.2, 0.3])},
+    optional={"enclosed_holes_only": st.just(True), "max_hole_area": st.sampled_from([0.05, 2.0])},
+)
+
+
+@given(LIMITS, st.sampled_from([0.0, 0.02, 0.1]), st.integers(7, 23), st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_holes_wider_than_tiles_are_filled_without_a_seam(limits, share, side, seed):
+    grid_map = ground(heights_with_holes((50, 41), share, seed, longest=30))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("grid_map_filters_py.builtin._inpaint._BORDER", 0)
+        patch.setattr("grid_map_filters_py.builtin._inpaint._GROUPS", 100)
+        assert_same_bits(*both_ways(inpaint(**limits).steps, grid_map, side))
+
+
+@pytest.mark.parametrize("side", [5, 8, 21])
+def test_a_long_hole_is_filled_without_a_seam(side, monkeypatch):
+    monkeypatch.setattr("grid_map_filters_py.builtin._inpaint._BORDER", 0)
+    monkeypatch.setattr("grid_map_filters_py.builtin._inpaint._GROUPS", 1)
+    grid_map = with_hole(slice(10, 14), slice(3, 48), size=(30, 60))
+    assert_same_bits(*both_ways(inpaint(radius=0.2).steps, grid_map, side))
+
+
+@pytest.mark.parametrize(("share", "radius"), [(0.2, 0.3), (0.5, 0.1), (0.5, 0.3)])
+def test_dense_groups_of_holes_give_nearly_the_same(share, radius):
+    grid_map = ground(heights_with_holes((200, 190), share, 5))
+    found, expected = both_ways(inpaint(radius=radius).steps, grid_map, 64)
+    spread = np.nanmax(grid_map["elevation"]) - np.nanmin(grid_map["elevation"])
+    assert np.abs(found["out"] - expected["out"]).max() < 1e-6 * spread
+
+
+def test_a_hole_longer_than_the_limit_is_refused_before_the_first_tile():
+    grid_map = with_hole(slice(10, 12), slice(5, 26))
+    site = tiled(grid_map, 8)
+    with pytest.raises(FilterError, match=r"'filter0'.*2 x 21 cells around \(0.9, 0.95\).*leave"):
+        site.filter(inpaint(radius=0.1), max_hole=20).source.prepare()
+    found = in_tiles(site.filter(inpaint(radius=0.1), max_hole=21))
+    assert_same_bits(found, inpaint(radius=0.1)(grid_map))
+
+
+def test_the_longest_hole_of_a_tile_is_the_default_limit():
+    site = tiled(with_hole(slice(10, 11), slice(5, 14)), 8)
+    with pytest.raises(FilterError, match="holes of at most 8 cells"):
+        site.filter(inpaint(radius=0.1)).source.prepare()
+
+
+@pytest.mark.parametrize("side", [5, 8, 21, 64])
+def test_long_holes_are_left_as_they_are_in_all_tiles(side):
+    grid_map = with_hole(slice(10, 12), slice(5, 26))
+    grid_map["elevation"][30:35, 8:30:7] = np.inf
+    options = {"max_hole": 20, "large_holes": "leave"}
+    found = in_tiles(tiled(grid_map, side).filter(inpaint(radius=0.1), **options))["out"]
+    expected = inpaint(radius=0.1)(grid_map)["out"]
+    expected[10:12, 5:26] = np.nan
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("limit", [{"enclosed_holes_only": True}, {"max_hole_area": 0.39}])
+def test_long_holes_that_are_not_to_be_filled_are_no_error(limit):
+    grid_map = with_hole(slice(0, 2), slice(5, 26))
+    grid_map["elevation"][30:33, 8:30:7] = np.nan
+    site = tiled(grid_map, 8)
+    chain = inpaint(radius=0.1, **limit)
+    assert_same_bits(in_tiles(site.filter(chain)), chain(grid_map))
+
+
+@pytest.mark.parametrize("height", [np.nan, 3.0])
+def test_layers_of_one_height_or_none_are_as_in_the_whole_map(height):
+    grid_map = with_hole(slice(3, 9), slice(4, 20))
+    grid_map["elevation"][np.isfinite(grid_map["elevation"])] = height
+    assert_same_bits(*both_ways(inpaint(radius=0.1).steps, grid_map, 8))
+
+
+# --- warnings -------------------------------------------------------------------------------------
+
+
+def test_warnings_about_layers_come_once_before_data_is_read():
+    with pytest.warns(FilterWarning, match="'filter0'.*no layer x to delete") as caught:
+        site = tiled(ground(np.eye(9)), 4).filter(chain_of(("Deletion", {"layers": ["x"]})))
+    assert len(caught) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        in_tiles(site)
+
+
+def test_a_layer_without_values_is_one_warning_and_a_tile_without_is_none():
+    heights = np.ones((9, 9))
+    heights[:5, :5] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        in_tiles(tiled(ground(heights), 3).filter(inpaint(radius=0.1), max_hole=9))
+    site = tiled(terrain(elevation=np.nan), 3).filter(inpaint(radius=0.1), max_hole=9)
+    with pytest.warns(FilterWarning, match="no finite cell") as caught:
+        in_tiles(site)
+    assert len(caught) == 1
+
+
+# --- several processes ----------------------------------------------------------------------------
+
+
+@pytest.mark.needs("distributed")
+def test_two_processes_give_the_numbers_of_the_whole_map():
+    from distributed import Client, LocalCluster
+
+    grid_map = ground(heights_with_holes((120, 100), 0.05, 2, longest=30))
+    chain = chain_of(
+        (INPAINT, {"input_layer": "elevation", "output_layer": "filled", "radius": 0.2}),
+        ("Erosion", {"input_layer": "filled", "output_layer": "low", "radius": 0.3}),
+        math("(filled - low) ./ max(filled - low)"),
+    )
+    site = tiled(grid_map, 32).filter(chain, max_hole=60)
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster):
+        tiles = site.over_tiles(lambda tile: tile)
+    whole = chain(grid_map)
+    for tile, window in zip(tiles, site.tiles, strict=True):
+        assert_same_bits(tile, whole.get_block(*window).copy())
