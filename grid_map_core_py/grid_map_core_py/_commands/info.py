@@ -95,6 +95,9 @@ def _print_map(info: dict[str, Any]) -> None:
     ]
     if "crs" in info:
         lines.insert(1, ("crs", shown(info["crs"])))
+    if "origin" in info:
+        east, north = map(coordinate, info["origin"])
+        lines.insert(2, ("origin", f"({east}, {north}) in the crs"))
     if any(info["start_index"]):
         lines.insert(-1, ("start index", str(tuple(info["start_index"]))))
     print_table(lines)

@@ -29,13 +29,14 @@ _MOST_ENTRIES = 100_000
 """Maximum number of entries of all directories."""
 
 
-def check_tiff(name: str, file: BinaryIO) -> tuple[int, int]:
+def check_tiff(name: str, file: BinaryIO, *, whole: bool = True) -> tuple[int, int]:
     """Return rows and columns of the first image after a check of the tiles that hold it.
 
     Args:
         name: name of the file, for messages.
         file: the file. Another process may shorten it meanwhile, which would end a process that
             has mapped it.
+        whole: False if only windows of the image will be read, so that it may have any size.
 
     Raises:
         LimitError: the image has too many cells, or it or a mask has too many in its tiles.
@@ -46,25 +47,32 @@ def check_tiff(name: str, file: BinaryIO) -> tuple[int, int]:
         for tags in _directories(file):
             if not found or tags[_SUBFILE] & _MASK:
                 size, tile = (tags[_ROWS], tags[_COLUMNS]), (tags[_TILE_ROWS], tags[_TILE_COLUMNS])
-                check_tiles(name, size, (max(tile[0], 1), max(tile[1], 1)))
+                tile = max(tile[0], 1), max(tile[1], 1)
+                check_tiles(name, size, tile, whole=whole)
                 found.append(size)
     if not found:
         raise ValueError("no image, or a damaged one")
     return found[0]
 
 
-def check_tiles(name: str, size: tuple[int, int], tile: tuple[int, int]) -> None:
+def check_tiles(
+    name: str, size: tuple[int, int], tile: tuple[int, int], *, whole: bool = True
+) -> None:
     """Raise `LimitError` if an image or its tiles have too many cells.
 
     Args:
         name: name of the file, for messages.
         size: rows and columns of the image.
         tile: rows and columns of a tile.
+        whole: False if only windows of the image will be read, so that it may have any size.
     """
     if min(size) < 1:
         raise ValueError("no image, or a damaged one")
-    check_cells(f"{name}: image", size)
+    if whole:
+        check_cells(f"{name}: image", size)
     check_cells(f"{name}: tile", tile)
+    if not whole:
+        return
     # A tile is unpacked as a whole, even if most of it lies beyond the image.
     rows, columns = (-(-side // step) * step for side, step in zip(size, tile, strict=True))
     check_visits(f"{name}: tiles", rows * columns)

@@ -10,6 +10,9 @@ from ..arrays._checks import Layer, Size
 Window: TypeAlias = tuple[slice, slice]
 """Rows and columns of a rectangle of cells, in map order; with a start and a stop, no step."""
 
+TILE = 1024
+"""Side of a tile, if neither the caller nor the source says it [cells]."""
+
 
 class Source(Protocol):
     """Layers that are read window by window.

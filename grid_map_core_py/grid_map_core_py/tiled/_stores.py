@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..arrays._checks import Layer, Size
 from ..errors import GridMapError, required
-from ._source import Tiles, Window, tile_name
+from ._source import TILE, Tiles, Window, tile_name
 from ._tiled_map import TiledMap
 from ._xarray import DIMENSIONS, DatasetSource, layers_of, open_dataset
 from ._zarr import check_layers, metadata_file, store_errors
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     import xarray
 
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
-
-_TILE = 1024
-"""Side of a tile, if neither the caller nor the store says it [cells]."""
 
 _OPENED = 16
 """Stores that a process keeps open: opening one takes as long as reading a window."""
@@ -166,7 +163,7 @@ def _open(name: str, stamp: object) -> TiledMap:  # noqa: ARG001
         stored = dataset[layers[0]].encoding.get("chunks") if layers else None
         if stored and dataset[layers[0]].dims != DIMENSIONS:
             stored = stored[::-1]
-        side = (stored[0], stored[1]) if stored else (_TILE, _TILE)
+        side = (stored[0], stored[1]) if stored else (TILE, TILE)
         return open_dataset(dataset, side, name)
 
 

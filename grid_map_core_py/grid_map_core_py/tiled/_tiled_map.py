@@ -341,6 +341,101 @@ class TiledMap:
 
         write(self, grid_map, position, layers)
 
+    def to_geotiff(
+        self,
+        path: str | PathLike[str],
+        *,
+        cog: bool = True,
+        layers: Iterable[str] | None = None,
+        compress: bool = True,
+        overwrite: bool = False,
+        progress: Progress | None = None,
+    ) -> None:
+        """Compute the map and write it into a GeoTIFF file, window by window.
+
+        The file has its name when it is complete. A layer is a band of float32, named after it; NaN
+        is no data; a tag holds frame, time and basic layers, so that `open_map` and `load_geotiff`
+        return the same map. While it is written, a cloud-optimized file takes the space of the
+        uncompressed layers, besides.
+
+        Args:
+            path: the file.
+            cog: write a cloud-optimized GeoTIFF (COG), with overviews. A cell of an overview is the
+                mean of the finite ones of its four cells, which means nothing for packed colors.
+            layers: names of the layers to write; None means all.
+            compress: pack the values by deflate.
+            overwrite: replace a file that exists.
+            progress: is called after each window.
+
+        Raises:
+            LayerNotFoundError: a layer does not exist.
+            GridMapError: a window cannot be read, computed or written; the file exists; or rasterio
+                is not installed.
+        """
+        from ._raster_files import to_geotiff
+
+        to_geotiff(
+            self,
+            path,
+            cog=cog,
+            layers=layers,
+            compress=compress,
+            overwrite=overwrite,
+            progress=progress,
+        )
+
+    def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
+        """Return places on the earth in the frame of the map.
+
+        Args:
+            latitude, longitude: numbers, or (N,) each [deg, WGS 84].
+
+        Returns:
+            (2,) or (N, 2) x, y [m]; NaN where the reference system does not reach.
+
+        Raises:
+            GridMapError: the map has no reference system, or pyproj is not installed.
+        """
+        from ._earth import position_of
+
+        return position_of(self.crs, latitude, longitude)
+
+    def latitude_longitude_of(self, positions: ArrayLike) -> Positions:
+        """Return where positions are on the earth, the inverse of `position_of`.
+
+        Args:
+            positions: (2,) or (N, 2) x, y [m], in the frame of the map.
+
+        Returns:
+            (2,) or (N, 2) latitude and longitude [deg, WGS 84].
+
+        Raises:
+            GridMapError: the map has no reference system, or pyproj is not installed.
+        """
+        from ._earth import latitude_longitude_of
+
+        return latitude_longitude_of(self.crs, positions)
+
+    def with_origin(self, latitude: float, longitude: float) -> TiledMap:
+        """Return the map in a frame whose origin is a place on the earth.
+
+        Coordinates of the earth are millions of meters; those of a frame near the robot are small.
+        The axes keep their directions. The reference system of the result is that of the map with
+        another false easting and northing, so that its coordinates are those of the frame. Stores
+        keep it. GeoTIFF files have the coordinates of the reference system before, and a tag with
+        the origin, from which `open_map` and `load_geotiff` get the frame again.
+
+        Args:
+            latitude, longitude: the place [deg, WGS 84].
+
+        Raises:
+            GridMapError: the map has no reference system, or one that cannot be moved; the place
+                has no coordinates in it; or pyproj is not installed.
+        """
+        from ._earth import moved_map
+
+        return moved_map(self, self.position_of(latitude, longitude))
+
 
 def _of_tile(
     site: TiledMap, function: Callable[[GridMap], T], names: Sequence[str], number: int

@@ -28,7 +28,7 @@ from ..files._shared import storage_errors
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
-from ._source import Window, shape
+from ._source import TILE, Window, shape
 from ._tiled_map import TiledMap
 
 if TYPE_CHECKING:
@@ -51,9 +51,6 @@ _WKT = re.compile(r"\s*[A-Z]\w*\s*\[", re.IGNORECASE)
 
 _DEGREES = re.compile(r"\s*GEOG\w*\s*\[", re.IGNORECASE)
 """Beginning of the WKT of latitudes and longitudes."""
-
-_TILE = 1024
-"""Side of a tile, if neither the caller nor Dask says it [cells]."""
 
 _LARGEST_DIFFERENCE = 1e-3
 """Largest difference of a coordinate from its place in the grid [cells]."""
@@ -358,7 +355,7 @@ def open_dataset(
     geometry, ascends = geometry_of(dataset)
     layers = layers_of(dataset)
     lazy = [dataset[name].chunksizes for name in layers if dataset[name].chunks]
-    chunks = [lazy[0][side][0] for side in DIMENSIONS] if lazy else [_TILE, _TILE]
+    chunks = [lazy[0][side][0] for side in DIMENSIONS] if lazy else [TILE, TILE]
     frame_id, timestamp, basic_layers = _described(dataset.attrs, layers)
     crs = crs_of(dataset)
     if _DEGREES.match(crs) or "degree" in str(dataset["x"].attrs.get("units")):

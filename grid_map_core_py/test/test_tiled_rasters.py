@@ -1,0 +1,608 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""GeoTIFF files as tiled maps, and tiled maps as GeoTIFF files, against rasterio and GDAL."""
+
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMapError
+from grid_map_core_py.errors import ConfigError, LimitError
+from grid_map_core_py.files import load_geotiff
+from grid_map_core_py.limits import changed_limits
+from grid_map_core_py.testing import assert_maps_equal
+from grid_map_core_py.tiled import TiledMap, open_map
+
+pytestmark = pytest.mark.needs("dask", "rasterio")
+
+UTM = "EPSG:25832"
+RANDOM = np.random.default_rng(16)
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def heights(lines: int, pixels: int, bands: int = 1) -> np.ndarray:
+    """Return smooth float32 heights with holes, (bands, lines, pixels)."""
+    band, line, pixel = np.ogrid[:bands, :lines, :pixels]
+    values = 100 + 10 * np.sin(line / 9 + band) * np.cos(pixel / 7) + 0.1 * line
+    values[:, lines // 3 : lines // 3 + 3, pixels // 4 : pixels // 2] = np.nan
+    return values.astype(np.float32)
+
+
+def write(name: str, values: np.ndarray, *, scale=None, mask=None, names=None, **options) -> str:
+    """Write bands (bands, lines, pixels) as a raster with pixels of 2 m and blocks of 32 pixels."""
+    import rasterio
+
+    profile = {
+        "driver": "GTiff",
+        "dtype": values.dtype,
+        "crs": UTM,
+        "count": len(values),
+        "height": values.shape[1],
+        "width": values.shape[2],
+        "tiled": True,
+        "blockxsize": 32,
+        "blockysize": 32,
+        "transform": rasterio.Affine(2.0, 0.0, 691_000.0, 0.0, -2.0, 5_335_000.0),
+        **options,
+    }
+    if not profile["transform"]:
+        del profile["transform"]
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(name, "w", **profile) as raster:
+        raster.write(values)
+        if scale:
+            raster.scales, raster.offsets = ([one] * len(values) for one in scale)
+        if mask is not None:
+            raster.write_mask(mask)
+        if names:
+            raster.descriptions = names
+    return name
+
+
+def integers(kind: str, bands: int = 1) -> np.ndarray:
+    return RANDOM.integers(0, 100, (bands, 83, 71)).astype(kind)
+
+
+RASTERS = {
+    "float32": lambda: write("a.tif", heights(83, 71)),
+    "float32, no data": lambda: write(
+        "a.tif", np.nan_to_num(heights(83, 71), nan=-9999), nodata=-9999
+    ),
+    "float32, largest": lambda: write(
+        "a.tif",
+        np.nan_to_num(heights(83, 71), nan=-3.4028234663852886e38),
+        nodata=-3.4028234663852886e38,
+    ),
+    "int16": lambda: write("a.tif", integers("int16") - 50, nodata=-9, scale=(0.1, 20.0)),
+    "uint8": lambda: write("a.tif", integers("uint8", 3), nodata=7),
+    "uint8, alpha": lambda: write("a.tif", integers("uint8", 4), photometric="RGB", alpha="YES"),
+    "int32": lambda: write("a.tif", integers("int32") * 10_000_019, nodata=10_000_019),
+    "float64": lambda: write("a.tif", integers("float64") / 3, nodata=1.0, compress="deflate"),
+    "a mask": lambda: write("a.tif", integers("uint16"), mask=RANDOM.random((83, 71)) > 0.2),
+    "bands": lambda: write(
+        "a.tif", heights(83, 71, 3), interleave="pixel", names=("elevation", "slope", "b")
+    ),
+    "strips": lambda: write(
+        "a.tif", heights(83, 71), tiled=False, blockysize=5, compress="deflate"
+    ),
+    "one cell": lambda: write("a.tif", heights(1, 1)),
+    "no value": lambda: write("a.tif", np.full((1, 40, 50), np.nan, np.float32)),
+}
+
+
+@pytest.mark.parametrize("kind", RASTERS)
+def test_windows_equal_reading_of_rasterio(kind):
+    import rasterio
+
+    site = open_map(RASTERS[kind](), chunks=23)
+    with rasterio.open("a.tif") as raster:
+        pixels = raster.read(masked=True)
+        scale = np.array([raster.scales, raster.offsets], np.float32)[..., None, None]
+        expected = pixels.astype(np.float32).filled(np.nan) * scale[0] + scale[1]
+        left, bottom, right, top = raster.bounds
+    assert site.position.tolist() == [(left + right) / 2, (bottom + top) / 2]
+    assert site.length.tolist() == [right - left, top - bottom]
+    rows, columns = site.size
+    windows = [*site.tiles, (slice(0, rows), slice(0, columns))]
+    windows += [(slice(rows // 5, rows // 5 + 1), slice(columns // 2, columns))]
+    for window in windows:
+        read = site.source.read(window, site.layers)
+        for layer, band in zip(read, expected, strict=True):
+            assert layer.flags.f_contiguous
+            assert (layer.dtype, layer.base) == (np.float32, None)
+            # Rows of a map run to -x, and its columns to -y.
+            np.testing.assert_array_equal(layer, band[:, ::-1].T[window])
+
+
+@pytest.mark.parametrize("kind", RASTERS)
+def test_whole_map_equals_load_geotiff(kind):
+    site = open_map(RASTERS[kind]())
+    assert_maps_equal(site.to_map(), load_geotiff("a.tif"))
+
+
+def test_values_near_that_of_no_data_stay():
+    values = np.array([[[-9999, -9998.9, -9999.1, np.inf, -np.inf, np.nan]]], np.float32)
+    site = open_map(write("a.tif", values, nodata=-9999))
+    expected = [np.nan, -np.inf, np.inf, *values[0, 0, 2:0:-1], np.nan]
+    np.testing.assert_array_equal(site.to_map()["elevation"][:, 0], expected)
+    infinite = open_map(write("b.tif", values, nodata=-np.inf)).to_map()["elevation"][:, 0]
+    np.testing.assert_array_equal(infinite[:3], [np.nan, np.nan, np.inf])
+
+
+def test_submap_has_cells_of_submap_in_memory():
+    site = open_map(write("a.tif", heights(83, 71, 2)))
+    whole = load_geotiff("a.tif")
+    position = site.position + [13.1, -20.7]
+    expected = whole.get_submap(position, (31.0, 44.5))
+    assert_maps_equal(site.submap(position, (31.0, 44.5)), expected)
+    part = site.submap(position, (31.0, 44.5), ["band_2"])
+    assert_maps_equal(part, expected.without_layers(["band_1"]))
+
+
+# --- large, damaged and changed rasters -----------------------------------------------------------
+
+
+def test_rasters_of_any_size_are_opened():
+    import rasterio
+
+    profile = {"driver": "GTiff", "dtype": "float32", "count": 1, "nodata": np.nan, "crs": UTM}
+    profile |= {"width": 100_000, "height": 100_000, "tiled": True, "sparse_ok": True}
+    transform = rasterio.Affine(0.5, 0.0, 600_000.0, 0.0, -0.5, 5_400_000.0)
+    with rasterio.open("a.tif", "w", transform=transform, bigtiff="YES", **profile) as raster:
+        raster.write(heights(10, 20), window=rasterio.windows.Window(70_000, 30_000, 20, 10))
+    site = open_map("a.tif")
+    assert site.size == (100_000, 100_000)
+    # Pixel 70,003 of line 30,002 is row 99,999 - 70,003.
+    found = site.block(slice(29_990, 30_010), slice(29_999, 30_020))["elevation"]
+    np.testing.assert_array_equal(found[6, 3], heights(10, 20)[0, 2, 3])
+    assert np.isfinite(found).sum() == np.isfinite(heights(10, 20)[0, :, :10]).sum()
+    with pytest.raises(LimitError, match="max_cells"):
+        site.to_map()
+
+
+def test_blocks_that_claim_too_much_are_refused():
+    write("a.tif", np.zeros((1, 16, 16), np.uint8), blockxsize=4096, blockysize=8192)
+    with pytest.raises(LimitError, match=r"a\.tif: tile: expected at most 16000000 cells"):
+        open_map("a.tif")
+    write("a.tif", np.zeros((1, 64, 4096), np.uint8), blockxsize=4096, blockysize=16)
+    site = open_map("a.tif")
+    with (
+        changed_limits(max_bytes=2**17),
+        pytest.raises(LimitError, match=r"a\.tif: blocks of a window: .* got 262144"),
+    ):
+        site.block(slice(0, 1), slice(0, 64))
+
+
+def damaged(name: str) -> None:
+    """Overwrite some blocks of a raster."""
+    data = bytearray(Path(name).read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + len(data) // 8] = b"\xff" * (len(data) // 8)
+    Path(name).write_bytes(data)
+
+
+def test_damaged_block_is_one_error_that_names_the_file(capfd):
+    write("a.tif", RANDOM.random((1, 100, 100), np.float32), compress="deflate")
+    damaged("a.tif")
+    site = open_map("a.tif", chunks=32)
+    with pytest.raises(GridMapError, match=r"^a\.tif: cannot be read: .+"):
+        site.to_map()
+    with pytest.raises(GridMapError, match=r"a\.tif: cannot be read: .+"):
+        site.to_geotiff("b.tif")
+    assert {path.name for path in Path().iterdir()} == {"a.tif"}
+    assert "ERROR" not in capfd.readouterr().err
+
+
+def test_changed_raster_is_refused():
+    site = open_map(write("a.tif", heights(20, 30)))
+    site.to_map()
+    write("a.tif", heights(10, 30))
+    with pytest.raises(GridMapError, match=r"a\.tif: cannot be read: has changed since"):
+        site.to_map()
+    Path("a.tif").unlink()
+    with pytest.raises(GridMapError, match=r"a\.tif: cannot be read: No such file"):
+        site.to_map()
+
+
+# --- processes and threads ------------------------------------------------------------------------
+
+
+def mean_of(pickled: bytes) -> float:
+    site = pickle.loads(pickled)
+    return float(np.nanmean(site.to_map()[site.layers[0]]))
+
+
+@pytest.mark.parametrize("method", ["spawn", "fork"])
+@pytest.mark.filterwarnings("ignore:This process")
+def test_other_processes_read_pickled_maps(method):
+    write("a.tif", heights(83, 71))
+    sites = [open_map("a.tif"), open_map("a.tif", crs="EPSG:32633")]
+    pickled = [pickle.dumps(site) for site in sites]
+    expected = [mean_of(one) for one in pickled]
+    context = multiprocessing.get_context(method)
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        assert [*pool.map(mean_of, pickled, timeout=60)] == expected
+    # The child has left the open file alone.
+    assert [mean_of(one) for one in pickled] == expected
+
+
+def test_threads_read_at_once():
+    site = open_map(write("a.tif", heights(300, 280), compress="deflate"))
+    expected = site.to_map()["elevation"]
+    wrong = []
+
+    def read(seed: int) -> None:
+        generator = np.random.default_rng(seed)
+        for row, column in generator.integers(0, 200, (40, 2)):
+            window = slice(row, row + 57), slice(column, column + 41)
+            (found,) = site.source.read(window, site.layers)
+            if not np.array_equal(found, expected[window], equal_nan=True):
+                wrong.append(window)
+
+    threads = [threading.Thread(target=read, args=(seed,)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_threads_keep_few_files_open():
+    values = heights(40, 4)
+    shift = [write(f"{n}.tif", values, transform=moved(4 * n)) for n in range(40)]
+    site = open_map(shift)
+    before = len([*Path("/proc/self/fd").iterdir()])
+    site.to_map()
+    assert len([*Path("/proc/self/fd").iterdir()]) - before <= 16
+    assert site.size == (160, 40)
+
+
+# --- mosaics --------------------------------------------------------------------------------------
+
+
+def moved(pixels: float, lines: float = 0.0, step: float = 2.0):
+    """Return the place of a raster that is moved to the east and to the south."""
+    from rasterio import Affine
+
+    return Affine(step, 0.0, 691_000.0 + 2.0 * pixels, 0.0, -step, 5_335_000.0 - 2.0 * lines)
+
+
+@pytest.mark.parametrize("chunks", [7, 100])
+def test_first_value_of_a_mosaic_wins(chunks):
+    whole = np.full((60, 90), np.nan, np.float32)
+    places = [(20, 10), (0, 5), (45, 30), (30, 20)]
+    paths = []
+    for number, (left, top) in enumerate(places):
+        values = RANDOM.random((1, 25, 40), np.float32) + number
+        values[RANDOM.random(values.shape) < 0.4] = np.nan
+        paths.append(write(f"{number}.tif", values, transform=moved(left, top)))
+        part = whole[top : top + 25, left : left + 40]
+        part[np.isnan(part)] = values[0][np.isnan(part)]
+    site = open_map(paths, chunks=chunks)
+    expected = whole[5:55, 0:85]
+    assert site.size == (85, 50)
+    for window in site.tiles:
+        (found,) = site.source.read(window, ["elevation"])
+        np.testing.assert_array_equal(found, expected[:, ::-1].T[window])
+    # The north-west corner of the mosaic is that of its pixels.
+    corner = site.position + [-0.5, 0.5] * site.length
+    assert corner.tolist() == [691_000.0, 5_335_000.0 - 2 * 5]
+
+
+def test_gap_of_a_mosaic_is_nan():
+    paths = [write(f"{n}.tif", heights(5, 5), transform=moved(20 * n, 20 * n)) for n in range(2)]
+    site = open_map(paths)
+    assert site.size == (25, 25)
+    assert np.isnan(site.block(slice(8, 12), slice(8, 12))["elevation"]).all()
+    assert np.isfinite(site.to_map()["elevation"]).sum() == 2 * np.isfinite(heights(5, 5)).sum()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"crs": "EPSG:32632"},
+            "expected the reference system of a.tif, EPSG:25832, got EPSG:32632",
+        ),
+        ({"crs": None}, "expected the reference system of a.tif, EPSG:25832, got none"),
+        ({"transform": (4, 0, 2.5)}, "expected the pixels of a.tif, 2, got 2.5"),
+        ({"transform": (4.3, 2.0)}, r"grid of a.tif, got ones that are shifted by \(0.3, .*0\)"),
+        ({"names": ["slope"]}, "expected the layers of a.tif, elevation, got slope"),
+        ({"transform": None}, "does not say where it lies"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:Dataset has no")
+@pytest.mark.filterwarnings("ignore:.*geotransform")
+def test_raster_that_differs_is_one_error_that_names_it(changes, message):
+    if changes.get("transform"):
+        changes = {"transform": moved(*changes["transform"])}
+    write("a.tif", heights(5, 5))
+    write("b.tif", heights(5, 5), transform=moved(5))
+    write("c.tif", heights(5, 5), **{"transform": moved(10), **changes})
+    with pytest.raises(GridMapError, match=r"^c\.tif: cannot be read: .*" + message):
+        open_map(["a.tif", "b.tif", "c.tif"])
+
+
+# --- reference systems ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("transform", "side"),
+    [
+        ((2, 0.5, 0, 0.5, -2, 0), "2.06155281281"),
+        ((2, 0, 0, 0, -1, 0), "1.41421356237"),
+        ((2, 0, 0, 0, 2, 0), "2"),
+    ],
+)
+def test_other_rasters_are_refused_with_the_line_that_mends_them(transform, side):
+    from rasterio import Affine
+
+    write("my dem.tif", heights(5, 5), transform=Affine(*transform))
+    line = f"gdalwarp -r bilinear -tr {side} {side} 'my dem.tif' 'my dem_north_up.tif'"
+    for read in (open_map, load_geotiff):
+        with pytest.raises(GridMapError, match=r"^my dem\.tif: .*got .*; to mend it: " + line):
+            read("my dem.tif")
+
+
+def test_projected_raster_equals_warping_of_the_whole():
+    from rasterio.warp import Resampling, reproject
+
+    smooth = heights(200, 230)
+    write("a.tif", smooth, nodata=np.nan)
+    site = open_map("a.tif", crs="EPSG:32633", chunks=64)
+    assert site.crs.startswith('PROJCS["WGS 84 / UTM zone 33N"')
+    rows, columns = site.size
+    expected = np.full((columns, rows), np.nan, np.float32)
+    west, north = site.position + [-0.5, 0.5] * site.length
+    step = site.resolution
+    from rasterio import Affine
+
+    reproject(
+        smooth[0],
+        expected,
+        src_transform=moved(0),
+        src_crs=UTM,
+        dst_transform=Affine(step, 0, west, 0, -step, north),
+        dst_crs="EPSG:32633",
+        src_nodata=np.nan,
+        dst_nodata=np.nan,
+        resampling=Resampling.bilinear,
+    )
+    whole = site.to_map()["elevation"]
+    np.testing.assert_allclose(whole, expected[:, ::-1].T, atol=0.02)
+    assert 0.5 < np.isfinite(whole).mean() < 1.0
+    for window in site.tiles:
+        (found,) = site.source.read(window, site.layers)
+        np.testing.assert_array_equal(found, whole[window])
+
+
+def test_projected_bands_keep_their_own_holes_scale_and_mask():
+    from rasterio.warp import transform
+
+    line, pixel = np.mgrid[:120, :120]
+    values = np.stack([line, pixel]).astype(np.int16)
+    values[0, 40:60, 40:60] = values[1, 70:90, 70:90] = -9
+    write("a.tif", values, nodata=-9, scale=(0.5, 100.0))
+    site = open_map("a.tif", crs="EPSG:32633").to_map()
+    for x, y, expected in (
+        (50.5, 50.5, (np.nan, 125)),
+        (80.5, 80.5, (140, np.nan)),
+        (20.5, 100.5, (150, 110)),
+    ):
+        # The center of pixel (x, y) of the raster.
+        (east,), (north,) = transform(UTM, "EPSG:32633", [691_000 + 2 * x], [5_335_000 - 2 * y])
+        found = [site.at_position(name, (east, north)) for name in site.layers]
+        np.testing.assert_allclose(found, expected, atol=0.8)
+    write("b.tif", values[:1].astype(np.float32), mask=pixel < 60)
+    masked = open_map("b.tif", crs="EPSG:32633").to_map()["elevation"]
+    assert 0.3 < np.isfinite(masked).mean() < 0.5
+
+
+def test_projected_rasters_make_a_mosaic():
+    values = heights(80, 120)
+    write("a.tif", values)
+    whole = open_map("a.tif", crs="EPSG:32633").to_map()
+    write("left.tif", values[..., :70])
+    write("right.tif", values[..., 50:], transform=moved(50))
+    site = open_map(["left.tif", "right.tif"], crs="EPSG:32633", chunks=50)
+    found = site.to_map()
+    assert found.resolution == pytest.approx(whole.resolution, rel=1e-4)
+    positions = whole.position + RANDOM.uniform(-60, 60, (200, 2))
+    one, other = (each.at_position("elevation", positions, "linear") for each in (whole, found))
+    both = np.isfinite(one) & np.isfinite(other)
+    assert both.sum() > 100
+    np.testing.assert_allclose(one[both], other[both], atol=0.5)
+
+
+def test_turned_raster_is_straightened():
+    from rasterio import Affine
+
+    turned = Affine(2, 0.5, 691_000, 0.5, -2, 5_335_000)
+    line, pixel = np.mgrid[:50, :60]
+    write("a.tif", (line + 100.0 * pixel)[None].astype(np.float32), transform=turned)
+    site = open_map("a.tif", crs=UTM)
+    x, y = turned.c + 2 * 30.5 + 0.5 * 20.5, turned.f + 0.5 * 30.5 - 2 * 20.5
+    assert site.submap((x, y), (1e-3, 1e-3))["elevation"].mean() == pytest.approx(3020, abs=150)
+
+
+def test_degrees_warn_and_say_what_projects_them():
+    from rasterio import Affine
+
+    write("a.tif", heights(5, 5), crs="EPSG:4326", transform=Affine(1e-5, 0, 11.5, 0, -1e-5, 48.1))
+    with pytest.warns(UserWarning, match="are taken for meters; .*crs='EPSG:32632'") as found:
+        open_map("a.tif")
+    assert found[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        site = open_map("a.tif", crs="EPSG:32632")
+    assert 0.7 < site.resolution < 1.2
+    with pytest.raises(GridMapError, match=r"crs: expected a reference system in meters, got degr"):
+        open_map("a.tif", crs="EPSG:4326")
+
+
+def test_wrong_arguments_are_refused():
+    write("a.tif", heights(5, 5), crs=None)
+    with pytest.raises(GridMapError, match=r"a\.tif: .*has no reference system from which EPSG:4"):
+        open_map("a.tif", crs="EPSG:4326")
+    with pytest.raises(ConfigError, match="'crs': expected a code such as"):
+        open_map("a.tif", crs="http://localhost/crs")
+    with pytest.raises(ConfigError, match="path"):
+        open_map([])
+    with pytest.raises(GridMapError, match="expected the path of a file; 'virtual=True'"):
+        open_map("/vsimem/a.tif")
+    path = f"/vsisubfile/0_{Path('a.tif').stat().st_size},{Path('a.tif').absolute()}"
+    assert_maps_equal(open_map([path], virtual=True).to_map(), open_map("a.tif").to_map())
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def a_site(lines: int = 700, pixels: int = 1100, bands: int = 2, **options) -> TiledMap:
+    return open_map(write("in.tif", heights(lines, pixels, bands)), chunks=300, **options)
+
+
+@pytest.mark.needs("rio_cogeo")
+@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize("bands", [1, 3])
+def test_written_cog_is_valid_and_has_all_values(bands, compress):
+    import rasterio
+    from rio_cogeo.cogeo import cog_validate
+
+    site = a_site(bands=bands)
+    site.to_geotiff("out.tif", compress=compress)
+    assert {path.name for path in Path().iterdir()} == {"in.tif", "out.tif"}
+    assert cog_validate("out.tif", strict=True, quiet=True) == (True, [], [])
+    with rasterio.open("in.tif") as before, rasterio.open("out.tif") as after:
+        np.testing.assert_array_equal(after.read(), before.read())
+        assert (after.transform, after.crs) == (before.transform, before.crs)
+        assert after.overviews(1) == [2, 4]
+        assert np.isnan(after.nodata)
+    assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
+
+
+def test_overviews_are_means_of_finite_cells():
+    import rasterio
+
+    values = heights(1024, 1024)
+    values[0, RANDOM.random((1024, 1024)) < 0.3] = np.nan
+    open_map(write("in.tif", values)).to_geotiff("out.tif")
+    with rasterio.open("out.tif", overview_level=0) as raster:
+        found = raster.read(1)
+    quarters = values[0].reshape(512, 2, 512, 2).swapaxes(1, 2).reshape(512, 512, 4)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        expected = np.nanmean(quarters, axis=-1)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("cog", [True, False])
+@pytest.mark.parametrize("size", [(1, 1), (513, 30), (40, 1025)])
+def test_map_round_trips(size, cog):
+    site = open_map(write("in.tif", heights(*size, 2)), chunks=200)
+    site = TiledMap(
+        site.source,
+        site.geometry,
+        site.tile,
+        frame_id="odom",
+        timestamp=3_000_000_007,
+        basic_layers=("band_2",),
+        crs=site.crs,
+    )
+    calls = []
+    site.to_geotiff("out.tif", cog=cog, progress=lambda *counts: calls.append(counts))
+    assert_maps_equal(open_map("out.tif").to_map(), site.to_map())
+    assert_maps_equal(load_geotiff("out.tif"), site.to_map())
+    assert open_map("out.tif").crs == site.crs
+    assert calls == [(n, calls[-1][1]) for n in range(calls[-1][1] + 1)]
+    site.to_geotiff("out.tif", cog=cog, layers=["band_1"], overwrite=True)
+    back = open_map("out.tif")
+    assert (back.layers, back.basic_layers) == (("band_1",), ())
+
+
+def test_bits_of_values_round_trip():
+    values = RANDOM.integers(0, 2**32, (1, 600, 600), np.uint32).view(np.float32)
+    open_map(write("in.tif", values)).to_geotiff("out.tif")
+    back = open_map("out.tif").to_map()["elevation"]
+    assert back.view(np.uint32).tobytes() == values[0, :, ::-1].T.view(np.uint32).tobytes()
+
+
+def test_map_is_computed_by_cluster():
+    distributed = pytest.importorskip("distributed")
+    site = a_site()
+    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=None):
+        site.to_geotiff("out.tif")
+    assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
+
+
+def test_existing_file_is_replaced_only_on_request():
+    site = a_site(20, 30)
+    Path("out.tif").write_text("precious")
+    with pytest.raises(GridMapError, match=r"^out\.tif: .*exists already; 'overwrite' replaces it"):
+        site.to_geotiff("out.tif")
+    assert Path("out.tif").read_text() == "precious"
+    site.to_geotiff("out.tif", overwrite=True)
+    assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
+    with pytest.raises(GridMapError, match=r"out\.npz: expected a name that ends in \.tif"):
+        site.to_geotiff("out.npz")
+
+
+@pytest.mark.parametrize("cog", [True, False])
+@pytest.mark.parametrize("share", [0.001, 0.3, 0.6, 0.99])
+def test_full_disk_is_one_error_and_leaves_nothing(share, cog, full_disk):
+    values = RANDOM.random((1, 1000, 1100), np.float32)
+    site = open_map(write("in.tif", values))
+    site.to_geotiff("out.tif", cog=cog)
+    length = Path("out.tif").stat().st_size
+    before = Path("out.tif").read_bytes()
+    with (
+        full_disk(int(share * length)),
+        pytest.raises(GridMapError, match=r"^out\.tif: cannot be written: "),
+    ):
+        site.to_geotiff("out.tif", cog=cog, overwrite=True)
+    assert {path.name for path in Path().iterdir()} == {"in.tif", "out.tif"}
+    assert Path("out.tif").read_bytes() == before
+
+
+def test_missing_and_read_only_folders_are_one_error():
+    site = a_site(20, 30)
+    with pytest.raises(GridMapError, match=r"^none/out\.tif: cannot be written: there is no"):
+        site.to_geotiff("none/out.tif")
+    with pytest.raises(GridMapError, match=r"^/proc/out\.tif: cannot be written: "):
+        site.to_geotiff("/proc/out.tif")
+
+
+def peak_of_writing(cells: int) -> int:
+    """Return the peak memory of a process that writes a map without values [kB]."""
+    import rasterio
+
+    profile = {"driver": "GTiff", "dtype": "float32", "count": 1, "crs": UTM, "sparse_ok": True}
+    profile |= {"width": cells, "height": cells, "tiled": True, "transform": moved(0)}
+    with rasterio.open("in.tif", "w", **profile):
+        pass
+    code = (
+        "import resource\n"
+        "from grid_map_core_py.tiled import open_map\n"
+        "open_map('in.tif', chunks=512).to_geotiff('out.tif', compress=False, overwrite=True)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+    )
+    environ = {**os.environ, "GDAL_CACHEMAX": "20"}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
+    return int(done.stdout)
+
+
+def test_memory_of_writing_does_not_grow_with_the_map():
+    # The layers have 16 MB and 100 MB.
+    assert peak_of_writing(5000) - peak_of_writing(2000) < 40_000
