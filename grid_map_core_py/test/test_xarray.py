@@ -408,9 +408,20 @@ def test_tile_is_computed_once_for_all_its_layers(scheduler):
     assert reads(dataset["elevation"]) == tiles
     assert reads(dataset.isel(x=slice(0, 6), y=slice(0, 5))) == 1
     assert reads(dataset[["variance"]].isel(x=slice(5, 7), y=slice(0, 5))) == 2
+    # The others are computed with it, unless they are left out.
+    assert {names for _, names in site.source.windows} == {("elevation", "variance")}
     selected = site.to_xarray(["variance"])
     reads(selected)
     assert {names for _, names in site.source.windows} == {("variance",)}
+
+
+@needs_dask
+def test_layers_that_are_only_read_are_read_alone():
+    site, grid_map = tiled(terrain(), (5, 3))
+    object.__setattr__(site.source, "reads_layers_alone", True)
+    values = site.to_xarray()["variance"].compute(scheduler="synchronous")
+    np.testing.assert_array_equal(values, grid_map["variance"])
+    assert [names for _, names in site.source.windows] == [("variance",)] * len(site.tiles)
 
 
 @pytest.mark.needs("dask", "distributed")
@@ -419,7 +430,7 @@ def test_processes_compute_each_tile_once(tmp_path):
 
     site, grid_map = tiled(terrain((30, 20)), (8, 7), tmp_path)
     with (
-        LocalCluster(1, threads_per_worker=2, dashboard_address=None) as cluster,
+        LocalCluster(1, threads_per_worker=2, dashboard_address=":0") as cluster,
         Client(cluster),
     ):
         assert GridMap.from_xarray(site.to_xarray().compute()) == grid_map
@@ -515,6 +526,10 @@ class Summed:
     @property
     def layers(self):
         return *self.site.layers, "sum"
+
+    @property
+    def basic_layers(self):
+        return self.site.basic_layers
 
     def describe(self):
         return "sums"

@@ -3,7 +3,8 @@
 """Tiled maps as datasets of Dask arrays, with one chunk per tile.
 
 One task computes a tile with all its layers, and one per layer takes it out, so that a tile is
-computed once, however many of its layers are used.
+computed once, however many of its layers are used. Layers that are only read have tasks of their
+own, so that the others are not read.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..arrays._checks import Layer, Size, select_layers
 from ..errors import required
+from ._source import Window
 from ._tiled_map import TiledMap
 from ._xarray import attributes, dataset_of
 
@@ -27,41 +29,74 @@ _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 def to_lazy_dataset(site: TiledMap, layers: Iterable[str] | None = None) -> "xarray.Dataset":
     """Return the dataset of a tiled map; see `TiledMap.to_xarray`."""
-    arrays = required("dask.array", "a dataset that is computed later", _REMEDY)
+    required("dask.array", "a dataset that is computed later", _REMEDY)
     names = select_layers(site.layers, layers)
     site.source.prepare()
-    rows, columns = sides = [
-        tuple(min(side, size - first) for first in range(0, size, side))
-        for size, side in zip(site.size, site.tile, strict=True)
-    ]
-    # Dask would look into the map for its name, and hash what it holds.
-    common: dict[str, Any] = {"name": f"tiles-{uuid4().hex}", "meta": np.empty((0, 0), object)}
-    ones = tuple((1,) * len(side) for side in sides)
-    tiles = arrays.map_blocks(partial(_tile, site, names), chunks=ones, dtype=object, **common)
-    meta = np.empty((0, 0), np.float32)
-    lazy = {
-        name: tiles.map_blocks(
-            partial(_layer, number),
-            chunks=(rows, columns),
-            dtype=np.float32,
-            meta=meta,
-            name=f"layer-{uuid4().hex}",
-        )
-        for number, name in enumerate(names)
-    }
+    make = _lone_layers if getattr(site.source, "reads_layers_alone", False) else _joint_layers
     basic = [name for name in site.basic_layers if name in names]
     about = attributes(site.geometry, site.frame_id, site.timestamp, basic)
-    return dataset_of(site.geometry, lazy, about, site.crs)
+    return dataset_of(site.geometry, make(site, names), about, site.crs)
 
 
-def _tile(site: TiledMap, names: Sequence[str], block_id: Size) -> NDArray[np.object_]:
+def _lone_layers(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
+    known = _known(site)
+    return {name: _blocks(partial(_read, name), _chunks(site), site=known) for name in names}
+
+
+def _joint_layers(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
+    chunks = _chunks(site)
+    ones = tuple((1,) * len(side) for side in chunks)
+    tiles = _blocks(partial(_read_all, names), ones, object, site=_known(site))
+    return {
+        name: _blocks(partial(_one_of, number), chunks, of=tiles)
+        for number, name in enumerate(names)
+    }
+
+
+def _known(site: TiledMap) -> Any:
+    """Return the map as a key of the graph: a cluster sends it once to each worker."""
+    from dask.delayed import delayed
+
+    return delayed(site, name=f"site-{uuid4().hex}", traverse=False)
+
+
+def _chunks(site: TiledMap) -> tuple[tuple[int, ...], ...]:
+    return tuple(
+        tuple(min(side, size - first) for first in range(0, size, side))
+        for size, side in zip(site.size, site.tile, strict=True)
+    )
+
+
+def _blocks(
+    function: Any, chunks: Any, dtype: type = np.float32, of: Any = None, **options: Any
+) -> Any:
+    """Return a Dask array of what a function returns for each chunk."""
+    from dask.array import map_blocks
+
+    # Without a name, Dask would hash what the function holds.
+    name, meta = f"tiles-{uuid4().hex}", np.empty((0, 0), np.dtype(dtype))
+    arrays = [] if of is None else [of]
+    return map_blocks(
+        function, *arrays, chunks=chunks, dtype=dtype, meta=meta, name=name, **options
+    )
+
+
+def _read(name: str, site: TiledMap, block_id: Size) -> Layer:
+    (layer,) = site.source.read(_window(site, block_id), [name])
+    return layer
+
+
+def _read_all(names: Sequence[str], site: TiledMap, block_id: Size) -> NDArray[np.object_]:
     """Return the layers of a tile in an array of one element, as Dask wants blocks."""
-    row, column = block_id
     result = np.empty((1, 1), object)
-    result[0, 0] = site.source.read(site.tiles[row * site.tiles.counts[1] + column], names)
+    result[0, 0] = site.source.read(_window(site, block_id), names)
     return result
 
 
-def _layer(number: int, tile: NDArray[np.object_]) -> Layer:
+def _window(site: TiledMap, block_id: Size) -> Window:
+    return site.tiles[block_id[0] * site.tiles.counts[1] + block_id[1]]
+
+
+def _one_of(number: int, tile: NDArray[np.object_]) -> Layer:
     layer: Layer = tile[0, 0][number]
     return layer

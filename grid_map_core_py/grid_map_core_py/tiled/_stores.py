@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..arrays._checks import Layer, Size
 from ..errors import GridMapError, required
@@ -38,6 +38,9 @@ class StoreSource:
     path: str
     layers: tuple[str, ...]
     size: Size
+
+    reads_layers_alone: ClassVar[bool] = True
+    """Several layers take as long together as one after the other."""
 
     def describe(self) -> str:
         """Return the path, and the times of the last changes."""

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -296,6 +296,9 @@ class DatasetSource:
     size: Size
     ascends: tuple[bool, bool]
     name: str
+
+    reads_layers_alone: ClassVar[bool] = True
+    """Several layers take as long together as one after the other."""
 
     def describe(self) -> str:
         path = Path(self.name) / ".zattrs"

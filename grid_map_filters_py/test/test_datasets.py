@@ -1,0 +1,96 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Chains on datasets of xarray; the slope beside Horn's method, which xarray-spatial has."""
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap
+from grid_map_filters_py import FilterChain
+from grid_map_filters_py.errors import FilterError
+
+pytestmark = pytest.mark.needs("xarray")
+
+
+def chain(**types) -> FilterChain:
+    """Return a chain of filters by the names of their types, with their parameters."""
+    steps = [
+        {"name": name, "type": f"gridMapFilters/{name}Filter", "params": params}
+        for name, params in types.items()
+    ]
+    return FilterChain.from_config(steps)
+
+
+def slopes(radius: float) -> FilterChain:
+    return chain(Slope={"input_layer": "elevation", "output_layer": "slope", "radius": radius})
+
+
+def terrain(size=(60, 47), resolution=0.5) -> GridMap:
+    """Return waves of some cells, a few of which are steep, with holes."""
+    random = np.random.default_rng(5)
+    rows, columns = np.indices(size)
+    heights = sum(
+        amplitude * np.sin(rows * random.normal(0, 0.3) + columns * random.normal(0, 0.3))
+        for amplitude in (0.1, 0.3, 0.5, 0.8)
+    )
+    grid_map = GridMap(np.multiply(size, resolution), resolution, (4.0, -3.0))
+    grid_map["elevation"] = heights
+    return grid_map
+
+
+@pytest.mark.needs("dask")
+def test_chain_on_a_dataset_of_dask_is_that_on_the_map():
+    grid_map = terrain()
+    grid_map["elevation"][10:14, 20:23] = np.nan
+    steps = chain(
+        Inpaint={"input_layer": "elevation", "output_layer": "filled", "radius": 1.0},
+        NormalVectors={
+            "input_layer": "filled",
+            "output_layers_prefix": "normal_",
+            "normal_vector_positive_axis": "z",
+            "radius": 1.0,
+        },
+        Slope={"input_layers_prefix": "normal_", "output_layer": "slope"},
+    )
+    dataset = grid_map.to_xarray()
+    at_once = dataset.grid_map.filter(steps)
+    assert at_once.grid_map.to_map() == steps(grid_map)
+    later = dataset.chunk(x=17, y=13).grid_map.filter(steps, max_hole=12)
+    assert later["slope"].chunks == ((17, 17, 17, 9), (13, 13, 13, 8))
+    found = later.compute()
+    for name in at_once:
+        np.testing.assert_allclose(found[name], at_once[name], atol=1e-5, err_msg=name)
+
+
+def horn(heights, side: float):
+    """Return slopes [rad] by the weights 1, 2, 1; slow. B. Horn, Hill shading, 1981."""
+    slope = np.full(heights.shape, np.nan)
+    for row, column in np.ndindex(heights.shape[0] - 2, heights.shape[1] - 2):
+        part = heights[row : row + 3, column : column + 3].astype(np.float64)
+        along = (part[2] - part[0]) @ [1, 2, 1] / (8 * side)
+        across = (part[:, 2] - part[:, 0]) @ [1, 2, 1] / (8 * side)
+        slope[row + 1, column + 1] = np.arctan(np.hypot(along, across))
+    return slope
+
+
+def test_slope_of_noise_differs_from_horn_as_the_weights_do():
+    heights = np.random.default_rng(2).normal(0.0, 0.001, (120, 90)).astype(np.float32)
+    grid_map = GridMap(np.multiply(heights.shape, 0.5), 0.5, layers={"elevation": heights})
+    expected = np.nanmean(horn(heights, 0.5))
+    inner = slice(1, -1), slice(1, -1)
+    # The slopes of noise are as large as the root of the sum of the squares of the weights.
+    of_horn = np.sqrt(2 * (1 + 4 + 1)) / 8
+    for cells, weights in ((0.0, np.sqrt(2) / 2), (1.5, np.sqrt(6) / 6)):
+        slope = slopes(cells * 0.5)(grid_map)["slope"][inner]
+        assert slope.mean() / expected == pytest.approx(weights / of_horn, rel=0.03)
+
+
+@pytest.mark.parametrize("cells", [0.0, 1.5, 2.5])
+def test_slope_of_a_plane_is_that_of_horn(cells):
+    grid_map = GridMap((6.0, 5.0), 0.5, layers=["elevation"])
+    x, y = grid_map.axes()
+    grid_map["elevation"] = 0.3 * x[:, np.newaxis] - 0.2 * y
+    slope = slopes(cells * 0.5)(grid_map)["slope"]
+    expected = horn(grid_map["elevation"], 0.5)
+    inner = np.isfinite(expected)
+    np.testing.assert_allclose(slope[inner], expected[inner], atol=1e-6)
