@@ -4,10 +4,12 @@
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 
-from ..commands._arguments import add_destination, add_layers, add_source
+from ..commands._arguments import add_destination, add_json, add_layers, add_source
 from ..commands._maps import Destination, TimedMap, open_records
 from ..commands._output import ProgressBar, message
+from ..commands._tiles import add_tiles, tiled_source, write_tiles
 from ..errors import GridMapError
 
 
@@ -16,15 +18,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_source(parser, "all, if the destination is a bag, else the last one")
     add_destination(parser)
     add_layers(parser, "convert this layer, instead of all")
+    add_tiles(parser)
     parser.add_argument(
         "--frame", help="coordinate frame of the map (default: frame of the source)"
     )
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_json(parser, "print the progress of a run on tiles as lines of JSON")
 
 
 def run(options: argparse.Namespace) -> int:
     """Convert the maps of a file, and print their number."""
     destination = Destination(options)
+    site = tiled_source(options, destination)
+    if site is not None:
+        if options.frame is not None:
+            site = replace(site, frame_id=options.frame)
+        write_tiles(site, destination, options, quiet=options.quiet, as_json=options.json)
+        return 0
     with (
         open_records(options, destination, options.layers) as records,
         ProgressBar(quiet=options.quiet or len(records) < 2) as progress,

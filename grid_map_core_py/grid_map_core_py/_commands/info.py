@@ -98,6 +98,8 @@ def _print_map(info: dict[str, Any]) -> None:
     if "origin" in info:
         east, north = map(coordinate, info["origin"])
         lines.insert(2, ("origin", f"({east}, {north}) in the crs"))
+    if "chunks" in info:
+        lines.insert(-1, ("chunks", "{} x {} cells".format(*info["chunks"])))
     if any(info["start_index"]):
         lines.insert(-1, ("start index", str(tuple(info["start_index"]))))
     print_table(lines)

@@ -43,5 +43,10 @@ from ._output import (
     table as table,
 )
 from ._signals import on_end as on_end
+from ._tiles import (
+    add_tiles as add_tiles,
+    tiled_source as tiled_source,
+    write_tiles as write_tiles,
+)
 
 __all__ = [name for name in dir() if not name.startswith("_")]

@@ -80,11 +80,13 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     """Add the file to write, and how to write it."""
     parser.add_argument(
         "destination",
-        help="name without ending (a bag), .npz, .tif, .png, FOLDER/map.yaml (images of all "
+        help="name without ending (a bag), .npz, .tif, .zarr, .png, FOLDER/map.yaml (images of all "
         "layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
-    group.add_argument("-f", "--force", action="store_true", help="replace existing files")
+    group.add_argument(
+        "-f", "--force", "--overwrite", action="store_true", help="replace existing files"
+    )
     name = group.add_argument("--to", metavar="FORMAT", help=_FORMAT)
     completed(name, partial(complete_formats, writes=True))
     group.add_argument(
@@ -99,15 +101,15 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
         help="map_server: mode of the image (trinary)",
     )
     group.add_argument(
-        "--crs", help="GeoTIFF: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
+        "--crs", help="GeoTIFF, Zarr: reference system, such as EPSG:25832 (as in a GeoTIFF source)"
     )
     group.add_argument("--storage", choices=("mcap", "sqlite3"), help="bags: storage format (mcap)")
     group.add_argument("--output-topic", metavar="TOPIC", help="bags: topic of the maps")
 
 
-def add_json(parser: argparse.ArgumentParser) -> None:
+def add_json(parser: argparse.ArgumentParser, text: str = "print JSON") -> None:
     """Add the choice of JSON."""
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help=text)
 
 
 # --- completion -----------------------------------------------------------------------------------

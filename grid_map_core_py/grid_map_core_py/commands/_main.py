@@ -27,7 +27,7 @@ from ._signals import on_end
 
 PROGRAM = "grid-map"
 GROUP = "grid_map_core_py.commands"
-BUILT_IN = ("info", "inspect", "convert", "doctor")
+BUILT_IN = ("info", "inspect", "convert", "submap", "doctor")
 
 _NO_READER = 128 + signal.SIGPIPE
 

@@ -33,7 +33,17 @@ _READING = (
     *("topic", "index", "recover", "resolution", "black", "white", "height_layer"),
     *("kind", "reduction", "min_height", "max_height", "tight"),
 )
-_WRITING = ("compress", "bits", "mode", "crs", "storage", "output_topic", "black", "white")
+_WRITING = (
+    "compress",
+    "bits",
+    "mode",
+    "crs",
+    "storage",
+    "output_topic",
+    "chunks",
+    "black",
+    "white",
+)
 _NAMES = {"black": "lower", "white": "upper", "output_topic": "topic"}
 """Options of the command line by where argparse keeps them, and their other names in formats."""
 
@@ -84,6 +94,11 @@ def _choose(
     return found, {called: given[called] for called in known(found) if called in given}
 
 
+def source_format(options: argparse.Namespace) -> str:
+    """Return the name of the format of the source that the arguments of `add_source` name."""
+    return _choose(options)[0].name
+
+
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -127,11 +142,15 @@ def describe(options: argparse.Namespace) -> dict[str, Any]:
 
 def _size(source: str) -> int | None:
     """Return the size of a file, or of the files in a folder [bytes]; None for standard input."""
-    if source == STANDARD:
+    if source == STANDARD or _is_address(source):
         return None
     path = Path(source)
     files = path.iterdir() if path.is_dir() else [path]
     return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _is_address(source: str) -> bool:
+    return "://" in source
 
 
 class _Only(NamedTuple):
@@ -184,10 +203,10 @@ def open_records(
 
 
 @contextmanager
-def _source(path: str) -> Iterator[Path]:
-    """Yield the file, or a copy of standard input, which has no random access."""
+def _source(path: str) -> Iterator[Path | str]:
+    """Yield the file, an address, or a copy of standard input, which has no random access."""
     if path != STANDARD:
-        yield Path(path)
+        yield path if _is_address(path) else Path(path)
         return
     if sys.stdin is None or sys.stdin.isatty():
         raise CommandError("expected an .npz file on standard input, from a file or a pipe")

@@ -7,12 +7,13 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 from ..errors import GridMapError, cut
 
 _BAR = 30  # characters of a progress bar
 _PERIOD = 0.1  # time between two updates of its line [s]
+_JSON_PERIOD = 1.0  # time between two lines of JSON [s]
 
 
 class CommandError(GridMapError):
@@ -91,6 +92,11 @@ class ProgressBar:
         stream: None means standard error.
         clock: returns the time [s].
         quiet: show nothing.
+        unit: what is counted.
+        cells: cells of each, for a rate of cells; then the first call tells how many were finished
+            before.
+        as_json: print a line of JSON every second and at the end to the stream, which is standard
+            output unless it is given.
     """
 
     def __init__(
@@ -99,11 +105,18 @@ class ProgressBar:
         clock: Callable[[], float] = time.monotonic,
         *,
         quiet: bool = False,
+        unit: str = "maps",
+        cells: float = 0.0,
+        as_json: bool = False,
     ) -> None:
-        self._stream = io.StringIO() if quiet else stream or sys.stderr
+        usual = sys.stdout if as_json else sys.stderr
+        self._stream = io.StringIO() if quiet and not as_json else stream or usual
         self._clock = clock
+        self._unit, self._cells, self._as_json = unit, cells, as_json
+        self._period = _JSON_PERIOD if as_json else _PERIOD
         self._begin = clock()
-        self._shown_at = -_PERIOD
+        self._begun = None if cells else 0
+        self._shown_at = -self._period
         self._shown = ""
         self._state: tuple[int, int | None] = (0, None)
 
@@ -111,19 +124,27 @@ class ProgressBar:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._show()
-        self._write("\n")
+        if self._as_json or self._begun is not None:
+            self._show()
+            self._write("" if self._as_json else "\n")
 
     def __call__(self, done: int, total: int | None = None) -> None:
-        """Show that `done` of `total` maps are finished; None if `total` is unknown."""
+        """Show that `done` of `total` are finished; None if `total` is unknown."""
         self._state = (done, total)
         now = self._clock()
-        if self._stream.isatty() and now - self._shown_at >= _PERIOD:
+        if self._begun is None:
+            self._begin, self._begun = now, done
+        shows = self._as_json or self._stream.isatty()
+        if shows and now - self._shown_at >= self._period:
             self._shown_at = now
             self._show()
 
     def _show(self) -> None:
-        text = progress_text(*self._state, self._clock() - self._begin)
+        about = Progress(*self._state, self._clock() - self._begin, self._begun or 0)
+        if self._as_json:
+            self._write(json.dumps(about.facts(self._unit, self._cells)) + "\n")
+            return
+        text = about.text(self._unit, self._cells)
         start = "\r" if self._stream.isatty() else ""
         # Spaces overwrite the rest of a longer line.
         self._write(start + text.ljust(len(self._shown)))
@@ -134,15 +155,53 @@ class ProgressBar:
         self._stream.flush()
 
 
-def progress_text(done: int, total: int | None, seconds: float) -> str:
-    """Return the line for `done` of `total` maps after a time."""
-    rate = done / seconds if seconds > 0 else 0.0
-    if total is None:
-        return f"{done} maps, {rate:.1f} maps/s"
-    filled = _BAR * done // total if total else _BAR
-    bar = "#" * filled + "." * (_BAR - filled)
-    text = f"[{bar}] {done}/{total} maps, {rate:.1f} maps/s"
-    if not rate or done >= total:
-        return text
-    minutes, rest = divmod(round((total - done) / rate), 60)
-    return f"{text}, {minutes}:{rest:02} left"
+class Progress(NamedTuple):
+    """State of a run.
+
+    Attributes:
+        done: number that are finished.
+        total: number of all; None if it is unknown.
+        seconds: time since the begin.
+        begun: number that was finished at the begin.
+    """
+
+    done: int
+    total: int | None
+    seconds: float
+    begun: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Number per second."""
+        return (self.done - self.begun) / self.seconds if self.seconds > 0 else 0.0
+
+    @property
+    def left(self) -> float | None:
+        """Time until the end [s]; None if it is unknown or over."""
+        if self.total is None or not self.rate or self.done >= self.total:
+            return None
+        return (self.total - self.done) / self.rate
+
+    def text(self, unit: str = "maps", cells: float = 0.0) -> str:
+        """Return the line of the progress bar."""
+        pace = f"{cells * self.rate / 1e6:.3g} million cells/s" if cells else ""
+        pace = pace or f"{self.rate:.1f} {unit}/s"
+        if self.total is None:
+            return f"{self.done} {unit}, {pace}"
+        filled = _BAR * self.done // self.total if self.total else _BAR
+        bar = "#" * filled + "." * (_BAR - filled)
+        text = f"[{bar}] {self.done}/{self.total} {unit}, {pace}"
+        if self.left is None:
+            return text
+        minutes, rest = divmod(round(self.left), 60)
+        hours, minutes = divmod(minutes, 60)
+        clock = f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+        return f"{text}, {clock} left"
+
+    def facts(self, unit: str, cells: float) -> dict[str, float | None]:
+        """Return the same as JSON has it."""
+        rate = (
+            {"cells_per_second": cells * self.rate} if cells else {f"{unit}_per_second": self.rate}
+        )
+        counts = {unit: self.done, "of": self.total, "seconds": self.seconds}
+        return counts | rate | {"seconds_left": self.left or 0.0}

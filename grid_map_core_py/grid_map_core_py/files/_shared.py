@@ -22,7 +22,7 @@ _KNOWN = frozenset(
     [
         *(".npz", ".npy", ".zip", ".yaml", ".yml", ".json", ".csv", ".mcap", ".db3", ".bag"),
         *(".tif", ".tiff", ".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".gif", ".webp"),
-        *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot"),
+        *(".pdf", ".svg", ".pcd", ".ply", ".obj", ".stl", ".bt", ".ot", ".zarr"),
     ]
 )
 """Endings of names that promise a kind of file."""

@@ -240,6 +240,26 @@ class TiledMap:
 
         return to_lazy_dataset(self, layers)
 
+    def thinned(self, step: int, layers: Iterable[str] | None = None) -> GridMap:
+        """Return the map of every `step`-th row and column, for pictures.
+
+        The cells are `step` times as large; the center of each is that of the cell of this map
+        whose value it has. Tiles are read one by one, those of a raster from its overviews. Of a
+        map of very many tiles, some are left out, and `step` is larger than given.
+
+        Args:
+            step: number of rows, and of columns, for one of the result.
+            layers: names of the layers to read; None means all.
+
+        Raises:
+            LayerNotFoundError: a layer does not exist.
+            LimitError: the result has more cells than the limits allow.
+            GridMapError: the layers cannot be read or computed.
+        """
+        from ._thinned import thinned_map
+
+        return thinned_map(self, step, select_layers(self.layers, layers))
+
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
     ) -> list[T]:

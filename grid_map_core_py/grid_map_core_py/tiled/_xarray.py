@@ -257,7 +257,7 @@ def _transform(dataset: "xarray.Dataset") -> float | None:
 
 
 def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
-    """Return the names of the variables that are layers.
+    """Return the names of the variables that are layers, in the order of the attribute `layers`.
 
     Raises:
         GridMapError: a variable has further dimensions, or holds no numbers.
@@ -276,7 +276,9 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
         if variable.dtype.kind not in "biuf":
             raise GridMapError(f"layer {name!r}: expected numbers, got {variable.dtype}")
         layers.append(name)
-    return tuple(layers)
+    # Stores are read in the order of the alphabet.
+    order = [*dataset.attrs.get("layers", ()), *layers]
+    return tuple(sorted(layers, key=order.index))
 
 
 @dataclass(frozen=True, eq=False)

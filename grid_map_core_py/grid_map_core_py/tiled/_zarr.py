@@ -21,7 +21,7 @@ from ..arrays._checks import Size, is_name
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, required, short
 from ..files._shared import storage_errors
 from ..map._geometry import GridGeometry
-from ._xarray import CRS_VARIABLE, DIMENSIONS, attributes, coordinates
+from ._xarray import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
 
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
@@ -104,8 +104,9 @@ def create_group(
         array.attrs.update(about | {"_ARRAY_DIMENSIONS": [name]})
     if crs:
         array = _create_array(group, CRS_VARIABLE, (), "<i4", ())
-        array.attrs.update(_grid_mapping(crs) | {"_ARRAY_DIMENSIONS": []})
-    group.attrs.update(attributes(geometry, frame_id, timestamp, basic_layers))
+        array.attrs.update(grid_mapping(crs) | {"_ARRAY_DIMENSIONS": []})
+    about = attributes(geometry, frame_id, timestamp, basic_layers)
+    group.attrs.update(about | {"layers": [*names]})
     return group
 
 
@@ -138,15 +139,6 @@ def _create_array(
     if hasattr(group, "create_array"):
         return group.create_array(name, compressors=compressor, **options)
     return group.create_dataset(name, compressor=compressor, **options)
-
-
-def _grid_mapping(crs: str) -> dict[str, Any]:
-    """Return the attributes of a reference system: those of CF, where pyproj is installed."""
-    with suppress(Exception):
-        from pyproj import CRS
-
-        return {**CRS.from_user_input(crs).to_cf(), "crs_wkt": crs, "spatial_ref": crs}
-    return {"crs_wkt": crs, "spatial_ref": crs}
 
 
 def consolidate(path: Path) -> None:

@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a filter chain on a map, or on all maps of a bag."""
+"""Run a filter chain on a map of any size, or on all maps of a bag."""
 
 import argparse
 import sys
@@ -15,9 +15,12 @@ from grid_map_core_py.commands import (
     add_destination,
     add_json,
     add_source,
+    add_tiles,
     message,
     open_records,
     print_json,
+    tiled_source,
+    write_tiles,
 )
 
 from .._chain import FilterChain, StepTimes
@@ -26,6 +29,7 @@ from .._offline import Failure, filter_maps
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
     from grid_map_core_py.files import MapRecord
+    from grid_map_core_py.tiled import TiledMap
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,25 +40,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--name", default="filters", help="parameter that holds the chain (%(default)s)"
     )
-    about = "number of threads that the filters may use (%(default)s)"
-    parser.add_argument("--threads", type=int, default=1, help=about)
+    about = "number of threads that the filters may use (1; on tiles, one per processor)"
+    parser.add_argument("--threads", type=int, help=about)
     parser.add_argument("--timing", action="store_true", help="print how long each filter took")
-    add_json(parser)
+    add_json(parser, "print the times as JSON; on tiles, the progress as lines of JSON")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
     parser.add_argument(
         "--keep-going", action="store_true", help="leave out maps that cannot be filtered"
     )
+    add_tiles(parser)
+    group = parser.add_argument_group("filters on maps of any size")
+    about = "layers of the result to write (all)"
+    group.add_argument("--layers", nargs="+", metavar="LAYER", help=about)
+    about = "longest hole that is filled, along rows or columns (a tile)"
+    group.add_argument("--max-hole", type=int, metavar="CELLS", help=about)
+    about = "end with an error at longer holes (refuse), or leave them as they are"
+    group.add_argument("--large-holes", choices=("refuse", "leave"), help=about)
 
 
 def run(options: argparse.Namespace) -> int:
     """Filter the maps of a file, and print their number."""
     if options.chain == options.source == "-":
         raise UsageError("the chain and the map cannot both come from standard input")
-    if options.json and not options.timing:
-        raise UsageError("--json is for what --timing prints")
     path = "/dev/stdin" if options.chain == "-" else options.chain
-    chain = FilterChain.from_yaml(path, options.name, threads=options.threads)
+    threads = 1 if options.threads is None else options.threads
+    chain = FilterChain.from_yaml(path, options.name, threads=threads)
     destination = Destination(options, usual_topic="/filtered_map")
+    site = tiled_source(options, destination)
+    if site is not None:
+        _filter_tiles(site, chain, destination, options)
+        return 0
+    _check_in_memory(options)
     failures: list[Failure] | None = [] if options.keep_going else None
     times = StepTimes()
     with (
@@ -77,6 +93,35 @@ def run(options: argparse.Namespace) -> int:
         with redirect_stdout(sys.stderr if destination.path == "-" else sys.stdout):
             _print_times(times, as_json=options.json)
     return 0
+
+
+def _filter_tiles(
+    site: "TiledMap", chain: FilterChain, destination: Destination, options: argparse.Namespace
+) -> None:
+    for name in ("timing", "keep_going"):
+        if getattr(options, name):
+            raise UsageError(f"--{name.replace('_', '-')} is for maps that are read at once")
+    holes = {"max_hole": options.max_hole, "large_holes": options.large_holes}
+    given = {name: value for name, value in holes.items() if value is not None}
+    write_tiles(
+        site.filter(chain, **given),
+        destination,
+        options,
+        threads=options.threads,
+        quiet=options.quiet,
+        as_json=options.json,
+    )
+
+
+def _check_in_memory(options: argparse.Namespace) -> None:
+    for name in ("layers", "max_hole", "large_holes"):
+        if getattr(options, name) is not None:
+            raise UsageError(
+                f"--{name.replace('_', '-')} is for maps that are filtered on tiles, from zarr or "
+                "geotiff to zarr, or from zarr to geotiff"
+            )
+    if options.json and not options.timing:
+        raise UsageError("--json is for what --timing prints, and for maps on tiles")
 
 
 def _load(record: "MapRecord") -> "GridMap":

@@ -16,10 +16,15 @@ from grid_map_core_py.commands import (
     completed,
     message,
     read_map,
+    tiled_source,
 )
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
+    from grid_map_core_py.tiled import TiledMap
+
+_SIDE = 2000
+"""Rows and columns that are drawn of a map that is too large for memory."""
 
 ENDINGS = (".jpg", ".pdf", ".png", ".svg")
 
@@ -84,9 +89,22 @@ def run(options: argparse.Namespace) -> int:
     check_style(options, options.picture)
     check_free(str(options.picture), force=options.force)
     shown = {options.layer, options.color_layer, options.shade_by} - {None}
-    draw(read_map(options, shown if options.layer else None), options, options.picture)
+    draw(_read(options, shown if options.layer else None), options, options.picture)
     message(f"{options.picture} is drawn")
     return 0
+
+
+def _read(options: argparse.Namespace, layers: set[str] | None) -> "GridMap":
+    """Return the map; of one that is too large for memory, every n-th cell."""
+    site = tiled_source(options)
+    if site is None:
+        return read_map(options, layers)
+    if layers is None:
+        layers = {usual_layer(site)}
+    grid_map = site.thinned(-(-max(site.size) // _SIDE), layers)
+    step = round(grid_map.resolution / site.resolution)
+    message(f"one of {step} x {step} cells is drawn")
+    return grid_map
 
 
 def check_style(options: argparse.Namespace, picture: Path) -> None:
@@ -101,11 +119,11 @@ def check_style(options: argparse.Namespace, picture: Path) -> None:
         raise UsageError(f"--dpi: expected a number from 1 to 1200, got {options.dpi:g}")
 
 
-def usual_layer(grid_map: "GridMap") -> str:
+def usual_layer(grid_map: "GridMap | TiledMap") -> str:
     """Return the layer that is drawn unless the user names one: elevation, or the first."""
     if not grid_map.layers:
         raise CommandError("the map has no layers")
-    return "elevation" if "elevation" in grid_map else grid_map.layers[0]
+    return "elevation" if "elevation" in grid_map.layers else grid_map.layers[0]
 
 
 def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> None:

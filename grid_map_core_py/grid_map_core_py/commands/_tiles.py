@@ -1,0 +1,198 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps of any size on the command line: when they run on tiles, and on which cluster."""
+
+import argparse
+import logging
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .._unfinished import unfinished
+from ..errors import required
+from ._maps import Destination, describe, source_format
+from ._output import CommandError, ProgressBar, UsageError, message
+
+if TYPE_CHECKING:
+    from ..tiled import TiledMap
+
+_TILED = ("zarr", "geotiff")
+"""Formats that are read and written window by window."""
+
+_OPTIONS = ("workers", "memory", "scheduler", "resume")
+"""Options of runs on tiles."""
+
+_REMEDY = "pip install 'grid_map_core_py[tiled]'"
+
+
+def add_tiles(parser: argparse.ArgumentParser) -> None:
+    """Add how maps of any size are computed, from Zarr or GeoTIFF to Zarr or GeoTIFF."""
+    group = parser.add_argument_group("maps of any size, from .zarr or .tif to .zarr or .tif")
+    where = group.add_mutually_exclusive_group()
+    about = "start this number of processes (threads of this process)"
+    where.add_argument("--workers", type=int, metavar="N", help=about)
+    about = "take the cluster of this scheduler of Dask, such as tcp://host:8786"
+    where.add_argument("--scheduler", metavar="ADDRESS", help=about)
+    about = "largest memory of each process, such as 1GB"
+    group.add_argument("--memory", metavar="SIZE", help=about)
+    about = "continue a run that did not finish: compute what is missing"
+    group.add_argument("--resume", action="store_true", help=about)
+    about = "side of a tile and of a chunk of the store [cells] (that of the source, or 1024)"
+    group.add_argument("--chunks", type=int, metavar="CELLS", help=about)
+    about = "GeoTIFF: cloud-optimized, with overviews"
+    group.add_argument("--cog", action="store_true", help=about)
+
+
+def tiled_source(
+    options: argparse.Namespace, destination: Destination | None = None
+) -> "TiledMap | None":
+    """Return the map of the source if it is read window by window, else None.
+
+    These are Zarr stores and GeoTIFF files; without a destination, and from GeoTIFF to GeoTIFF,
+    only those that are too large to be read at once.
+
+    Raises:
+        UsageError: an option of `add_tiles` is given, and the map does not run on tiles.
+    """
+    source = source_format(options)
+    target = None if destination is None else destination.format.name
+    on_tiles = source in _TILED and target in (None, *_TILED)
+    if on_tiles and target in (None, "geotiff") and not getattr(options, "cog", False):
+        on_tiles = (target is not None and source == "zarr") or _is_large(options)
+    if not on_tiles:
+        _refuse_options(options)
+        return None
+    from ..tiled import open_map
+
+    return open_map(options.source, chunks=getattr(options, "chunks", None))
+
+
+def _is_large(options: argparse.Namespace) -> bool:
+    from ..limits import current_limits
+
+    rows, columns = describe(options)["map"]["size"]
+    return bool(rows * columns > current_limits().max_cells)
+
+
+def _refuse_options(options: argparse.Namespace) -> None:
+    for name in (*_OPTIONS, "cog"):
+        if getattr(options, name, None):
+            raise UsageError(
+                f"--{name} is for maps that are converted or filtered from {' or '.join(_TILED)} "
+                f"to {' or '.join(_TILED)}"
+            )
+
+
+def write_tiles(
+    site: "TiledMap",
+    destination: Destination,
+    options: argparse.Namespace,
+    threads: int | None = None,
+    **progress: Any,
+) -> None:
+    """Compute a map tile by tile into a store or a raster, and tell where it is.
+
+    Args:
+        site: the map.
+        destination: a Zarr store or a GeoTIFF file.
+        options: the arguments of `add_tiles`, and `layers`.
+        threads: number of threads of this process, unless there are workers; None means one per
+            processor.
+        progress: arguments of the `ProgressBar`.
+    """
+    if options.memory and not options.workers:
+        raise UsageError("--memory goes with --workers")
+    rows, columns = site.size
+    cells = rows * columns / len(site.tiles)
+    common = {"layers": options.layers, "overwrite": options.force}
+    with scheduler(options, threads), ProgressBar(unit="tiles", cells=cells, **progress) as bar:
+        if destination.format.name == "zarr":
+            site.to_zarr(destination.path, resume=options.resume, progress=bar, **common)
+        elif options.resume:
+            raise UsageError("--resume is for zarr, and this is geotiff")
+        else:
+            raster: Any = site
+            raster.to_geotiff(destination.path, cog=options.cog, progress=bar, **common)
+    message(f"{rows} x {columns} cells in {destination.path}")
+
+
+@contextmanager
+def scheduler(options: argparse.Namespace, threads: int | None = None) -> Iterator[None]:
+    """Let tiles be computed by the cluster that the arguments of `add_tiles` name.
+
+    Raises:
+        UsageError: an argument makes no sense.
+        CommandError: the cluster cannot be reached.
+        MissingPackageError: Dask is not installed.
+    """
+    if options.scheduler:
+        with _cluster_at(options.scheduler):
+            yield
+    elif options.workers is not None:
+        with _processes(options.workers, options.memory or "auto"):
+            yield
+    else:
+        config = required("dask", f"{options.source}: tiles", _REMEDY).config
+        with config.set({} if threads is None else {"num_workers": max(1, threads)}):
+            yield
+
+
+@contextmanager
+def _cluster_at(address: str) -> Iterator[None]:
+    distributed = _distributed()
+    wait = _timeout()
+    try:
+        client = distributed.Client(address, timeout=wait)
+    except (OSError, TimeoutError, ValueError) as error:
+        text = str(error) or "there is no answer"
+        raise CommandError(f"{address}: the scheduler cannot be reached: {text}") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=wait)
+        except (OSError, TimeoutError) as error:
+            raise CommandError(f"{address}: the scheduler has no workers") from error
+        yield
+
+
+@contextmanager
+def _processes(count: int, memory: str) -> Iterator[None]:
+    distributed = _distributed()
+    from dask import utils
+
+    if count < 1:
+        raise UsageError(f"--workers: expected a number of processes, got {count}")
+    parse: Any = utils.parse_bytes
+    try:
+        limit = memory if memory == "auto" else parse(memory)
+    except ValueError as error:
+        text = f"--memory: expected a size such as 1GB, got {memory}"
+        raise UsageError(text) from error
+    with unfinished(Path(tempfile.mkdtemp(prefix="grid-map-"))) as folder:
+        cluster = distributed.LocalCluster(
+            count,
+            threads_per_worker=1,
+            memory_limit=limit,
+            local_directory=str(folder),
+            silence_logs=logging.CRITICAL,
+            # No page, and no port that other machines can reach.
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+        )
+        with cluster, distributed.Client(cluster):
+            yield
+
+
+def _distributed() -> Any:
+    """Return the package `distributed`, whose logs are silent: errors are raised, too."""
+    distributed = required("distributed", "a cluster", _REMEDY)
+    for name in ("distributed", "tornado", "asyncio"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    return distributed
+
+
+def _timeout() -> str:
+    from dask import config
+
+    return str(config.get("distributed.comm.timeouts.connect", "30s"))

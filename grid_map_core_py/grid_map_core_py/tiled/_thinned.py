@@ -1,0 +1,94 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Every n-th cell of a tiled map, in bounded memory and time."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays._checks import Layer
+from ..limits import check_cells
+from ..map._geometry import GridGeometry
+from ..map._grid_map import GridMap
+from ..plugins import check
+from ._engine import in_any_order
+from ._source import Window
+from ._tiled_map import TiledMap
+
+_MOST_TILES = 4096
+"""Tiles that are read at most: this takes about half a minute."""
+
+
+def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
+    """Return every `step`-th cell of a map; see `TiledMap.thinned`."""
+    check(step >= 1, "step", "a number of cells", step)
+    step = _affordable(site, step)
+    first = step // 2
+    lines = [np.arange(min(first, size - 1), size, step) for size in site.size]
+    size = len(lines[0]), len(lines[1])
+    check_cells("thinned map", size, len(names))
+    begin = site.geometry.center_of((int(lines[0][0]), int(lines[1][0])))
+    resolution = step * site.resolution
+    center = np.subtract(begin, 0.5 * resolution * (np.array(size) - 1))
+    geometry = GridGeometry.from_size(size, resolution, center)
+    layers = [np.full(size, np.nan, np.float32, order="F") for _ in names]
+    site.source.prepare()
+    blocks = _blocks(site, lines)
+    for place, block in in_any_order(_Read(site, step, names), blocks):
+        target = tuple(
+            slice(*np.searchsorted(line, (part.start, part.stop)))
+            for line, part in zip(lines, place, strict=True)
+        )
+        for layer, values in zip(layers, block, strict=True):
+            layer[target] = values
+    return site._map(geometry, names, layers)
+
+
+def _affordable(site: TiledMap, step: int) -> int:
+    """Return a step, as large as given or larger, with which few enough tiles have a cell."""
+
+    def tiles(step: int) -> int:
+        counts = [
+            min(math.ceil(size / side), math.ceil(size / step))
+            for size, side in zip(site.size, site.tile, strict=True)
+        ]
+        return counts[0] * counts[1]
+
+    while tiles(step) > _MOST_TILES:
+        step = math.ceil(1.1 * step)
+    return step
+
+
+def _blocks(site: TiledMap, lines: Sequence[NDArray[Any]]) -> Any:
+    """Yield the tiles that have a cell of the result: windows from its first to its last one."""
+    parts = []
+    for line, side in zip(lines, site.tile, strict=True):
+        numbers = line // side
+        begins = np.flatnonzero(np.diff(numbers, prepend=-1))
+        ends = np.append(begins[1:], len(line)) - 1
+        parts.append(
+            [slice(int(line[a]), int(line[b]) + 1) for a, b in zip(begins, ends, strict=True)]
+        )
+    return ((rows, columns) for rows in parts[0] for columns in parts[1])
+
+
+@dataclass(frozen=True)
+class _Read:
+    """Reads every n-th cell of a window, the first one included."""
+
+    site: TiledMap
+    step: int
+    names: Sequence[str]
+
+    def __call__(self, window: Window) -> list[Layer]:
+        source = self.site.source
+        coarse = getattr(source, "thinned", None)
+        if coarse is not None:
+            found: list[Layer] = coarse(window, self.names, self.step)
+            return found
+        layers = source.read(window, self.names)
+        return [np.asfortranarray(layer[:: self.step, :: self.step]) for layer in layers]

@@ -1,0 +1,197 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps of any size on the command line: Zarr stores, windows, clusters."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grid_map_core_py import GridMap, load, save
+from grid_map_core_py.errors import GridMapError
+from grid_map_core_py.map import GridGeometry
+from grid_map_core_py.testing import assert_maps_equal
+
+pytestmark = pytest.mark.needs("xarray", "zarr", "distributed")
+
+SIZE = (60, 45)
+
+
+def a_map() -> GridMap:
+    values = np.random.default_rng(0).normal(size=SIZE)
+    options = {"frame_id": "utm", "timestamp": 5, "basic_layers": ["elevation"]}
+    layers = {"elevation": values, "a": 2.0}
+    return GridMap(np.multiply(SIZE, 0.5), 0.5, (7.0, -3.0), layers, **options)
+
+
+@pytest.fixture
+def command(grid_map_command):
+    """Return `grid_map_command` in a folder with the map in a store."""
+    from grid_map_core_py.tiled import open_map
+
+    open_map(a_map().to_xarray(crs="EPSG:25832"), chunks=16).to_zarr("site.zarr")
+    return grid_map_command
+
+
+def test_info_reads_the_description_only(command):
+    for chunk in Path("site.zarr/elevation").glob("[0-9]*"):
+        chunk.write_bytes(b"damaged")
+    code, output, _ = command("info site.zarr")
+    rows = dict(line.split(maxsplit=1) for line in output.splitlines()[1:])
+    assert (code, output.splitlines()[0]) == (0, "site.zarr: zarr")
+    assert rows == {
+        "frame": "utm",
+        "crs": "EPSG:25832",
+        "time": "0.000000005 s",
+        "size": "60 x 45 cells of 0.5 m",
+        "length": "30 x 22.5 m",
+        "position": "(7, -3)",
+        "chunks": "16 x 16 cells",
+        "layers": "elevation (basic), a",
+    }
+    assert json.loads(command("info site.zarr --json")[1])["map"]["chunks"] == [16, 16]
+
+
+def test_stores_are_a_format_of_files(command):
+    assert command("convert site.zarr site.npz")[0] == 0
+    assert_maps_equal(load("site.npz"), a_map())
+    assert command("convert site.npz copy.zarr --chunks 20 --crs EPSG:25833")[0] == 0
+    assert_maps_equal(load("copy.zarr"), a_map())
+    assert load("copy.zarr", layers=["a"]).layers == ("a",)
+    save(load("copy.zarr"), "copy.zarr")
+    with pytest.raises(GridMapError, match=r"expected a name that ends in \.npz, got \.zarr"):
+        save(a_map(), "a.zarr", format="npz")
+
+
+def test_convert_runs_on_tiles(command):
+    code, output, error = command("convert site.zarr b.zarr --chunks 20 --layer a --frame map")
+    assert (code, output) == (0, "")
+    assert error.splitlines()[0].startswith(f"[{'#' * 30}] 9/9 tiles, ")
+    assert error.splitlines()[1] == "grid-map: 60 x 45 cells in b.zarr"
+    found = load("b.zarr")
+    assert (found.layers, found.frame_id) == (("a",), "map")
+    code, _, error = command("convert site.zarr b.zarr")
+    assert (code, error) == (
+        1,
+        "grid-map: error: b.zarr: is there already; --force replaces it\n",
+    )
+    lines = command("convert site.zarr b.zarr --force --json")[1].splitlines()
+    assert [json.loads(line)["tiles"] for line in (lines[0], lines[-1])] == [0, 12]
+    assert_maps_equal(load("b.zarr"), a_map())
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        ("convert site.zarr b.zarr --memory 1GB", 2, "--memory goes with --workers"),
+        ("convert site.zarr b.zarr --workers 0", 2, "--workers: expected a number of processes"),
+        ("convert site.zarr b.zarr --workers 1 --memory x", 2, "--memory: expected a size such"),
+        ("convert site.zarr b.zarr --chunks 0", 1, "'chunks': expected a number of cells, got 0"),
+        ("convert site.zarr b.npz --workers 2", 2, "--workers is for maps that are converted"),
+        ("convert site.zarr b.npz --chunks 2", 2, "--chunks is for zarr, and this is npz"),
+        ("convert gone.zarr b.zarr", 1, "gone.zarr: cannot be read: No such file or directory"),
+        ("submap site.zarr a.npz --length 1 2", 2, "expected --position X Y, or --lat and --lon"),
+        ("submap site.zarr a.npz --length 1 2 --lat 3", 2, "expected --position X Y"),
+        ("submap site.zarr a.npz --length 1 2 --position 99 0", 1, "does not overlap the map"),
+        ("info memory://gone.zarr", 1, "memory://gone.zarr: cannot be read"),
+    ],
+)
+@pytest.mark.usefixtures("command")
+def test_wrong_lines_are_refused(refused, words, code, text):
+    found, error = refused(words)
+    assert (found, text in error) == (code, True), error
+    assert {path.name for path in Path().iterdir()} == {"site.zarr"}
+
+
+@pytest.mark.usefixtures("command")
+def test_scheduler_that_does_not_answer(refused):
+    from dask import config
+
+    with config.set({"distributed.comm.timeouts.connect": "200ms"}):
+        code, error = refused("convert site.zarr b.zarr --scheduler tcp://127.0.0.1:1")
+    assert code == 1
+    assert error.startswith("grid-map: error: tcp://127.0.0.1:1: the scheduler cannot be reached")
+
+
+def test_submap_is_that_of_the_map(command):
+    words = "submap site.zarr patch.npz --position 8.1 -2.2 --length 3.2 6"
+    assert command(words)[0] == 0
+    expected = a_map().get_submap((8.1, -2.2), (3.2, 6.0))
+    assert_maps_equal(load("patch.npz"), expected)
+    assert command("submap patch.npz part.zarr --position 8 -2 --length 1 1 --layer a")[0] == 0
+    expected = expected.get_submap((8, -2), (1, 1))
+    np.testing.assert_array_equal(load("part.zarr")["a"], expected["a"])
+
+
+@pytest.mark.usefixtures("command")
+def test_workers_are_processes_that_end_with_the_program():
+    """One process is killed in the middle of the run, and the program in a second run."""
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    words = "convert site.zarr b.zarr --chunks 4 --workers 2 --memory 1GB --json"
+    line = [sys.executable, "-m", "grid_map_core_py", *words.split()]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environ}
+    with subprocess.Popen(line, **pipes) as run:
+        assert run.stdout is not None
+        assert json.loads(run.stdout.readline())["tiles"] == 0
+        workers = children(run.pid)
+        os.kill(workers[0], signal.SIGKILL)
+        output, error = run.communicate(timeout=60)
+    assert (run.returncode, error) == (0, "grid-map: 60 x 45 cells in b.zarr\n")
+    assert json.loads(output.splitlines()[-1])["tiles"] == 15 * 12
+    assert_maps_equal(load("b.zarr"), a_map())
+    with subprocess.Popen([*line, "--force"], **pipes) as run:
+        assert run.stdout is not None
+        run.stdout.readline()
+        workers = children(run.pid)
+        run.send_signal(signal.SIGINT)
+        run.communicate(timeout=20)
+    assert run.returncode == -signal.SIGINT
+    assert_maps_equal(load("b.zarr"), a_map())
+    end = time.monotonic() + 20
+    while any(Path("/proc", str(worker)).exists() for worker in workers):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def children(process: int) -> list[int]:
+    """Return the workers among the processes that a process has started."""
+    tasks = Path(f"/proc/{process}/task").iterdir()
+    words = [word for task in tasks for word in (task / "children").read_text().split()]
+    return [int(word) for word in words if b"spawn_main" in command_line(word)]
+
+
+def command_line(process: str) -> bytes:
+    return Path("/proc", process, "cmdline").read_bytes()
+
+
+@pytest.mark.parametrize("step", [1, 2, 7, 16, 40, 100])
+@pytest.mark.parametrize("tile", [5, 16, 100])
+def test_thinned_maps_have_every_nth_cell(step: int, tile: int) -> None:
+    from grid_map_core_py.tiled import open_map
+
+    whole = a_map()
+    found = open_map(whole.to_xarray(), chunks=tile).thinned(step)
+    rows, columns = (np.arange(min(step // 2, n - 1), n, step) for n in SIZE)
+    for name in whole:
+        np.testing.assert_array_equal(found[name], whole[name][rows[:, None], columns])
+    for axis, wanted in zip(found.axes(), (rows, columns), strict=True):
+        centers = whole.axes()[0 if wanted is rows else 1][wanted]
+        np.testing.assert_allclose(axis, centers, atol=1e-9)
+    assert (found.frame_id, found.basic_layers) == ("utm", ("elevation",))
+
+
+def test_thinned_map_of_very_many_tiles_reads_some(tmp_path: Path) -> None:
+    from grid_map_core_py.tiled import TiledMap
+    from grid_map_core_py.tiled._thinned import _affordable
+
+    geometry = GridGeometry.from_size((1_000_000, 400_000), 0.1)
+    site = TiledMap.create(tmp_path / "a.zarr", geometry, ["elevation"])
+    step = _affordable(site, 500)
+    assert 1_000_000 / step * 400_000 / step <= 4200
+    assert _affordable(site, 20_000) == 20_000
