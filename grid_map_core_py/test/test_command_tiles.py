@@ -18,7 +18,7 @@ from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import assert_maps_equal
 
-pytestmark = pytest.mark.needs("xarray", "zarr", "distributed")
+pytestmark = pytest.mark.needs("xarray", "zarr", "distributed", "pyproj")
 
 SIZE = (60, 45)
 
@@ -117,6 +117,34 @@ def test_scheduler_that_does_not_answer(refused):
         code, error = refused("convert site.zarr b.zarr --scheduler tcp://127.0.0.1:1")
     assert code == 1
     assert error.startswith("grid-map: error: tcp://127.0.0.1:1: the scheduler cannot be reached")
+
+
+@pytest.mark.needs("rasterio")
+def test_stores_become_cloud_optimized_rasters_and_back(command):
+    code, _, error = command("convert site.zarr site.tif --cog")
+    assert code == 0, error
+    assert error.splitlines()[-1] == "grid-map: 60 x 45 cells in site.tif"
+    assert_maps_equal(load("site.tif"), a_map())
+    import rasterio
+
+    with rasterio.open("site.tif") as raster:
+        assert raster.crs.to_epsg() == 25832
+        assert raster.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
+    assert command("convert site.tif back.zarr --chunks 16")[0] == 0
+    assert_maps_equal(load("back.zarr"), a_map())
+    code, _, error = command("convert site.tif b.tif --resume")
+    assert (code, "--resume is for" in error) == (2, True)
+
+
+@pytest.mark.needs("rasterio")
+def test_submap_around_a_place_on_the_earth(command):
+    from grid_map_core_py.tiled import open_map
+
+    site = open_map("site.zarr")
+    latitude, longitude = site.latitude_longitude_of((8.0, -2.0))
+    words = f"submap site.zarr patch.npz --lat {latitude} --lon {longitude} --length 3 2"
+    assert command(words)[0] == 0
+    assert_maps_equal(load("patch.npz"), site.submap(site.position_of(latitude, longitude), (3, 2)))
 
 
 def test_submap_is_that_of_the_map(command):

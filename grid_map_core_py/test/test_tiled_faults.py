@@ -113,7 +113,9 @@ def test_killed_client_resumes(tmp_path: Path, target: Path, expected: dict[str,
     finished = there[0] & there[1]
     assert 0 < len(finished) < TILES
     (part / "elevation" / "6.abc.partial").write_bytes(b"of a worker that was killed")
-    with pytest.raises(GridMapError, match=r"out.zarr.part is left from .* 'resume' continues"):
+    with pytest.raises(
+        GridMapError, match=r"out.zarr.part is left from .* 'resume' \(--resume\) continues"
+    ):
         site.to_zarr(target)
     site.source.computed()
     counts: list[tuple[int, int]] = []
@@ -165,18 +167,28 @@ def wait_for(condition: Callable[[], bool], file: Path) -> None:
 
 
 def test_full_disk_then_resume(
-    tmp_path: Path,
-    target: Path,
-    expected: dict[str, bytes],
-    full_disk: Callable[[int], AbstractContextManager[None]],
+    tmp_path: Path, target: Path, full_disk: Callable[[int], AbstractContextManager[None]]
 ) -> None:
-    site = waves(tmp_path)
+    # Chunks are larger than the description of the store.
+    site = waves(tmp_path, tile=60)
+    site.to_zarr(tmp_path / "expected.zarr")
+    expected = files(tmp_path / "expected.zarr")
     largest = max(len(content) for name, content in expected.items() if name[-1].isdecimal())
-    with full_disk(largest - 1), pytest.raises(GridMapError, match=r"cannot be written: File too"):
+    text = r"^\S+/out.zarr.part/(elevation|variance): cannot be written: File too"
+    with full_disk(largest - 1), pytest.raises(GridMapError, match=text):
         site.to_zarr(target)
     assert not target.exists()
+    assert target.with_name("out.zarr.part").exists()
     site.to_zarr(target, resume=True)
     assert files(target) == expected
+
+
+def test_full_disk_at_the_begin_leaves_nothing(
+    tmp_path: Path, target: Path, full_disk: Callable[[int], AbstractContextManager[None]]
+) -> None:
+    with full_disk(50), pytest.raises(GridMapError, match=r"out.zarr: cannot be written: File too"):
+        waves(tmp_path).to_zarr(target)
+    assert [*target.parent.iterdir()] == []
 
 
 @pytest.mark.parametrize("folder", ["/proc", "/proc/self/fdinfo", "/no/such/folder"])

@@ -3,6 +3,7 @@
 """Zarr stores as a file format: whole maps, within the limits; see `grid_map_core_py.tiled`."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,10 +62,19 @@ def describe_zarr(path: str | PathLike[str]) -> dict[str, Any]:
     site = _opened(path)
     empty = GridMap.from_geometry(site.geometry, frame_id=site.frame_id, timestamp=site.timestamp)
     names = {"layers": [*site.layers], "basic_layers": [*site.basic_layers]}
-    crs = {"crs": site.crs} if site.crs else {}
+    crs = {"crs": _short(site.crs)} if site.crs else {}
     facts = crs | map_facts(empty) | names | {"chunks": [*site.tile]}
     # Counting the files of a store may take minutes.
     return {"bytes": None, "map": facts}
+
+
+def _short(crs: str) -> str:
+    """Return the code of a reference system, or itself if it has none."""
+    with suppress(Exception):
+        from pyproj import CRS
+
+        return ":".join(CRS.from_user_input(crs).to_authority() or [crs])
+    return crs
 
 
 def _opened(path: str | PathLike[str]) -> "TiledMap":

@@ -3,7 +3,6 @@
 """`open_map`: stores, rasters and datasets as tiled maps."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

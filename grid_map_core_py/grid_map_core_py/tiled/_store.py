@@ -174,8 +174,8 @@ def _is_begun(part: Path, run: dict[str, Any], *, resume: bool) -> bool:
     found = json.loads(file.read_text(encoding="utf-8"))
     if not resume:
         raise GridMapError(
-            f"{part.name} is left from a run that did not finish; 'resume' continues it; "
-            "remove it to begin anew"
+            f"{part.name} is left from a run that did not finish; "
+            "'resume' (--resume) continues it; remove it to begin anew"
         )
     if different := [key for key in run if found.get(key) != run[key]]:
         raise GridMapError(

@@ -32,8 +32,12 @@ Progress = Callable[[int, int], Any]
 class Chain(Protocol):
     """What `TiledMap.filter` needs: `FilterChain` of grid_map_filters_py has it."""
 
-    def on_tiles(self, site: TiledMap, **options: Any) -> FilteredSource:
-        """Return the filtered layers of a tiled map, which are computed when they are read."""
+    @property
+    def on_tiles(self) -> Callable[..., FilteredSource]:
+        """Function of a `TiledMap` and options.
+
+        It returns the filtered layers, which are computed when they are read.
+        """
 
 
 class FilteredSource(Source, Protocol):
