@@ -452,6 +452,16 @@ def test_degrees_warn_and_say_what_projects_them():
         open_map("a.tif", crs="EPSG:4326")
 
 
+def test_wide_strips_warn_and_say_what_mends_them():
+    strips = {"tiled": False, "blockysize": 1}
+    write("a.tif", np.zeros((1, 4, 9000), np.float32), compress="deflate", **strips)
+    line = "gdal_translate -co TILED=YES -co BIGTIFF=IF_SAFER a.tif a_tiled.tif"
+    with pytest.warns(UserWarning, match=f"in strips of 9000 pixels, .*; to mend it: {line}"):
+        open_map("a.tif")
+    write("a.tif", np.zeros((1, 4, 9000), np.float32), **strips)
+    open_map("a.tif")
+
+
 def test_wrong_arguments_are_refused():
     write("a.tif", heights(5, 5), crs=None)
     with pytest.raises(GridMapError, match=r"a\.tif: .*has no reference system from which EPSG:4"):

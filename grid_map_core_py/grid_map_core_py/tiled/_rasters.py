@@ -4,6 +4,7 @@
 
 import math
 import os
+import shlex
 import threading
 import warnings
 from collections import OrderedDict
@@ -45,6 +46,9 @@ _LARGEST_DIFFERENCE = 1e-6
 
 _MOST_OPEN = 16
 """Rasters that a thread keeps open."""
+
+_WIDEST_STRIP = 8192
+"""Pixels of a packed strip; of wider ones, a window unpacks many times its own size."""
 
 _CACHE = 2**27
 """Unpacked blocks that GDAL keeps in a process that reads windows [bytes]."""
@@ -259,6 +263,16 @@ def _warn(raster: Any, path: str) -> None:
         warnings.warn(
             f"{path}: is in {unit}, which are taken for meters; open_map(..., crs={code!r}) "
             "projects it into meters",
+            stacklevel=6,
+        )
+    if raster.block_shapes[0][1] == raster.width > _WIDEST_STRIP and raster.compression:
+        target = f"{Path(path).with_name(Path(path).stem)}_tiled.tif"
+        line = shlex.join(
+            ["gdal_translate", "-co", "TILED=YES", "-co", "BIGTIFF=IF_SAFER", path, target]
+        )
+        warnings.warn(
+            f"{path}: is stored in strips of {raster.width} pixels, so that windows are slow to "
+            f"read; to mend it: {line}",
             stacklevel=6,
         )
 
