@@ -40,6 +40,9 @@ _CELLS = 2**18
 _HOLE = 30
 """Work for a cell of a hole, in cells that are known."""
 
+_SAMPLED = 8
+"""Every column of this number is looked at to make strips."""
+
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
 
@@ -376,12 +379,16 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[_Strip]:
         count: number of strips; there are fewer if holes reach from one border to the next.
     """
     rows, columns = holes.shape
-    work = np.cumsum(np.count_nonzero(holes, axis=0) * _HOLE + rows)
+    # Some columns tell how much work there is in the others.
+    work = np.cumsum(np.count_nonzero(holes[:, ::_SAMPLED], axis=0) * _HOLE + rows)
     shares = np.arange(1, count) * (work[-1] / count)
-    places = [0, *np.unique(work.searchsorted(shares)).tolist(), columns, columns]
+    inner = np.unique(work.searchsorted(shares) * _SAMPLED)
+    places = [0, *inner[(0 < inner) & (inner < columns)].tolist(), columns, columns]
     first = _Border(slice(0, 0), holes[:, :0])
     for before, column, after in zip(places, places[1:], places[2:], strict=False):
-        last = _border(holes, near, column, (before, after))
+        last: _Border | None = _Border(slice(columns, columns), holes[:, :0])
+        if column < columns:
+            last = _border(holes, near, column, (before, after))
         if last is not None:
             begin, end = first.columns.start - near - 1, last.columns.stop + near + 1
             yield _Strip(slice(max(begin, 0), min(end, columns)), first, last)
