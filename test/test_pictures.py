@@ -26,6 +26,7 @@ IMAGES = ROOT / "docs" / "images"
         ),
         ("make_demo_pictures.py", "demos", "docs/demos/{}.md", 80_000, 800_000),
         ("make_drawings.py", "conventions", "docs/conventions.md", 20_000, 60_000),
+        ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),
         ("make_hero_picture.py", "", "README.md", 300_000, 300_000),
     ],
 )

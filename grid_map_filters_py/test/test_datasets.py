@@ -7,7 +7,6 @@ import pytest
 
 from grid_map_core_py import GridMap
 from grid_map_filters_py import FilterChain
-from grid_map_filters_py.errors import FilterError
 
 pytestmark = pytest.mark.needs("xarray")
 
