@@ -1,11 +1,12 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Array types, checks of array arguments, work in pieces, and statistics of finite values.
+"""Array types, checks of arguments, work in pieces, freed memory, and statistics.
 
 - Types: `Layer`, `Mask`, `Positions`, `Cells`, `Size`.
 - Checks that return what was given as an array or a number, or raise `GeometryError`: `as_array`,
   `as_number`, `as_cells`.
 - Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
+- Memory that the process frees: `keep_memory`, `return_memory`, `trim_memory`.
 - Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
   `min_of_finites`, `max_of_finites`.
 """
@@ -19,6 +20,12 @@ from ._checks import (
     as_array as as_array,
     as_cells as as_cells,
     as_number as as_number,
+)
+from ._freed_memory import (
+    LARGEST_BLOCK as LARGEST_BLOCK,
+    keep_memory as keep_memory,
+    return_memory as return_memory,
+    trim_memory as trim_memory,
 )
 from ._pieces import elementwise as elementwise, slices as slices
 from ._statistics import (

@@ -14,6 +14,7 @@ from contextvars import copy_context
 from functools import lru_cache
 from typing import Any, TypeVar
 
+from ..arrays._freed_memory import keep_memory
 from ..errors import GridMapError, required
 
 T = TypeVar("T")
@@ -187,6 +188,7 @@ def _unpacked(pickled: bytes) -> Any:
 
 def _call_each(function: Callable[[P], T], group: Sequence[P]) -> tuple[float, list[T]]:
     """Return the time that a worker takes for some parts [s], and their results."""
+    keep_memory()
     begin = time.perf_counter()
     results = [function(part) for part in group]
     return time.perf_counter() - begin, results

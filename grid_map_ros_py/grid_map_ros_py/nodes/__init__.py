@@ -34,10 +34,14 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from grid_map_core_py.arrays import (
+        keep_memory as keep_memory,
+        return_memory as return_memory,
+    )
+
     from ._configured import ConfiguredNode as ConfiguredNode
     from ._failures import dropping as dropping
     from ._health import Health as Health, health_of as health_of
-    from ._memory import keep_memory as keep_memory, return_memory as return_memory
     from ._parameters import (
         check_topic as check_topic,
         names_below as names_below,
@@ -61,18 +65,18 @@ if TYPE_CHECKING:
     )
 
 _OFFERED = {
-    "_configured": "ConfiguredNode",
-    "_failures": "dropping",
-    "_health": "Health health_of",
-    "_memory": "keep_memory return_memory",
-    "_parameters": "check_topic names_below read_limits read_parameter read_parameter_tree "
+    "grid_map_core_py.arrays": "keep_memory return_memory",
+    "._configured": "ConfiguredNode",
+    "._failures": "dropping",
+    "._health": "Health health_of",
+    "._parameters": "check_topic names_below read_limits read_parameter read_parameter_tree "
     "read_positive read_topic",
-    "_profile": "use_profile",
-    "_services": "offer_service",
-    "_spin": "run steady_timer",
-    "_tf_poses": "TfPoses has_tf",
-    "_throttle": "LogThrottle",
-    "_topics": "LatchedSubscription MapPublisher MapSubscription map_qos warn_of_gaps",
+    "._profile": "use_profile",
+    "._services": "offer_service",
+    "._spin": "run steady_timer",
+    "._tf_poses": "TfPoses has_tf",
+    "._throttle": "LogThrottle",
+    "._topics": "LatchedSubscription MapPublisher MapSubscription map_qos warn_of_gaps",
 }
 _MODULE_OF = {name: module for module, names in _OFFERED.items() for name in names.split()}
 """Modules by name, imported when a name of theirs is first used; `_profile` needs no rclpy."""
@@ -98,7 +102,7 @@ def quiet_start() -> None:
 def __getattr__(name: str) -> Any:
     if name not in _MODULE_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module = importlib.import_module(f".{_MODULE_OF[name]}", __name__)
+    module = importlib.import_module(_MODULE_OF[name], __name__)
     found = globals()[name] = getattr(module, name)
     return found
 

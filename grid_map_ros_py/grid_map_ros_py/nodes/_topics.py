@@ -11,12 +11,12 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
+from grid_map_core_py.arrays import LARGEST_BLOCK, keep_memory
 from grid_map_msgs.msg import GridMap as GridMapMessage
 
 from ..messages._grid_map import ReceivedMap
 from ._failures import dropping
 from ._health import health_of
-from ._memory import LARGEST_BLOCK, keep_memory
 from ._throttle import LogThrottle
 
 WEAKER: dict[QoSPolicyKind, Any] = {

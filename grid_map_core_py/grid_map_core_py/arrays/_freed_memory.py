@@ -12,20 +12,18 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_MMAP_MAX = -1, -3, -4
 LARGEST_BLOCK = 2**25
 """Bytes above which glibc gets every block from the system, and gives it back when it is freed."""
 
-TRIM_PERIOD = 10.0
-"""Time between two calls of `trim_memory` in a node [s]."""
-
 _keeps: list[bool] = []
 _returns: list[bool] = []
 
 
 def keep_memory() -> None:
-    """Keep up to 1 GB of freed memory for the next message: for a node with messages above 32 MB.
+    """Keep up to 1 GB of freed memory for the next arrays: for messages above 32 MB, and for tiles.
 
-    Subscriptions of this suite call it for such a message; a node that only publishes them calls it
-    itself. By itself glibc returns blocks of this size to the system at once. The system clears all
-    pages of the next one, which takes longer than all copies of a message on its way.
-    `return_memory` forbids it.
+    Subscriptions of this suite call it for such a message, and processes that compute tiles; a node
+    that only publishes such messages calls it itself. By itself glibc returns blocks of this size
+    to the system at once, and with the variables that workers of Dask have, smaller ones, too. The
+    system clears all pages of the next one, which takes longer than all copies of a message on its
+    way, or than the filters of a tile. `return_memory` forbids it.
     """
     if not _returns:
         _keeps[:] = [True]
