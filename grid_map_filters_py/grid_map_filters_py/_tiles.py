@@ -6,12 +6,13 @@ Each step asks the one before it for its window with a border as wide as its fil
 for the layers that it needs. A step whose results nobody asked for does not run.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Layer
-from grid_map_core_py.tiled import TiledMap, Window, widened, within
+from grid_map_core_py.tiled import TiledMap, Window, shape, widened, within
 
 from ._chain import Step, filtered, message_of, own_layer, read_only
 from ._filter import WHOLE_MAP, Filter, TileOptions, for_tiles_of, pass_on, reach_of, running
@@ -20,6 +21,9 @@ from .errors import FilterError
 
 _CORNER = 3
 """Side of the small map on which a chain is tried [cells]."""
+
+_MOST = 1.05
+"""Cells of the largest map that is not cropped, in cells that are wanted."""
 
 
 @dataclass(frozen=True)
@@ -76,45 +80,63 @@ class FilteredTiles:
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         self.prepare()
-        result, taken = self._block(len(self.steps), window, frozenset(names)), set[int]()
-        return [own_layer(result[name], taken) for name in names]
+        result, around = self._block(len(self.steps), window, frozenset(names))
+        inner, taken = within(window, around), set[int]()
+        return [
+            own_layer(result[name], taken) if around == window else result[name][inner].copy("F")
+            for name in names
+        ]
 
-    def _block(self, count: int, window: Window, names: frozenset[str]) -> GridMap:
-        """Return a window after the first `count` steps, with the named layers."""
+    def _block(self, count: int, window: Window, names: frozenset[str]) -> tuple[GridMap, Window]:
+        """Return a window after the first `count` steps, with the named layers.
+
+        Returns:
+            The map of a window, and this window: the wanted one, or one that is little larger. It
+            is not cropped, since all layers would be copied. Cells beside the wanted ones are
+            those of a map that ends there.
+        """
         while count and not self.steps[count - 1].writes & names:
             count -= 1
         if not count:
-            return self._input(window, names)
+            return self._input(window, names), window
         step, function = self.steps[count - 1], self._bound[count - 1]
         needed = (names - step.writes) | step.reads
-        resolution, size = self.site.resolution, self.site.size
-        border = reach_of(function, resolution)
+        border, size = reach_of(function, self.site.resolution), self.site.size
         missing = getattr(function, "missing", None)
         while True:
-            around = widened(window, int(min(border, max(size))), size)
-            given, inner = self._block(count - 1, around, needed), within(window, around)
-            more = missing(given, inner) if callable(missing) else 0
+            wanted = widened(window, int(min(border, max(size))), size)
+            given, around = self._block(count - 1, wanted, needed)
+            if callable(missing) or _cells(around) > _MOST * _cells(wanted):
+                given, around = _cropped(given, within(wanted, around)), wanted
+            more = missing(given, within(window, around)) if callable(missing) else 0
             if not more:
                 break
             border += more
         result = filtered(replace(step.step, filter=function), read_only(given), None)
-        return _cropped(result, inner, names)
+        return result.without_layers(name for name in result if name not in names), around
 
     def _input(self, window: Window, names: frozenset[str]) -> GridMap:
         site, wanted = self.site, [name for name in self.site.layers if name in names]
-        return GridMap.from_geometry(
-            site.geometry.cropped(*window),
-            dict(zip(wanted, site.source.read(window, wanted), strict=True)),
-            basic_layers=[name for name in site.basic_layers if name in names],
-            frame_id=site.frame_id,
-            timestamp=site.timestamp,
-        )
+        layers = dict(zip(wanted, site.source.read(window, wanted), strict=True))
+        return _map(site, window, layers)
 
 
-def _cropped(grid_map: GridMap, window: Window, names: frozenset[str]) -> GridMap:
-    """Return the named layers of a window of a map, as views."""
-    needless = [name for name in grid_map if name not in names]
-    return grid_map.without_layers(needless).get_block(*window)
+def _map(site: TiledMap, window: Window, layers: Mapping[str, Layer | float]) -> GridMap:
+    """Return a window of a map, with layers that are not copied."""
+    geometry = site.geometry.cropped(*window)
+    frame, time = site.frame_id, site.timestamp
+    grid_map = GridMap.from_geometry(geometry, frame_id=frame, timestamp=time).with_layers(layers)
+    grid_map.basic_layers = [name for name in site.basic_layers if name in layers]
+    return grid_map
+
+
+def _cropped(grid_map: GridMap, window: Window) -> GridMap:
+    """Return a window of a map, with layers of its own."""
+    return grid_map if shape(window) == grid_map.size else grid_map.get_block(*window).copy()
+
+
+def _cells(window: Window) -> int:
+    return math.prod(shape(window))
 
 
 def filtered_tiles(steps: Iterable[Step], site: TiledMap, options: TileOptions) -> FilteredTiles:
@@ -123,14 +145,8 @@ def filtered_tiles(steps: Iterable[Step], site: TiledMap, options: TileOptions) 
     The chain runs on a small map of zeros, so that a missing layer or a wrong chain is an error
     before any data is read.
     """
-    corner = site.geometry.cropped(*(slice(0, min(length, _CORNER)) for length in site.size))
-    grid_map = GridMap.from_geometry(
-        corner,
-        dict.fromkeys(site.layers, 0.0),
-        basic_layers=site.basic_layers,
-        frame_id=site.frame_id,
-        timestamp=site.timestamp,
-    )
+    rows, columns = (slice(0, min(length, _CORNER)) for length in site.size)
+    grid_map = _map(site, (rows, columns), dict.fromkeys(site.layers, 0.0))
     tried, warnings = list[_TileStep](), list[str]()
     for step in steps:
         _check(step, grid_map, site.resolution)

@@ -10,6 +10,7 @@ from ._open import open_map as open_map
 from ._source import (
     Source as Source,
     Window as Window,
+    shape as shape,
     widened as widened,
     within as within,
 )

@@ -168,10 +168,13 @@ class _InpaintTiles:
             both[0] = False
             return both
 
+        # A hole is part of a group.
+        if not reaching(*_groups(missing, near)).any():
+            return 0
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
         border, followed = int(max(*starts, *ends)), _GROUPS * self._border
-        if border < followed and reaching(*_groups(missing, near)).any():
+        if border < followed:
             return min(border, followed - border)
         labels, holes = find_holes(missing)
         longest = self.max_hole + near + 1
@@ -184,10 +187,8 @@ class _InpaintTiles:
         labels, holes = find_holes(missing)
         in_map = holes.moved(place_of(grid_map, self.geometry))
         wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
+        # A hole that goes on beyond the tile is longer, or does not reach into the window.
         wanted &= holes.lengths <= self.max_hole
-        # Those that go on beyond the tile are longer, or do not matter.
-        for edge in self._open_edges(grid_map, 1):
-            wanted &= ~_marked(labels[edge], len(wanted) + 1)[1:]
         if wanted.any() and not math.isnan(self.extremes[0]):
             chosen = missing if wanted.all() else _mask(labels, wanted)
             radius = self.whole.radius / self.geometry.resolution
