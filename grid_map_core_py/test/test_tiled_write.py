@@ -6,6 +6,8 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
+from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,6 +24,10 @@ pytestmark = [
     pytest.mark.needs("xarray", "zarr"),
     pytest.mark.filterwarnings("error:.*:UserWarning"),
 ]
+
+HAS_ZARR = find_spec("zarr") is not None
+# zarr-python 2 writes this format only.
+FORMAT_2 = {"zarr_format": 2} if HAS_ZARR and metadata.version("zarr") >= "3" else {}
 
 SIZE, RESOLUTION, CENTER = (23, 17), 0.5, (3.0, -1.0)
 
@@ -200,7 +206,7 @@ def test_write_into_a_foreign_store(tmp_path: Path, transposed: bool) -> None:
     path = tmp_path / "foreign.zarr"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        dataset.to_zarr(path, zarr_format=2, encoding={"elevation": {"chunks": (4, 3)}})
+        dataset.to_zarr(path, encoding={"elevation": {"chunks": (4, 3)}}, **FORMAT_2)
     site = opened(path)
     expected = site.to_map()
     np.testing.assert_array_equal(expected["elevation"], values[::-1, ::-1].astype(np.float32))
@@ -216,7 +222,7 @@ def test_write_refuses_a_store_of_scaled_integers(tmp_path: Path) -> None:
     encoding = {"elevation": {"dtype": "i2", "scale_factor": 0.1, "_FillValue": -999}}
     axis = np.arange(4) * RESOLUTION
     dataset = xarray.Dataset({"elevation": (("x", "y"), np.eye(4))}, {"x": axis, "y": axis})
-    dataset.to_zarr(tmp_path / "a.zarr", zarr_format=2, encoding=encoding)
+    dataset.to_zarr(tmp_path / "a.zarr", encoding=encoding, **FORMAT_2)
     site = opened(tmp_path / "a.zarr")
     np.testing.assert_allclose(site.to_map()["elevation"], np.eye(4))
     with pytest.raises(GridMapError, match="expected a layer of floats"):
