@@ -214,6 +214,31 @@ def test_thinned_maps_have_every_nth_cell(step: int, tile: int) -> None:
     assert (found.frame_id, found.basic_layers) == ("utm", ("elevation",))
 
 
+@pytest.mark.needs("rasterio")
+@pytest.mark.parametrize("step", [1, 2, 5, 9])
+def test_thinned_rasters_are_read_from_overviews(tmp_path: Path, step: int) -> None:
+    import rasterio
+
+    from grid_map_core_py.tiled import open_map
+
+    x, y = np.arange(1501)[:, None], np.arange(1102)
+    whole = GridMap((150.1, 110.2), 0.1, (40.0, 7.0), {"elevation": 0.01 * x + 0.02 * y})
+    open_map(whole.to_xarray()).to_geotiff(tmp_path / "dem.tif")
+    with rasterio.open(tmp_path / "dem.tif") as raster:
+        factor = max(f for f in [1, *raster.overviews(1)] if f <= step)
+    found = open_map(tmp_path / "dem.tif", chunks=256).thinned(step)
+    assert found.resolution == pytest.approx(0.1 * factor * -(-step // factor))
+    assert factor > 1 or step == 1
+    # The plane at the centers of the cells, which are in their places within half a cell.
+    rows, columns = found.axes()
+    wanted = 0.1 * (whole.position[0] + 0.5 * 150.1 - 0.05 - rows)[:, None] + 0.2 * (
+        whole.position[1] + 0.5 * 110.2 - 0.05 - columns
+    )
+    np.testing.assert_allclose(
+        found["elevation"][1:-1, 1:-1], wanted[1:-1, 1:-1], atol=0.015 * factor
+    )
+
+
 def test_thinned_map_of_very_many_tiles_reads_some(tmp_path: Path) -> None:
     from grid_map_core_py.tiled import TiledMap
     from grid_map_core_py.tiled._thinned import _affordable

@@ -174,7 +174,13 @@ def describe_geotiff(path: str | PathLike[str], *, virtual: bool = False) -> dic
         return {"map": facts | stored.facts()}
 
 
-def open_raster(path: str | PathLike[str], *, virtual: bool = False, whole: bool = True) -> Any:
+def open_raster(
+    path: str | PathLike[str],
+    *,
+    virtual: bool = False,
+    whole: bool = True,
+    overview: int | None = None,
+) -> Any:
     """Return the open dataset of rasterio for a GeoTIFF file; no other file is opened.
 
     Rasters of other formats (VRT), auxiliary files beside the raster and some metadata can name
@@ -185,6 +191,7 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False, whole: bool
         path: the file.
         virtual: let the path name a virtual file of GDAL.
         whole: False if only windows of the raster will be read, so that it may have any size.
+        overview: number of the overview that is opened instead of the raster; 0 is the largest.
 
     Raises:
         MissingPackageError: rasterio is not installed.
@@ -199,8 +206,9 @@ def open_raster(path: str | PathLike[str], *, virtual: bool = False, whole: bool
     _check_beside(Path(f"{name}.msk"), b"")
     _check_beside(Path(f"{name}.aux.xml"), rb"<(NoDataValue|Offset|Scale)\b")
     alone = rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="EMPTY_DIR", GDAL_PAM_ENABLED=False)
+    level = {} if overview is None else {"overview_level": overview}
     with alone:
-        raster = rasterio.open(name, driver="GTiff")
+        raster = rasterio.open(name, driver="GTiff", **level)
     if "OVERVIEW_FILE" in raster.tags(ns="OVERVIEWS"):
         raster.close()
         raise ValueError("expected overviews in the same file")

@@ -9,7 +9,7 @@ import threading
 import warnings
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from os import PathLike
@@ -90,6 +90,8 @@ class _Part(NamedTuple):
     """Time of change [ns] and length [bytes] of the file."""
     grid: _Grid | None
     """None if the raster is read as it is."""
+    overview: int | None = None
+    """Number of the overview that is read in its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,6 +203,34 @@ def open_rasters(
         crs=first.crs,
     )
     return moved_map(site, first.origin) if first.origin else site
+
+
+def overview_of(site: TiledMap, step: int) -> tuple[TiledMap, int]:
+    """Return the smallest overview of a raster whose cells are at most `step` times as large.
+
+    Returns:
+        overview: its map, whose cells are in their places within half a cell; `site` itself if
+            that is no single raster, is projected, or has no such overview.
+        factor: side of its cells [cells of `site`].
+    """
+    source = site.source
+    if not isinstance(source, RasterSource) or len(source.parts) > 1 or source.parts[0].grid:
+        return site, 1
+    part = source.parts[0]
+    with storage_errors(Path(part.path), "read"):
+        factors = _open(part, source).overviews(1)
+        fitting = [(factor, level) for level, factor in enumerate(factors) if factor <= step]
+        if not fitting:
+            return site, 1
+        factor, level = max(fitting)
+        coarse = part._replace(overview=level)
+        columns, rows = _open(coarse, source).shape
+    place = slice(0, rows), slice(0, columns)
+    source = replace(source, parts=(coarse._replace(place=place),))
+    # GDAL takes an overview for the whole raster: its cells are not quite square.
+    resolution = factor * site.resolution
+    geometry = GridGeometry.from_size((rows, columns), resolution, site.position)
+    return replace(site, source=source, geometry=geometry), factor
 
 
 # --- headers --------------------------------------------------------------------------------------
@@ -344,13 +374,13 @@ def _open(part: _Part, source: RasterSource) -> Any:
     if _rasters.process != os.getpid():
         _inherited.append(_rasters.by_key)
         _rasters.__init__()  # type: ignore[misc]
-    key = part.path, part.stamp, part.grid, shape(part.place), source.crs
+    key = part.path, part.stamp, part.grid, shape(part.place), source.crs, part.overview
     rasters = _rasters.by_key
     if _stamp(part.path, virtual=source.virtual) != part.stamp:
         raise ValueError("has changed since the map was opened")
     if key not in rasters:
         bound_cache()
-        raster = open_raster(part.path, virtual=source.virtual, whole=False)
+        raster = open_raster(part.path, virtual=source.virtual, whole=False, overview=part.overview)
         rasters[key] = _warped(raster, source.crs, part) if part.grid else raster
         while len(rasters) > _MOST_OPEN:
             _close(rasters.popitem(last=False)[1])

@@ -16,6 +16,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import check
 from ._engine import in_any_order
+from ._rasters import overview_of
 from ._source import Window
 from ._tiled_map import TiledMap
 
@@ -26,7 +27,8 @@ _MOST_TILES = 4096
 def thinned_map(site: TiledMap, step: int, names: Sequence[str]) -> GridMap:
     """Return every `step`-th cell of a map; see `TiledMap.thinned`."""
     check(step >= 1, "step", "a number of cells", step)
-    step = _affordable(site, step)
+    site, factor = overview_of(site, step)
+    step = _affordable(site, math.ceil(step / factor))
     first = step // 2
     lines = [np.arange(min(first, size - 1), size, step) for size in site.size]
     size = len(lines[0]), len(lines[1])
@@ -85,10 +87,5 @@ class _Read:
     names: Sequence[str]
 
     def __call__(self, window: Window) -> list[Layer]:
-        source = self.site.source
-        coarse = getattr(source, "thinned", None)
-        if coarse is not None:
-            found: list[Layer] = coarse(window, self.names, self.step)
-            return found
-        layers = source.read(window, self.names)
+        layers = self.site.source.read(window, self.names)
         return [np.asfortranarray(layer[:: self.step, :: self.step]) for layer in layers]

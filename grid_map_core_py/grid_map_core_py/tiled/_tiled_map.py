@@ -248,8 +248,9 @@ class TiledMap:
         """Return the map of every `step`-th row and column, for pictures.
 
         The cells are `step` times as large; the center of each is that of the cell of this map
-        whose value it has. Tiles are read one by one, those of a raster from its overviews. Of a
-        map of very many tiles, some are left out, and `step` is larger than given.
+        whose value it has. A raster is read from its overviews, where cells are those of the
+        overview. Tiles are read one by one. Of a map of very many tiles, some are left out, and
+        `step` is larger than given.
 
         Args:
             step: number of rows, and of columns, for one of the result.
