@@ -18,6 +18,8 @@ NODES = (
     "image_publisher",
     "image_to_gridmap_demo",
     "interpolation_demo",
+    "large_map_report",
+    "large_map_robot",
     "iterators_demo",
     "move_demo",
     "normal_filter_comparison_demo",
@@ -82,6 +84,7 @@ setup(
             # The name in C++.
             f"image_publisher.py = {PACKAGE}.image_publisher_node:ImagePublisherNode.main",
             f"iterator_benchmark = {PACKAGE}.iterator_benchmark:main",
+            f"large_map_demo = {PACKAGE}.large_map_demo:main",
             *(
                 # Such as move_demo = grid_map_demos_py.move_demo_node:MoveDemoNode.main
                 f"{name} = {PACKAGE}.{name}_node:{name.title().replace('_', '')}Node.main"

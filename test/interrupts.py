@@ -30,6 +30,7 @@ import numpy as np
 
 from grid_map_core_py import GridMap, load, save
 from grid_map_core_py.commands import on_end
+from grid_map_core_py.tiled import TiledMap
 from grid_map_ros_py import BagReader, save_to_bag
 from grid_map_ros_py.testing import Peer, Process, peer, wait_until
 
@@ -89,6 +90,9 @@ ARGUMENTS = {
     "filter_chain": f"--params-file {CHAIN}",
     "grid_map_loader": "-p file_path:={data}/bag",
     "grid_map_saver": "-p file_path:={folder}/bag -p continuous:=true",
+    "grid_map_window": "-p source:={data}/site.zarr -p pose_source:=odometry -p write_back:=true "
+    "-p write_topic:=/grid_map -p output_topic:=/window -p step:=0.0",
+    "large_map_report": "-p output_directory:={folder} -p duration:=1000.0",
     "grid_map_server": "-p directory:={folder} -p input_topic:=/grid_map -p output_topic:=/served",
     # The contours of noise take long, and it has no normals.
     "grid_map_visualization": f"--params-file {OUTPUTS} -p grid_map_visualizations:="
@@ -307,6 +311,7 @@ def noisy_map() -> GridMap:
 
 def disturb() -> None:
     """Publish at 30 Hz, take what nodes publish, and set their parameters, until a signal."""
+    from nav_msgs.msg import Odometry
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
 
@@ -315,7 +320,10 @@ def disturb() -> None:
     from grid_map_ros_py.nodes import map_qos
 
     chance, grid_map, ended, clients = random.Random(1), noisy_map(), [], {}
+    odometry = Odometry()
+    odometry.header.frame_id, odometry.pose.pose.orientation.w = "map", 1.0
     messages = {
+        "/odom": odometry,
         "/grid_map": to_message(grid_map),
         "/image": to_image(grid_map, "elevation", "mono16"),
         "/points": to_point_cloud(grid_map, "elevation"),
@@ -366,6 +374,7 @@ def disturbed() -> Iterator[str]:
     with tempfile.TemporaryDirectory() as data:
         save(noisy_map(), Path(data, "map.npz"), compress=True)
         save_to_bag(noisy_map(), Path(data, "bag"), "/grid_map")
+        TiledMap.create(Path(data, "site.zarr"), noisy_map().geometry, ["elevation"])
         process = Process([sys.executable, __file__, "--disturb"])
         try:
             wait_until(lambda: process.lines, "the publisher of maps")

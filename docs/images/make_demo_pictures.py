@@ -27,6 +27,7 @@ from grid_map_demos_py import (
     image_publisher_node as image_publisher,
     interpolation_demo_node as interpolation,
     iterators_demo_node as iterators,
+    large_site,
     move_demo_node as move,
     normal_filter_comparison_demo_node as comparison,
     opencv_demo_node as opencv,
@@ -103,6 +104,28 @@ def elevation_mapping_demo() -> Figure:
     ]
     for ax, (layer, title, limits, colors) in zip(axes, panels, strict=True):
         draw(compared, layer, ax, title, limits=limits, color_map=colors)
+    return figure
+
+
+def large_map_demo() -> Figure:
+    """Draw the ground along the way, thinned, and a window."""
+    thinned = GridGeometry(large_site.GEOMETRY.length, 6.4)
+    grid_map = GridMap.from_geometry(thinned, layers={"elevation": large_site.ground(thinned)})
+    x, y = grid_map.axes()
+    is_far = np.abs(y - large_site.way_at(x)[:, None]) > large_site.CORRIDOR
+    is_far |= np.abs(x[:, None]) > large_site.END
+    grid_map["elevation"][is_far] = np.nan
+    place = (640.0, float(large_site.way_at(640.0)))
+    window = GridMap((20.0, 20.0), 0.1, place)
+    window["elevation"] = large_site.ground(window.geometry)
+    figure, axes = new_figure(1, 2, (6.2, 2.9))
+    limits = (-8.0, 10.0)
+    draw(grid_map, "elevation", axes[0], "ground on disk", limits=limits, color_map="gist_earth")
+    axes[0].plot(*place, "s", color="tab:red", markersize=5, markerfacecolor="none")
+    plot(window, "elevation", axes[1], color_map="gist_earth", shade_by="elevation", label=" ")
+    axes[1].set_title("a window of 20 m x 20 m, heights in m", fontsize=9)
+    axes[1].set(xlabel="", ylabel="")
+    axes[1].tick_params(labelsize=7)
     return figure
 
 
@@ -225,6 +248,7 @@ PICTURES: dict[str, Callable[[], Figure]] = {
     "image_to_gridmap_demo": image_to_gridmap_demo,
     "interpolation_demo": interpolation_demo,
     "iterators_demo": iterators_demo,
+    "large_map_demo": large_map_demo,
     "move_demo": move_demo,
     "normal_filter_comparison_demo": normal_filter_comparison_demo,
     "octomap_to_gridmap_demo": octomap_to_gridmap_demo,

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -41,17 +41,29 @@ class NodesDemo:
     report_file: str
     viewer_file: str
 
-    def run(self, nodes: Mapping[str, str], arguments: Sequence[str] | None) -> int:
+    def run(
+        self,
+        nodes: Mapping[str, str],
+        arguments: Sequence[str] | None,
+        *,
+        steps: Iterable[object] = (),
+        parameters: Mapping[str, str] | None = None,
+    ) -> int:
         """Run the demo; return its exit code.
 
         Args:
             nodes: parameter files in `config` by module.
             arguments: the command line, None for that of the process.
+            steps: what is done before the nodes start, step by step; an interrupt ends it.
+            parameters: another parameter of a node, as `name:=value`, by module.
         """
         with ProcessGroup() as processes:
             options = self._parse(arguments)
-            for module, parameters in nodes.items():
-                processes.start(module, parameters)
+            for _ in takewhile(lambda _: not processes.stopped, steps):
+                pass
+            for module, file in nodes.items():
+                given = (parameters or {}).get(module)
+                processes.start(module, file, *([given] if given else []))
             if options.view is not None:
                 processes.start(VIEWER, self.viewer_file, f"port:={options.view}")
             if options.report:

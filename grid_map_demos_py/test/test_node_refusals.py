@@ -45,6 +45,11 @@ REFUSED: dict[str, list[tuple[str | tuple[str, ...], str]]] = {
         ("duration:=.nan", "parameter 'duration': expected a positive"),
         ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
     ],
+    "large_map_robot": [("speed:=0.0", "parameter 'speed': expected a positive")],
+    "large_map_report": [
+        ("duration:=.nan", "parameter 'duration': expected a positive"),
+        ("output_directory:=/proc/none", "/proc/none: cannot be made a folder"),
+    ],
     "image_publisher": [
         ("image_path:=/nope.png", "/nope.png: cannot be read: No such file"),
         ("image_path:=~nobody_known/a.png", "a.png: cannot be read: No such file"),

@@ -1,0 +1,78 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""A site of 10^9 cells on disk, of which the ground along a way is known, and that way."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridGeometry, GridMap
+from grid_map_core_py.tiled import TiledMap
+
+GEOMETRY = GridGeometry.from_size((32768, 32768), 0.1)
+"""3.3 km x 3.3 km around the origin; a layer has 1.07e9 cells, 4.3 GB."""
+
+LAYER = "elevation"
+
+CORRIDOR = 30.0
+"""Distance along y from the way up to which the ground is known [m]."""
+
+BEND, WAVE = 300.0, 2000.0
+"""Amplitude and wavelength of the way [m]."""
+
+END = 1500.0
+"""The way leads from x = END to x = -END [m]."""
+
+_TILE = 1024
+"""Side of a chunk [cells]."""
+
+_LENGTHS = np.geomspace(1.5, 400.0, 24)
+"""Wavelengths of the ground [m]."""
+
+
+def way_at(x: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the y of the way at some x [m]."""
+    return BEND * np.sin(2 * math.pi / WAVE * np.asarray(x, np.float64))
+
+
+def ground(geometry: GridGeometry) -> npt.NDArray[np.float32]:
+    """Return the heights (rows, cols) of the ground under the cells of a grid [m].
+
+    A sum of waves in all directions, of which longer ones are higher. The sine of a sum is a sum of
+    products of x and y, so that one product of matrices makes all cells.
+    """
+    random = np.random.default_rng(5)
+    angles = random.uniform(0, 2 * math.pi, _LENGTHS.size)
+    phases = random.uniform(0, 2 * math.pi, _LENGTHS.size)
+    number = 2 * math.pi / _LENGTHS
+    x, y = geometry.axes_in_map_order()
+    along = np.outer(x, number * np.cos(angles)) + phases
+    across = np.outer(number * np.sin(angles), y)
+    height = 0.015 * _LENGTHS**0.9
+    left = np.hstack([height * np.sin(along), height * np.cos(along)])
+    right = np.vstack([np.cos(across), np.sin(across)])
+    return left.astype(np.float32) @ right.astype(np.float32)
+
+
+def make_site(path: Path) -> Iterator[None]:
+    """Write the site into a Zarr store, from the begin of the way; chunks off it take no room.
+
+    Raises:
+        GridMapError: the store cannot be written.
+        MissingPackageError: a package for tiled maps is not installed.
+    """
+    site = TiledMap.create(path, GEOMETRY, [LAYER], chunks=_TILE)
+    for rows, columns in site.tiles:
+        geometry = site.geometry.cropped(rows, columns)
+        x, y = geometry.axes_in_map_order()
+        middle = way_at(x)
+        # Most chunks are far from the way; looking at each cell would take longer than writing.
+        if max(np.abs(x).min() - END, middle.min() - y[0], y[-1] - middle.max()) > CORRIDOR:
+            continue
+        is_known = np.abs(y - middle[:, None]) <= CORRIDOR
+        heights = np.where(is_known, ground(geometry), np.float32(np.nan))
+        site.write(GridMap.from_geometry(geometry, frame_id="map", layers={LAYER: heights}))
+        yield
