@@ -568,6 +568,25 @@ def test_accessor_filters_in_the_order_of_the_dataset(dataset):
     assert_maps_equal(found.grid_map.to_map(), expected_map)
 
 
+@needs_dask
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_second_filter_reads_windows_of_the_first_unless_it_is_computed(is_kept):
+    site, grid_map = tiled(terrain((20, 14)), (5, 4))
+    first = site.filter(Neighbors()).to_xarray()
+    # As rioxarray has it; the second chain sees the layers of the first one.
+    turned = first.isel(x=slice(None, None, -1)).transpose("y", "x")
+    again = turned.grid_map.filter(Neighbors())
+    kept = again.persist() if is_kept else again
+    site.source.windows.clear()
+    found = kept.grid_map.filter(Neighbors())["sum"].grid_map.to_map()
+    np.testing.assert_array_equal(found["sum"], Neighbors()(grid_map)["sum"])
+    cells = sum(np.prod([p.stop - p.start for p in window]) for window, _ in site.source.windows)
+    assert (cells == 0) == is_kept
+    changed = kept.assign(sum=kept["sum"] * 2).drop_vars("elevation").rename(sum="elevation")
+    twice = changed.grid_map.filter(Neighbors()).grid_map.to_map(["elevation"])
+    np.testing.assert_array_equal(twice["elevation"], 2 * found["sum"])
+
+
 def test_accessor_cuts_and_samples_as_a_map(dataset):
     grid_map = GridMap.from_xarray(dataset)
     assert dataset.grid_map.to_map() == grid_map

@@ -15,6 +15,7 @@ from ..arrays._checks import Positions
 from ..errors import required
 from ..map._grid_map import GridMap
 from ..map._interpolation import Interpolation
+from ._lazy import origin_of, remember
 from ._tiled_map import Chain, TiledMap
 from ._xarray import (
     DIMENSIONS,
@@ -62,13 +63,18 @@ class GridMapAccessor:
         return as_dataset(self._data)
 
     @cached_property
-    def _site(self) -> TiledMap:
+    def _opened(self) -> TiledMap:
         site = open_dataset(self._dataset)
         return site if self._is_lazy else replace(site, tile=site.size)
 
     @property
+    def _site(self) -> TiledMap:
+        origin = origin_of(self._dataset, self._opened.layers)
+        return replace(self._opened, source=origin.source) if origin else self._opened
+
+    @property
     def _source(self) -> DatasetSource:
-        source: Any = self._site.source
+        source: Any = self._opened.source
         return source  # type: ignore[no-any-return]
 
     def to_map(self, layers: Iterable[str] | None = None) -> GridMap:
@@ -85,11 +91,12 @@ class GridMapAccessor:
         Raises:
             FilterError: a filter fails, or needs the whole map, which Dask does not have in memory.
         """
-        if self._is_lazy:
-            filtered = self._site.filter(chain, **options).to_xarray()
-        else:
-            filtered = to_dataset(chain(self.to_map()), self._site.crs)
-        return self._arranged(filtered)
+        if not self._is_lazy:
+            return self._arranged(to_dataset(chain(self.to_map()), self._opened.crs))
+        site = self._site.filter(chain, **options)
+        filtered = self._arranged(site.to_xarray())
+        remember(filtered, site)
+        return filtered
 
     def submap(self, position: ArrayLike, length: ArrayLike) -> xarray.Dataset:
         """Return the cells that a rectangle overlaps, those of `GridMap.get_submap`; no copy.
@@ -101,7 +108,7 @@ class GridMapAccessor:
         Raises:
             OutOfMapError: the rectangle does not overlap the map.
         """
-        geometry = self._site.geometry
+        geometry = self._opened.geometry
         window = geometry.overlapped(position, length)
         part = self._dataset.isel(self._source.stored(window))
         return part.assign_attrs(position=geometry.cropped(*window).position.tolist())

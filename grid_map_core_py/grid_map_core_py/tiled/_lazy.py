@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
 
+_SITE = "site-"
+"""Beginning of the keys of maps in graphs."""
+
+
 def to_lazy_dataset(site: TiledMap, layers: Iterable[str] | None = None) -> "xarray.Dataset":
     """Return the dataset of a tiled map; see `TiledMap.to_xarray`."""
     required("dask.array", "a dataset that is computed later", _REMEDY)
@@ -35,7 +40,35 @@ def to_lazy_dataset(site: TiledMap, layers: Iterable[str] | None = None) -> "xar
     make = _lone_layers if getattr(site.source, "reads_layers_alone", False) else _joint_layers
     basic = [name for name in site.basic_layers if name in names]
     about = attributes(site.geometry, site.frame_id, site.timestamp, basic)
-    return dataset_of(site.geometry, make(site, names), about, site.crs)
+    dataset = dataset_of(site.geometry, make(site, names), about, site.crs)
+    remember(dataset, site)
+    return dataset
+
+
+_ORIGINS = WeakValueDictionary[tuple[str, str], TiledMap]()
+"""Tiled maps by the names of layers and of their arrays of Dask."""
+
+
+def remember(dataset: "xarray.Dataset", site: TiledMap) -> None:
+    """Remember of which map the layers of a lazy dataset are, in any order of its cells."""
+    for name in site.layers:
+        if name in dataset:
+            _ORIGINS[name, dataset[name].data.name] = site
+
+
+def origin_of(dataset: "xarray.Dataset", layers: Sequence[str]) -> TiledMap | None:
+    """Return the map whose layers these are, all of them and unchanged; None if there is none.
+
+    Windows of the map cost less than windows of Dask arrays, which compute all tiles around.
+    """
+    arrays = {name: dataset[name].data for name in layers if dataset[name].chunks}
+    found = {_ORIGINS.get((name, array.name)) for name, array in arrays.items()}
+    (site,) = found if len(found) == 1 else (None,)
+    if site is None or tuple(layers) != site.layers or len(arrays) != len(layers):
+        return None
+    # Layers that have been computed and kept need no map.
+    is_waiting = all(any(key.startswith(_SITE) for key in a.dask.layers) for a in arrays.values())
+    return site if is_waiting else None
 
 
 def _lone_layers(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
@@ -57,7 +90,7 @@ def _known(site: TiledMap) -> Any:
     """Return the map as a key of the graph: a cluster sends it once to each worker."""
     from dask.delayed import delayed
 
-    return delayed(site, name=f"site-{uuid4().hex}", traverse=False)
+    return delayed(site, name=f"{_SITE}{uuid4().hex}", traverse=False)
 
 
 def _chunks(site: TiledMap) -> tuple[tuple[int, ...], ...]:
