@@ -85,14 +85,17 @@ class Inpaint(LayerFilter):
     def for_tiles_of(self, site: "TiledMap", options: TileOptions) -> Filter:
         find = FindHoles(self.input_layer, site.geometry, options.max_hole)
         tiles = site.over_tiles(find, [self.input_layer])
+        rows, columns = site.tiles.counts
+        holes = merged(tiles, (rows, columns))
         if options.large_holes == "refuse":
-            rows, columns = site.tiles.counts
-            self._refuse(merged(tiles, (rows, columns)), site.geometry, options.max_hole)
+            self._refuse(holes, site.geometry, options.max_hole)
         lowest = min_of_finites([tile.lowest for tile in tiles])
         highest = max_of_finites([tile.highest for tile in tiles])
         if math.isnan(lowest):
             self._warn_of_no_cell()
-        return _InpaintTiles(self, site.geometry, (lowest, highest), options.max_hole)
+        has_long = bool((holes.lengths > options.max_hole).any())
+        fills_all = not (has_long or self._chooses)
+        return _InpaintTiles(self, site.geometry, (lowest, highest), options.max_hole, fills_all)
 
     def _refuse(self, holes: Holes, geometry: GridGeometry, max_hole: int) -> None:
         """Raise a FilterError if there are holes to fill that are too long for tiles."""
@@ -114,13 +117,18 @@ class Inpaint(LayerFilter):
             self._warn_of_no_cell()
             return filled
         chosen = missing
-        if self.enclosed_holes_only or self.max_hole_area is not None:
+        if self._chooses:
             labels, holes = find_holes(missing)
             chosen = _mask(labels, self.wanted(holes, missing.shape, resolution))
         if chosen.any():
             extremes = min_of_finites(layer), max_of_finites(layer)
             _fill(filled, layer, missing, chosen, self.radius / resolution, extremes)
         return filled
+
+    @property
+    def _chooses(self) -> bool:
+        """True if some holes may stay."""
+        return self.enclosed_holes_only or self.max_hole_area is not None
 
     def wanted(self, holes: Holes, size: Size, resolution: float) -> Mask:
         """Return which holes to fill (n,)."""
@@ -141,12 +149,14 @@ class _InpaintTiles:
         geometry: that of the whole map.
         extremes: lowest and highest value of the whole layer; NaN if there is none.
         max_hole: length of the longest hole to fill [cells].
+        fills_all: True if there are no other holes.
     """
 
     whole: Inpaint
     geometry: GridGeometry
     extremes: tuple[float, float]
     max_hole: int
+    fills_all: bool
 
     def reach(self, _resolution: float) -> float:
         return self._border
@@ -184,16 +194,19 @@ class _InpaintTiles:
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.whole.input_layer]
         filled, missing = layer.copy("F"), ~np.isfinite(layer)
-        labels, holes = find_holes(missing)
-        in_map = holes.moved(place_of(grid_map, self.geometry))
-        wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
-        # A hole that goes on beyond the tile is longer, or does not reach into the window.
-        wanted &= holes.lengths <= self.max_hole
-        if wanted.any() and not math.isnan(self.extremes[0]):
-            chosen = missing if wanted.all() else _mask(labels, wanted)
+        chosen = missing if self.fills_all else self._chosen(missing, grid_map)
+        if chosen.any() and not math.isnan(self.extremes[0]):
             radius = self.whole.radius / self.geometry.resolution
             _fill(filled, layer, missing, chosen, radius, self.extremes)
         return grid_map.with_layers({self.whole.output_layer: filled})
+
+    def _chosen(self, missing: Mask, tile: GridMap) -> Mask:
+        """Return the mask of the cells of a tile to fill."""
+        labels, holes = find_holes(missing)
+        in_map = holes.moved(place_of(tile, self.geometry))
+        wanted = self.whole.wanted(in_map, self.geometry.size, self.geometry.resolution)
+        # A hole that goes on beyond the tile is longer, or does not reach into the window.
+        return _mask(labels, wanted & (holes.lengths <= self.max_hole))
 
     @property
     def _near(self) -> int:
