@@ -80,19 +80,45 @@ def place_of(tile: GridMap, whole: GridGeometry) -> Size:
     return whole.cell_at(tile.geometry.center_of((0, 0))) or (0, 0)
 
 
+class Edge(NamedTuple):
+    """Numbers of the holes along an edge of a tile; few of its cells are missing.
+
+    Args:
+        length: number of cells.
+        cells: the missing ones.
+        numbers: their holes, from 1.
+    """
+
+    length: int
+    cells: Integers
+    numbers: Integers
+
+    @classmethod
+    def of(cls, numbers: Integers) -> "Edge":
+        """Return the edge with a number for each cell, 0 for those that are in no hole."""
+        cells = np.flatnonzero(numbers)
+        return cls(len(numbers), cells.astype(np.int32), numbers[cells].astype(np.int32))
+
+    def shifted(self, first: int) -> Integers:
+        """Return a number for each cell, raised by `first`; 0 for those that are in no hole."""
+        numbers = np.zeros(self.length, np.int64)
+        numbers[self.cells] = self.numbers + np.int64(first)
+        return numbers
+
+
 class HolesOfTile(NamedTuple):
     """What the holes of a map need to know about those of a tile.
 
     Args:
         lowest, highest: of the finite values; NaN if there are none.
         holes: those that reach the border of the tile or are long; in the whole map.
-        edges: their numbers from 1, or 0, along the first and last row, first and last column.
+        edges: the first and last row, first and last column.
     """
 
     lowest: float
     highest: float
     holes: Holes
-    edges: tuple[Integers, ...]
+    edges: tuple[Edge, ...]
 
 
 @dataclass(frozen=True)
@@ -115,7 +141,7 @@ class FindHoles:
         kept = holes.touch_border(tile.size) | (holes.lengths > self.length)
         numbers = np.append(0, np.cumsum(kept) * kept)
         edges = tuple(
-            numbers[edge] for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1])
+            Edge.of(numbers[edge]) for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1])
         )
         moved = holes[kept].moved(place_of(tile, self.whole))
         return HolesOfTile(min_of_finites(layer), max_of_finites(layer), moved, edges)
@@ -130,24 +156,21 @@ def merged(tiles: Sequence[HolesOfTile], counts: Size) -> Holes:
     """
     parts = [tile.holes for tile in tiles]
     firsts = np.cumsum([0, *(len(part.areas) for part in parts)])
-    # Numbers of parts in the whole map; 0 is no hole.
-    edges = [
-        [np.where(edge, edge + first, 0) for edge in tile.edges]
-        for tile, first in zip(tiles, firsts, strict=False)
-    ]
-    grid = [edges[first : first + counts[1]] for first in range(0, len(edges), counts[1])]
+    numbers = np.arange(len(tiles)).reshape(counts)
     pairs = [np.empty((2, 0), np.int64)]
-    for lines, (behind, ahead) in ((grid, (1, 0)), ([*zip(*grid, strict=True)], (3, 2))):
-        for one, other in pairwise(lines):
+    for lines, sides in ((numbers, (1, 0)), (numbers.T, (3, 2))):
+        for both in pairwise(lines):
+            # The numbers of holes in the whole map, along the border between two lines of tiles.
             last, first = (
-                np.concatenate([tile[side] for tile in line])
-                for line, side in ((one, behind), (other, ahead))
+                np.concatenate([tiles[n].edges[side].shifted(firsts[n]) for n in line])
+                for line, side in zip(both, sides, strict=True)
             )
             # A hole goes on straight, or at a corner to both sides.
-            pairs += [np.stack([last, first]), np.stack([last[1:], first[:-1]])]
-            pairs += [np.stack([last[:-1], first[1:]])]
+            for one, other in ((last, first), (last[1:], first[:-1]), (last[:-1], first[1:])):
+                touch = (one > 0) & (other > 0)
+                pairs.append(np.stack([one[touch], other[touch]]))
     touching = np.concatenate(pairs, axis=1)
-    roots = _roots(firsts[-1] + 1, *touching[:, (touching > 0).all(axis=0)])[1:]
+    roots = _roots(firsts[-1] + 1, *touching)[1:]
     which, of_part = np.unique(roots, return_inverse=True)
     starts = np.full((len(which), 2), np.iinfo(np.int64).max)
     ends, areas = np.zeros((len(which), 2), np.int64), np.zeros(len(which), np.int64)

@@ -397,7 +397,7 @@ def _strips(holes: Mask, near: int, count: int) -> Iterator[_Strip]:
     work = np.cumsum(np.count_nonzero(holes[:, ::_SAMPLED], axis=0) * _HOLE + rows)
     shares = np.arange(1, count) * (work[-1] / count)
     inner = np.unique(work.searchsorted(shares) * _SAMPLED)
-    places = [0, *inner[(0 < inner) & (inner < columns)].tolist(), columns, columns]
+    places = [0, *inner[(inner > 0) & (inner < columns)].tolist(), columns, columns]
     first = _Border(slice(0, 0), holes[:, :0])
     for before, column, after in zip(places, places[1:], places[2:], strict=False):
         last: _Border | None = _Border(slice(columns, columns), holes[:, :0])
