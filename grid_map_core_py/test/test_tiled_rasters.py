@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from memory import peak_of
 
 from grid_map_core_py import GridMapError
 from grid_map_core_py.errors import ConfigError, LimitError
@@ -170,6 +171,19 @@ def test_rasters_of_any_size_are_opened():
     assert np.isfinite(found).sum() == np.isfinite(heights(10, 20)[0, :, :10]).sum()
     with pytest.raises(LimitError, match="max_cells"):
         site.to_map()
+
+
+def test_info_reads_header_of_any_raster_only(grid_map_command):
+    import rasterio
+
+    profile = {"driver": "GTiff", "dtype": "float32", "count": 1, "crs": UTM, "sparse_ok": True}
+    profile |= {"width": 100_000, "height": 100_000, "tiled": True, "transform": moved(0)}
+    with rasterio.open("a.tif", "w", bigtiff="YES", **profile):
+        pass
+    peak, (code, output, _) = peak_of(grid_map_command, "info a.tif")
+    assert code == 0
+    assert "size      100000 x 100000 cells of 2 m" in output
+    assert peak < 20e6
 
 
 def test_blocks_that_claim_too_much_are_refused():
@@ -551,7 +565,9 @@ def test_bits_of_values_round_trip():
 def test_map_is_computed_by_cluster():
     distributed = pytest.importorskip("distributed")
     site = a_site()
-    with distributed.Client(n_workers=1, threads_per_worker=1, dashboard_address=None):
+    with distributed.Client(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=60
+    ):
         site.to_geotiff("out.tif")
     assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
 

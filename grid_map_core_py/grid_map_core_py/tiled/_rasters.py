@@ -145,7 +145,9 @@ class RasterSource:
         rows, columns = within(place, part.place)
         width = shape(part.place)[0]
         pixels = columns, slice(width - rows.stop, width - rows.start)
-        with storage_errors(Path(part.path), "read"):
+        # Without an environment of rasterio, GDAL prints its errors.
+        env = import_module("rasterio").Env()
+        with storage_errors(Path(part.path), "read"), env:
             raster = _open(part, self)
             if part.grid is None:
                 _check_blocks(raster, pixels, part)
