@@ -37,7 +37,18 @@ ROSDEP_KEYS = {
 }
 """Under which key rosdep knows a module; ROS packages are known by the names of their modules."""
 
-TILED = {"dask", "distributed", "numcodecs", "pyproj", "rio_cogeo", "rioxarray", "xarray", "zarr"}
+TILED = {
+    "dask",
+    "distributed",
+    "fsspec",
+    "numcodecs",
+    "pyproj",
+    "rio_cogeo",
+    "rioxarray",
+    "xarray",
+    "zarr",
+}
+"""Modules of the extras `tiled` and `geo`, and of their tests."""
 
 OPTIONAL = {"llvmlite", "nav2_msgs", "numba", "octomap_msgs", "rasterio", "viser"} | TILED
 """Optional modules, imported on use; if one is missing, an error names the remedy."""

@@ -15,18 +15,10 @@ from ..arrays._checks import Positions
 from ..errors import required
 from ..map._grid_map import GridMap
 from ..map._interpolation import Interpolation
+from ._datasets import DIMENSIONS, REMEDY, as_dataset, layers_of
 from ._lazy import origin_of, remember
 from ._tiled_map import Chain, TiledMap
-from ._xarray import (
-    DIMENSIONS,
-    REMEDY,
-    DatasetSource,
-    as_dataset,
-    from_dataset,
-    layers_of,
-    open_dataset,
-    to_dataset,
-)
+from ._xarray import DatasetSource, from_dataset, open_dataset, to_dataset
 
 if TYPE_CHECKING:
     import xarray

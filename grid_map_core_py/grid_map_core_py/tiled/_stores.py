@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..arrays._checks import Layer, Size
 from ..errors import GridMapError, required
+from ._datasets import DIMENSIONS, layers_of
 from ._source import TILE, Tiles, Window, tile_name
 from ._tiled_map import TiledMap
-from ._xarray import DIMENSIONS, DatasetSource, layers_of, open_dataset
+from ._xarray import DatasetSource, open_dataset
 from ._zarr import check_layers, metadata_file, store_errors
 
 if TYPE_CHECKING:

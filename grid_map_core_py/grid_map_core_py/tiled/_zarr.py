@@ -21,7 +21,8 @@ from ..arrays._checks import Size, is_name
 from ..errors import GridMapError, LayerNotFoundError, MissingPackageError, required, short
 from ..files._shared import storage_errors
 from ..map._geometry import GridGeometry
-from ._xarray import CRS_VARIABLE, DIMENSIONS, attributes, coordinates, grid_mapping
+from ._datasets import CRS_VARIABLE, DIMENSIONS
+from ._xarray import attributes, coordinates, grid_mapping
 
 _REMEDY = "pip install 'grid_map_core_py[tiled]'"
 
