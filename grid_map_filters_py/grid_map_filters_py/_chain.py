@@ -279,7 +279,8 @@ class FilterChain:
         """
         from ._tiles import filtered_tiles
 
-        options = TileOptions(max_hole=max_hole or max(site.tile), large_holes=large_holes)
+        longest = max(site.tile) if max_hole is None else max_hole
+        options = TileOptions(max_hole=longest, large_holes=large_holes)
         return filtered_tiles(self.steps, site, options)
 
     def reach(self, resolution: float) -> float:

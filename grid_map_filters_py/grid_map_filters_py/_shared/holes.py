@@ -56,15 +56,25 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
     Args:
         missing: (rows, cols); cells that are not have the number 0.
     """
-    # Rows of the map are along x of the image. OpenCV's boxes would take longer than its numbers.
+    labels, count = number_holes(missing)
+    return labels, measured(labels, missing, count)
+
+
+def number_holes(missing: Mask) -> tuple[Integers, int]:
+    """Return the number of the hole of each cell, and how many numbers there are, with 0."""
+    # Rows of the map are along x of the image.
     count, labels = cv2.connectedComponents(np.ascontiguousarray(missing.T).view(np.uint8))
+    return np.asarray(labels.T, np.int32), count
+
+
+def measured(labels: Integers, missing: Mask, count: int) -> Holes:
+    """Return the holes of `number_holes`; OpenCV's boxes would take longer."""
     cells = np.flatnonzero(missing.T)
-    of_cells = np.asarray(labels.ravel()[cells], np.int32)
+    of_cells = labels.ravel("F")[cells]
     columns, rows = np.divmod(cells, len(missing))
     boxes = [_extents(places, of_cells, count) for places in (rows, columns)]
     starts, ends = (np.stack(sides, axis=1)[1:] for sides in zip(*boxes, strict=True))
-    areas = np.bincount(of_cells, minlength=count)[1:]
-    return np.asarray(labels.T, np.int32), Holes(starts, ends, areas)
+    return Holes(starts, ends, np.bincount(of_cells, minlength=count)[1:])
 
 
 def _extents(places: npt.NDArray[Any], groups: Integers, count: int) -> tuple[Integers, Integers]:

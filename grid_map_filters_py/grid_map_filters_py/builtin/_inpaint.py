@@ -25,7 +25,16 @@ from grid_map_core_py.loops import Compiled
 from grid_map_core_py.plugins import check
 
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
-from .._shared.holes import FindHoles, Holes, Integers, find_holes, merged, place_of
+from .._shared.holes import (
+    FindHoles,
+    Holes,
+    Integers,
+    find_holes,
+    measured,
+    merged,
+    number_holes,
+    place_of,
+)
 from .._shared.inpaint_loop import inpaint
 from .._shared.layer_filter import LayerFilter, check_radius
 from ..errors import FilterError
@@ -46,12 +55,12 @@ _SAMPLED = 8
 _LARGEST_RADIUS = 100.0
 """OpenCV's limit [cells]."""
 
-_BORDER = 16
-"""Least cells to see around a tile, beside those within a few radii."""
+_MARGIN = 16
+"""Least cells to see around the holes of a tile, beside those within a few radii. Cells further
+away change less than 1e-6 of the range of a layer, also where half of the cells are missing."""
 
-_GROUPS = 2
-"""Borders as far as groups of holes are followed. Cells further away change less than 1e-6 of the
-range of a layer, also where half of the cells are missing."""
+_BEYOND = 16
+"""Cells around a tile in which most holes of its border end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,37 +168,29 @@ class _InpaintTiles:
     fills_all: bool
 
     def reach(self, _resolution: float) -> float:
-        return self._border
+        return _BEYOND + self._margin
 
     def missing(self, tile: GridMap, window: "Window") -> int:
         """Return how many more cells to see around a window of a tile; 0 if all are there.
 
-        These are the cells of holes that reach into the window, unless they are too long, and of
-        groups of holes that know of each other, as far as `_GROUPS` borders.
+        These are the cells of holes that reach into the window, unless they are too long, and a
+        margin around them.
         """
-        missing, near = ~np.isfinite(tile[self.whole.input_layer]), self._near
-        edges = self._open_edges(tile, near + 1)
-        if not (missing[window].any() and any(missing[edge].any() for edge in edges)):
+        missing = ~np.isfinite(tile[self.whole.input_layer])
+        edges = self._open_edges(tile, self._margin)
+        if not (edges and missing[window].any()):
             return 0
-
-        def reaching(labels: Integers, count: int) -> Mask:
-            outside = [_marked(labels[edge], count) for edge in edges]
-            both: Mask = _marked(labels[window], count) & np.any(outside, axis=0)
-            both[0] = False
-            return both
-
-        # A hole is part of a group.
-        if not reaching(*_groups(missing, near)).any():
-            return 0
+        labels, count = number_holes(missing)
+        reaching = _marked(labels[window], count)
+        reaching &= np.any([_marked(labels[edge], count) for edge in edges], axis=0)
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
-        border, followed = int(max(*starts, *ends)), _GROUPS * self._border
-        if border < followed:
-            return min(border, followed - border)
-        labels, holes = find_holes(missing)
-        longest = self.max_hole + near + 1
-        incomplete = reaching(labels, len(holes.areas) + 1)[1:] & (holes.lengths <= self.max_hole)
-        return min(border, longest - border) if border < longest and incomplete.any() else 0
+        border, widest = int(max(*starts, *ends)), self.max_hole + self._margin
+        if border >= widest or not reaching[1:].any():
+            return 0
+        holes = measured(labels, missing, count)
+        is_short = holes.lengths <= self.max_hole
+        return min(border, widest - border) if (reaching[1:] & is_short).any() else 0
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.whole.input_layer]
@@ -209,12 +210,9 @@ class _InpaintTiles:
         return _mask(labels, wanted & (holes.lengths <= self.max_hole))
 
     @property
-    def _near(self) -> int:
-        return _near(self.whole.radius / self.geometry.resolution)
-
-    @property
-    def _border(self) -> int:
-        return _BORDER + 4 * self._near
+    def _margin(self) -> int:
+        """Cells around holes to see."""
+        return _MARGIN + 4 * _near(self.whole.radius / self.geometry.resolution)
 
     def _open_edges(self, tile: GridMap, width: int) -> "list[Window]":
         """Return the first and last rows and columns of a tile, where the map goes on."""
