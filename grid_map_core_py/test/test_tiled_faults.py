@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs of tiled maps that are killed, disturbed or refused, as real processes."""
 
+import json
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -87,6 +90,50 @@ def test_killed_worker_costs_no_bytes(
     assert not (tmp_path / "kill").exists()
     assert files(target) == expected
     assert site.source.computed().count("48 32") == 2
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """Address and process of a scheduler with one worker."""
+    file = tmp_path / "scheduler.json"
+    environ = {**os.environ, "PYTHONPATH": os.pathsep.join([str(SCRIPT.parent), *sys.path])}
+    options = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environ}
+
+    def start(name: str, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{name}", "--scheduler-file", file]
+        return subprocess.Popen([*command, "--no-dashboard", *words], **options)
+
+    scheduler = start("scheduler", "--host", "127.0.0.1", "--port", "0")
+    worker = start("worker", "--no-nanny", "--nthreads", "1", "--local-directory", str(tmp_path))
+    wait_for(lambda: bool(file.read_text()), file)
+    yield json.loads(file.read_text())["address"], scheduler
+    for process in (worker, scheduler):
+        process.kill()
+        process.wait()
+
+
+def test_lost_scheduler_ends_the_run(
+    scheduler: tuple[str, subprocess.Popen[bytes]], tmp_path: Path, target: Path
+) -> None:
+    from distributed import Client
+
+    address, process = scheduler
+    (tmp_path / "wait").write_text("48 32")
+    client = Client(address, set_as_default=False)
+    client.wait_for_workers(1, timeout=30)
+
+    def lose() -> None:
+        wait_for(lambda: "48 32" in (tmp_path / "log").read_text(), tmp_path / "log")
+        process.kill()
+        (tmp_path / "wait").unlink()
+
+    with ThreadPoolExecutor(1) as pool, client.as_current():
+        lost = pool.submit(lose)
+        with pytest.raises(GridMapError, match=rf"out.zarr: the cluster at {address} is lost$"):
+            waves(tmp_path).to_zarr(target)
+        lost.result()
+    client.close(timeout=1)
+    waves(tmp_path).to_zarr(target, resume=True)
 
 
 def test_error_on_a_cluster_is_raised_once(cluster: Any, tmp_path: Path, target: Path) -> None:

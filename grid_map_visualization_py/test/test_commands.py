@@ -51,6 +51,22 @@ def test_pictures_show_the_map(options, command):
         assert picture.shape[:2] == (770, 990)
 
 
+@pytest.mark.needs("xarray", "zarr", "dask")
+def test_every_nth_cell_of_a_map_larger_than_memory_is_drawn(command):
+    from grid_map_core_py.map import GridGeometry
+    from grid_map_core_py.tiled import TiledMap
+
+    geometry = GridGeometry.from_size((20_000, 11_000), 0.1)
+    site = TiledMap.create("huge.zarr", geometry, ["elevation", "slope"])
+    x = np.linspace(0, 30, 3000)
+    values = np.sin(x)[:, None] * np.cos(x)
+    site.write(GridMap((300, 300), 0.1, layers={"slope": values}))
+    code, text, error = command("plot huge.zarr map.png --layer slope")
+    lines = ["grid-map: one of 10 x 10 cells is drawn", "grid-map: map.png is drawn"]
+    assert (code, text, error.splitlines()) == (0, "", lines)
+    assert len(np.unique(cv2.imread("map.png").reshape(-1, 3), axis=0)) > 20
+
+
 def test_the_ending_decides_the_kind_of_picture(command):
     assert command("plot survey surface.pdf --3d --dpi 50")[0] == 0
     assert Path("surface.pdf").read_bytes().startswith(b"%PDF")

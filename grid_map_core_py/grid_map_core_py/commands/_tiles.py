@@ -148,12 +148,15 @@ def _cluster_at(address: str) -> Iterator[None]:
     except (OSError, TimeoutError, ValueError) as error:
         text = str(error) or "there is no answer"
         raise CommandError(f"{address}: the scheduler cannot be reached: {text}") from error
-    with client:
+    try:
         try:
             client.wait_for_workers(1, timeout=wait)
         except (OSError, TimeoutError) as error:
             raise CommandError(f"{address}: the scheduler has no workers") from error
         yield
+    finally:
+        # A scheduler that is lost does not answer.
+        client.close(timeout=2)
 
 
 @contextmanager

@@ -114,7 +114,9 @@ def _on_cluster(
 ) -> Iterator[tuple[P, T]]:
     from distributed import as_completed
 
-    rest, call = iter(parts), _Packed(function)
+    rest = iter(parts)
+    # Workers unpickle it once. Newer schedulers unpickle all arguments of tasks.
+    call = required("cloudpickle", "tiled maps on a cluster", _REMEDY).dumps(function)
     running: dict[Any, Sequence[P]] = {}
     completed: Any = as_completed
     ready = completed(with_results=True, raise_errors=False)
@@ -136,11 +138,16 @@ def _on_cluster(
             yield from zip(finished, results, strict=True)
             size = min(max(int(_TASK * len(finished) / max(seconds, 1e-9)), 1), _MOST)
     finally:
-        client.cancel([*running], force=True)
+        # The scheduler forgets them. `cancel` would wait for a scheduler that is lost.
+        ready.clear()
+        for future in running:
+            future.release()
 
 
 def _threads_of(client: Any) -> int:
     """Return the number of threads of a cluster, at least 1."""
+    if client.status != "running":
+        raise _lost(client)
     try:
         threads: dict[str, int] = client.nthreads()
     except (OSError, TimeoutError) as error:
@@ -169,16 +176,6 @@ def _lost(client: Any) -> GridMapError:
     return GridMapError(f"the cluster at {client.scheduler.address} is lost")
 
 
-class _Packed:
-    """A function that is pickled once, and unpickled once by each process."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._bytes = required("cloudpickle", "tiled maps on a cluster", _REMEDY).dumps(function)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _unpacked, (self._bytes,)
-
-
 @lru_cache(maxsize=4)
 def _unpacked(pickled: bytes) -> Any:
     import pickle
@@ -186,9 +183,9 @@ def _unpacked(pickled: bytes) -> Any:
     return pickle.loads(pickled)
 
 
-def _call_each(function: Callable[[P], T], group: Sequence[P]) -> tuple[float, list[T]]:
+def _call_each(pickled: bytes, group: Sequence[Any]) -> tuple[float, list[Any]]:
     """Return the time that a worker takes for some parts [s], and their results."""
     keep_memory()
-    begin = time.perf_counter()
+    function, begin = _unpacked(pickled), time.perf_counter()
     results = [function(part) for part in group]
     return time.perf_counter() - begin, results

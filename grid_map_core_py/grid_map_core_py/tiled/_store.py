@@ -96,7 +96,7 @@ def _compute(site: TiledMap, part: Path, names: Sequence[str], progress: Progres
     missing = [n for n in range(len(tiles)) if "{}.{}".format(*divmod(n, columns)) not in finished]
     done = len(tiles) - len(missing)
     progress(done, len(tiles))
-    for _ in in_any_order(_Write(site, str(part), names), missing):
+    for _ in in_any_order(_Write(site, str(part.absolute()), names), missing):
         done += 1
         progress(done, len(tiles))
 

@@ -138,7 +138,9 @@ def open_store(name: str, chunks: int | None) -> TiledMap:
     site = _open(name, _stamp(name))
     source: DatasetSource = site.source  # type: ignore[assignment]
     side = (chunks, chunks) if chunks else site.tile
-    return replace(site, source=StoreSource(name, source.layers, site.size), tile=side)
+    # Processes of a cluster may have another working directory.
+    path = str(Path(name).absolute()) if is_local(name) else name
+    return replace(site, source=StoreSource(path, source.layers, site.size), tile=side)
 
 
 def is_local(name: str) -> bool:
