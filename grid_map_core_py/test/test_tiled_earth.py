@@ -100,6 +100,21 @@ def test_frame_has_its_origin_at_the_place(crs):
     np.testing.assert_allclose(again.position_of(*other), 0.0, atol=1e-6)
 
 
+@pytest.mark.needs("zarr", "xarray")
+def test_run_is_not_continued_in_another_frame():
+    def stop(*counts: int) -> None:
+        if counts[0]:
+            raise InterruptedError
+
+    site = open_map(write("a.tif", heights(30, 40)), chunks=10)
+    with pytest.raises(GridMapError):
+        site.to_zarr("out.zarr", progress=stop)
+    with pytest.raises(GridMapError, match="was begun with another place"):
+        site.with_origin(*PLACE).to_zarr("out.zarr", resume=True)
+    site.to_zarr("out.zarr", resume=True)
+    assert_maps_equal(open_map("out.zarr").to_map(), site.to_map())
+
+
 @pytest.mark.parametrize("crs", PROJECTIONS)
 def test_frame_survives_files(crs):
     import rasterio

@@ -216,7 +216,8 @@ def _description(site: TiledMap, names: Sequence[str]) -> dict[str, Any]:
     """Return what must be the same for a later run to continue this one."""
     source = hashlib.sha256(site.source.describe().encode()).hexdigest()
     tiles = [*site.size, *site.tile]
-    return {"input and filters": source, "layers": [*names], "tiles": tiles}
+    place = [site.resolution, *site.position.tolist(), site.crs]
+    return {"input and filters": source, "layers": [*names], "tiles": tiles, "place": place}
 
 
 @contextmanager
