@@ -193,10 +193,12 @@ def test_rasters_without_map_are_refused(rasterio):
         load("dem.tif")
 
 
-@pytest.mark.parametrize("form", ["EPSG:25832", "to_wkt", "to_proj4", "EPSG:25832+5783"])
+@pytest.mark.parametrize(
+    "form", ["EPSG:25832", "to_wkt", "+proj=utm +zone=32 +ellps=GRS80 +units=m", "EPSG:25832+5783"]
+)
 def test_reference_system_has_every_form_that_names_no_file(rasterio, form):
     crs = rasterio.crs.CRS.from_epsg(25832)
-    save_geotiff(a_map(), "map.tif", crs=form if ":" in form else getattr(crs, form)())
+    save_geotiff(a_map(), "map.tif", crs=getattr(crs, form)() if form == "to_wkt" else form)
     with rasterio.open("map.tif") as raster:
         assert raster.crs.is_projected
         assert raster.crs.linear_units == "metre"
@@ -312,7 +314,8 @@ def test_rasters_open_no_other_file_and_no_address(trap, address, rasterio):
     url, log = address
     write(rasterio)
     TRAPS[trap](f"/vsicurl/{url}/trap.tif")
-    with contextlib.suppress(rasterio.errors.RasterioError):
+    # In rasterio 1.3, one is not a class of the other.
+    with contextlib.suppress(rasterio.errors.RasterioError, rasterio.errors.RasterioIOError):
         read_all(rasterio.open("dem.tif"))
     assert "/trap.tif" in log.read_text()
     # Another name, because GDAL remembers what it has not found.
