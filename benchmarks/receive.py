@@ -4,6 +4,7 @@
 
     python3 benchmarks/receive.py [--seconds 10]
     python3 benchmarks/receive.py --filtered [--seconds 10]
+    python3 benchmarks/receive.py --requests 300
 
 The first publishes maps of 8 layers, 400 x 400 cells at 30 Hz and 1000 x 1000 cells at 5 Hz, from
 one process to another, and prints a table: with the transports that Fast DDS has by itself, with
@@ -15,7 +16,11 @@ The second prints the time from topic to topic, from a map's publishing to the c
 filtered map, through the node `filter_chain` in a third process: for a chain of one cheap filter,
 with 1, 4, 11 and 16 layers, and for the chain of the filters demo, on its terrain. `chain` is the
 time of the filters in it, by the node's diagnostics. The first two seconds do not count: processes
-find each other and take memory. Start both where the workspace is set up (`. tools/env.sh`).
+find each other and take memory.
+
+The third prints the time from a request to the decoded answer, of requests to `grid_map_server` for
+200 x 200 cells of a map of 10^9 on disk, one after the other, along the way of `large_map_demo`.
+Start all where the workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
@@ -37,9 +42,10 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 import grid_map_ros_py
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_msgs.srv import GetGridMap
 from grid_map_ros_py import from_message, from_serialized_message, to_serialized_message
 from grid_map_ros_py.nodes import keep_memory, map_qos, run
-from grid_map_ros_py.testing import Process, running, start_node, wait_until
+from grid_map_ros_py.testing import Process, peer, running, start_node, wait_until
 
 TOPIC = "/large_map"
 FILTERED = "/filtered_map"
@@ -220,6 +226,36 @@ def measure_filtered(load: str, seconds: float) -> dict[str, float]:
     return {"sent": count, "lost": count - got["received"], **{f"{n} ms": got[n] for n in names}}
 
 
+def measure_requests(count: int) -> dict[str, float]:
+    """Return the statistics of requests for 200 x 200 cells of a map of 10^9 on disk."""
+    from grid_map_demos_py.large_site import END, make_site, way_at
+
+    service, times = "/grid_map_server/get_grid_map", []
+    with TemporaryDirectory() as folder, ExitStack() as stack:
+        path = Path(folder, "site.zarr")
+        for _ in make_site(path):
+            pass
+        module = "grid_map_ros_py._executables.grid_map_server"
+        node = start_node(module, "--ros-args", "-p", f"source:={path}")
+        stack.enter_context(running(node))
+        other = stack.enter_context(peer())
+        client = other.node.create_client(GetGridMap, service)
+        other.wait_until(client.service_is_ready, service)
+        # The first requests open the store and start its threads.
+        for x in np.random.default_rng(0).uniform(-END, END, count + 20):
+            request = GetGridMap.Request(position_x=x, position_y=float(way_at(x)))
+            request.length_x = request.length_y = 19.9
+            begin = time.perf_counter()
+            answer = client.call_async(request)
+            other.wait_until(answer.done, "an answer")
+            grid_map = from_message(answer.result().map)
+            times.append(1e3 * (time.perf_counter() - begin))
+            assert min(grid_map.size) >= 199
+            assert np.isfinite(grid_map["elevation"]).all()
+    half, most, worst = np.percentile(times[20:], [50, 95, 100])
+    return {"p50 ms": half, "p95 ms": most, "worst ms": worst}
+
+
 def _reports(
     publisher: Process, subscriber: Process, seconds: float
 ) -> tuple[dict[str, float], dict[str, float]]:
@@ -272,7 +308,12 @@ def main() -> int:
     parser.add_argument("--depth", type=int, default=1)
     parser.add_argument("--best-effort", action="store_true")
     parser.add_argument("--filtered", action="store_true")
+    parser.add_argument("--requests", type=int)
     options = parser.parse_args()
+    if options.requests:
+        values = measure_requests(options.requests)
+        print(" | ".join(f"{name} {value:.1f}" for name, value in values.items()))
+        return 0
     depth = -options.depth if options.best_effort else options.depth
     found = filtered_rows(options.seconds) if options.filtered else rows(options.seconds, depth)
     for heading, values in found:

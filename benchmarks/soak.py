@@ -49,7 +49,7 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -59,6 +59,7 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
 from grid_map_core_py import GridMap
+from grid_map_core_py.tiled import TiledMap
 from grid_map_demos_py.terrain import load_terrain
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_msgs.srv import GetGridMap, ProcessFile
@@ -73,6 +74,7 @@ RESOLUTION = 0.03
 BAD_EVERY = 50
 
 MAPS, CLOUDS, OCTOMAPS = "/soak/maps", "/soak/clouds", "/soak/octomaps"
+POSES = "/soak/poses"
 VIEWED = {
     "/region": Marker,
     **{f"/soak/{name}": GridMapMessage for name in ("filtered", "loaded", "mapped", "served")},
@@ -122,6 +124,11 @@ def messages() -> Iterator[tuple[str, type, bytes, bytes]]:
     intact = serialize(cloud)
     cloud.width += 1
     yield CLOUDS, PointCloud2, intact, serialize(cloud)
+    pose = Odometry()
+    pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
+    intact = serialize(pose)
+    pose.pose.pose.orientation.w = 0.0
+    yield POSES, Odometry, intact, serialize(pose)
     if OCTOMAP_MSGS:
         from octomap_msgs.msg import Octomap
 
@@ -257,6 +264,17 @@ def subjects(folder: Path) -> list[Subject]:
         # Clouds are larger than what best effort delivers with small buffers of Fast DDS.
         "input_reliability": "reliable",
     }
+    # Every map is merged into a store, from which the window is read again.
+    TiledMap.create(folder / "site.zarr", terrain().geometry, ["elevation"], chunks=128)
+    stored = {
+        "source": str(folder / "site.zarr"),
+        "length": 5.0,
+        "pose_source": "odometry",
+        "pose_topic": POSES,
+        "write_back": True,
+        "write_topic": MAPS,
+        "output_topic": "/soak/window",
+    }
     bag = str(folder / "loaded")
     save_to_bag(terrain(), bag, "/grid_map")
     rows: list[tuple[str, dict[str, Any], str, str]] = [
@@ -318,6 +336,7 @@ def subjects(folder: Path) -> list[Subject]:
     elevation = "/elevation_mapping/elevation_map_raw"
     return [
         *(Subject(*row) for row in rows),
+        Subject(f"{ros}.grid_map_window", stored, MAPS, "/soak/window", publishes_all=False),
         Subject(f"{ros}.elevation_mapping", near, CLOUDS, elevation, publishes_all=False),
         Subject(visualization, {"grid_map_topic": MAPS, **outputs}, MAPS, "/grid", OccupancyGrid),
     ]

@@ -46,6 +46,7 @@ REFUSED = {
         ({"directory": "/no/such/directory"}, "'directory': expected a directory that exists"),
         ({"input_topic": "/grid_map"}, "input_topic and output_topic are both '/grid_map'"),
         ({"source": "/no/site.zarr"}, "/no/site.zarr: cannot be read"),
+        ({"source": "/no/site.zarr", "origin": "[48.1]"}, "'origin': expected a latitude and a lo"),
         ({"source": 3}, "'source': expected a string or a list, each item a string, got 3 (int)"),
     ],
     "grid_map_window": [

@@ -11,10 +11,11 @@ from hypothesis import given, settings, strategies as st
 from sites import make_site
 
 from grid_map_core_py import GridMap, LimitError
+from grid_map_core_py.files import save_geotiff
 from grid_map_core_py.limits import changed_limits
 from grid_map_core_py.tiled import TiledMap, open_map
 from grid_map_ros_py._mapping.latest_only import LatestOnly
-from grid_map_ros_py._mapping.tiled_source import window
+from grid_map_ros_py._mapping.tiled_source import SourceSettings, window
 
 pytestmark = pytest.mark.needs("xarray", "zarr")
 
@@ -54,6 +55,28 @@ def test_window_larger_than_the_map_contains_it(site):
     assert (found.layers, found.basic_layers) == (("variance", "elevation"), ("elevation",))
     with changed_limits(max_cells=9), pytest.raises(LimitError, match="window: expected at most 9"):
         window(tiled, whole.position, (4, 4), ["variance"])
+
+
+@pytest.mark.needs("rasterio", "pyproj")
+def test_rasters_are_sources_in_a_frame_with_an_origin(tmp_path):
+    parts = []
+    for number in range(2):
+        place = (691_000.0 + 40.0 * number, 5_335_000.0)
+        part = GridMap((40.0, 30.0), 0.5, place, layers={"elevation": float(number)})
+        parts.append(str(tmp_path / f"{number}.tif"))
+        save_geotiff(part, parts[-1], crs="EPSG:25832")
+    site = SourceSettings(parts, "odom").open()
+    found = window(site, (691_020.0, 5_335_000.0), (4, 8), ["elevation"])
+    assert found.frame_id == "odom"
+    # x descends: the first rows are of the second raster.
+    np.testing.assert_array_equal(
+        found["elevation"], np.repeat([[1.0], [0.0]], 2, axis=0) * np.ones(8)
+    )
+    latitude, longitude = site.latitude_longitude_of((691_020.0, 5_335_000.0))
+    local = SourceSettings(parts, "odom", (latitude, longitude)).open()
+    again = window(local, (0.0, 0.0), (4, 8), ["elevation"])
+    np.testing.assert_array_equal(again["elevation"], found["elevation"])
+    np.testing.assert_allclose(again.position, (0.0, 0.0), atol=0.01)
 
 
 def test_thread_takes_the_newest_thing_and_keeps_errors():

@@ -25,10 +25,13 @@ class SourceSettings:
     Attributes:
         source: path of a Zarr store or of a raster, or paths of rasters; empty for none.
         frame_id: frame of the map; empty means as stored.
+        origin: latitude and longitude [deg] of the origin of the frame; empty means that of the
+            reference system of the source.
     """
 
     source: str | list[str]
-    frame_id: str
+    frame_id: str = ""
+    origin: Sequence[float] = ()
 
     def open(self) -> TiledMap:
         """Return the map; only its description is read.
@@ -42,6 +45,8 @@ class SourceSettings:
         # Threads of Zarr unpack chunks, and each of them would keep the memory of some.
         return_memory()
         site = open_map(self.source)
+        if self.origin:
+            site = site.with_origin(*self.origin)
         return replace(site, frame_id=self.frame_id) if self.frame_id else site
 
 
@@ -54,7 +59,15 @@ def read_source(node: ConfiguredNode) -> SourceSettings:
     )
     source = read_parameter(node, "source", kind, "", description=about)
     about = "frame of the source; empty means as stored"
-    return SourceSettings(source, node.read("frame_id", "", about))
+    frame_id = node.read("frame_id", "", about)
+    about = (
+        "latitude and longitude [deg, WGS 84] of the origin of the frame, for a source with "
+        "coordinates of the earth; empty means that of the source"
+    )
+    origin = read_parameter(node, "origin", list[float], [], description=about)
+    fits = len(origin) in (0, 2) and bool(np.isfinite(origin).all())
+    check(fits, "origin", "a latitude and a longitude, or nothing", origin)
+    return SourceSettings(source, frame_id, origin)
 
 
 def window(site: TiledMap, position: ArrayLike, size: Size, layers: Sequence[str]) -> GridMap:
