@@ -52,7 +52,7 @@ def test_pictures_show_the_map(options, command):
 
 
 @pytest.mark.needs("xarray", "zarr", "dask")
-def test_every_nth_cell_of_a_map_larger_than_memory_is_drawn(command):
+def test_plot_thins_maps_larger_than_memory(command):
     from grid_map_core_py.map import GridGeometry
     from grid_map_core_py.tiled import TiledMap
 

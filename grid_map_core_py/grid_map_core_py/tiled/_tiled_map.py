@@ -30,7 +30,7 @@ Progress = Callable[[int, int], Any]
 
 
 class Chain(Protocol):
-    """What `TiledMap.filter` needs: `FilterChain` of grid_map_filters_py has it."""
+    """Chain for `TiledMap.filter`, such as `FilterChain` of grid_map_filters_py."""
 
     @property
     def on_tiles(self) -> Callable[..., FilteredSource]:
