@@ -6,7 +6,7 @@
 - Checks that return what was given as an array or a number, or raise `GeometryError`: `as_array`,
   `as_number`, `as_cells`.
 - Work on large arrays in pieces that fit the cache: `elementwise`, `slices`.
-- Memory that the process frees: `keep_memory`, `return_memory`, `trim_memory`.
+- Memory that the process frees: `keep_memory`, `return_memory`, `trim_memory`, `LARGEST_BLOCK`.
 - Statistics that skip NaN and infinities: `number_of_finites`, `sum_of_finites`, `mean_of_finites`,
   `min_of_finites`, `max_of_finites`.
 """
