@@ -374,7 +374,7 @@ def tiled(grid_map: GridMap, tile, folder: Path | None = None):
 
 @needs_dask
 @given(grid_map=grid_maps(("elevation", "variance")), data=st.data())
-def test_lazy_dataset_has_a_chunk_per_tile_and_the_same_values(grid_map, data):
+def test_lazy_dataset_has_one_chunk_per_tile(grid_map, data):
     tile = tuple(data.draw(st.integers(1, count + 2)) for count in grid_map.size)
     site, _ = tiled(grid_map, tile)
     dataset = site.to_xarray()
@@ -570,7 +570,7 @@ def test_accessor_filters_in_the_order_of_the_dataset(dataset):
 
 @needs_dask
 @pytest.mark.parametrize("is_kept", [False, True])
-def test_second_filter_reads_windows_of_the_first_unless_it_is_computed(is_kept):
+def test_second_filter_reads_windows_of_the_first(is_kept):
     site, grid_map = tiled(terrain((20, 14)), (5, 4))
     first = site.filter(Neighbors()).to_xarray()
     # As rioxarray has it; the second chain sees the layers of the first one.
@@ -609,7 +609,7 @@ def test_arrays_have_the_accessor():
     assert list(bands.grid_map.submap((1.5, 8.5), (0.1, 0.1)).sizes.values()) == [1, 1]
 
 
-def test_dataset_that_is_no_map_is_refused_when_it_is_used():
+def test_dataset_that_is_no_map_is_refused_on_use():
     accessor = terrain().to_xarray().rename(x="lon").grid_map
     with pytest.raises(GeometryError, match="x: expected the dimensions x and y"):
         accessor.to_map()

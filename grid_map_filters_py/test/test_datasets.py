@@ -38,7 +38,7 @@ def terrain(size=(60, 47), resolution=0.5) -> GridMap:
 
 
 @pytest.mark.needs("dask")
-def test_chain_on_a_dataset_of_dask_is_that_on_the_map():
+def test_chain_on_a_lazy_dataset_equals_that_on_the_map():
     grid_map = terrain()
     grid_map["elevation"][10:14, 20:23] = np.nan
     steps = chain(

@@ -87,7 +87,7 @@ def test_inpainting_by_strips_gives_the_same_bits(way, size, share, radius, stri
 
 
 @pytest.mark.parametrize("strips", [1, 2, 5])
-def test_scattered_holes_are_filled_in_as_many_strips_as_asked_for(strips):
+def test_scattered_holes_are_filled_in_as_many_strips_as_threads(strips):
     holes = np.asfortranarray(np.random.default_rng(0).random((90, 300)) < 0.05)
     assert len([*_strips(holes, 2, strips)]) == strips
 

@@ -462,7 +462,7 @@ def assert_same_but_rounding(found, expected):
 
 
 @pytest.mark.parametrize("side", [5, 8, 21])
-def test_a_long_hole_is_filled_with_the_bits_of_the_whole_map(side):
+def test_long_hole_has_the_bits_of_the_whole_map(side):
     grid_map = with_hole(slice(10, 14), slice(3, 148), size=(30, 160))
     assert_same_bits(*both_ways(inpaint(radius=0.2).steps, grid_map, side))
 
@@ -474,7 +474,7 @@ def test_dense_groups_of_holes_give_nearly_the_same(share, radius):
     assert_same_but_rounding(found["out"], expected["out"])
 
 
-def test_a_hole_longer_than_the_limit_is_refused_before_the_first_tile():
+def test_too_long_hole_is_refused_before_the_first_tile():
     grid_map = with_hole(slice(10, 12), slice(5, 26))
     site = tiled(grid_map, 8)
     with pytest.raises(FilterError, match=r"'filter0'.*2 x 21 cells around \(0.9, 0.95\).*leave"):
@@ -508,7 +508,7 @@ def test_long_holes_are_left_as_they_are_in_all_tiles(side):
 
 
 @pytest.mark.parametrize("limit", [{"enclosed_holes_only": True}, {"max_hole_area": 0.39}])
-def test_long_holes_that_are_not_to_be_filled_are_no_error(limit):
+def test_long_holes_that_stay_are_no_error(limit):
     grid_map = with_hole(slice(0, 2), slice(5, 26))
     grid_map["elevation"][30:33, 8:30:7] = np.nan
     site = tiled(grid_map, 8)
@@ -517,7 +517,7 @@ def test_long_holes_that_are_not_to_be_filled_are_no_error(limit):
 
 
 @pytest.mark.parametrize("height", [np.nan, 3.0])
-def test_layers_of_one_height_or_none_are_as_in_the_whole_map(height):
+def test_layers_of_one_height_or_none_equal_the_whole_map(height):
     grid_map = with_hole(slice(3, 9), slice(4, 20))
     grid_map["elevation"][np.isfinite(grid_map["elevation"])] = height
     assert_same_bits(*both_ways(inpaint(radius=0.1).steps, grid_map, 8))
@@ -535,7 +535,7 @@ def test_warnings_about_layers_come_once_before_data_is_read():
         in_tiles(site)
 
 
-def test_a_layer_without_values_is_one_warning_and_a_tile_without_is_none():
+def test_layer_without_values_is_one_warning():
     heights = np.ones((9, 9))
     heights[:5, :5] = np.nan
     with warnings.catch_warnings():

@@ -92,9 +92,7 @@ def test_window_follows_the_robot_over_borders_and_damage(other_side: Peer, tmp_
         assert_window(other_side.expect("/grid_map", 6), whole, (90.0, -50.0), 65)
 
 
-def test_windows_come_at_most_at_the_rate_and_the_last_pose_counts(
-    other_side: Peer, tmp_path: Path
-) -> None:
+def test_windows_keep_the_rate_and_show_the_last_pose(other_side: Peer, tmp_path: Path) -> None:
     whole = make_site(tmp_path / "site.zarr")
     other_side.listen("/local", GridMapMessage)
     parameters = {"rate": 10.0, "step": 0.0, "length": 4.0, "output_topic": "/local"}
@@ -144,9 +142,7 @@ def ignores_sigterm(node: Process) -> bool:
     return bool(ignored >> (signal.SIGTERM - 1) & 1)
 
 
-def test_maps_are_merged_seen_in_windows_and_kept_at_the_end(
-    other_side: Peer, tmp_path: Path
-) -> None:
+def test_merged_maps_are_in_windows_and_kept_at_the_end(other_side: Peer, tmp_path: Path) -> None:
     path, geometry = tmp_path / "site.zarr", GridGeometry((100.0, 60.0), 0.1)
     TiledMap.create(path, geometry, ["elevation", "variance"], chunks=32)
     whole = GridMap.from_geometry(geometry, frame_id="map")

@@ -33,7 +33,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> tuple[TiledMap, GridMap]:
     st.tuples(st.integers(1, 40), st.integers(1, 40)),
     st.booleans(),
 )
-def test_window_has_the_cells_around_its_position_and_nan_off_the_map(site, cell, size, is_even):
+def test_window_is_nan_off_the_map(site, cell, size, is_even):
     tiled, whole = site
     padded = np.pad(whole["elevation"], 100, constant_values=np.nan)
     # In the middle of a window: of a cell, or of a corner between four of them.
@@ -105,7 +105,7 @@ def test_thread_takes_the_newest_thing_and_keeps_errors():
     assert done == [1]
 
 
-def test_closing_works_on_the_thing_that_waits_or_gives_up_in_time():
+def test_closing_works_on_what_waits_or_gives_up():
     hangs, done = threading.Event(), []
     idle = LatestOnly(done.append)
     assert idle.close(10)

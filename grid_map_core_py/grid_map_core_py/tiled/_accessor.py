@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class MapChain(Chain, Protocol):
-    """What `filter` of the accessor needs: `FilterChain` of grid_map_filters_py has it."""
+    """A chain that `filter` of the accessor takes, such as `FilterChain`."""
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         """Return the filtered map."""
@@ -40,7 +40,7 @@ def register() -> None:
 
 
 class GridMapAccessor:
-    """What a grid map can do, as `dataset.grid_map` and `array.grid_map`.
+    """The abilities of a grid map, as `dataset.grid_map` and `array.grid_map`.
 
     Datasets in memory are computed at once, those of Dask later, tile by tile, as a `TiledMap`.
     `GridMap.from_xarray` says which datasets are maps.

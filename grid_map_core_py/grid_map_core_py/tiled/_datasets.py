@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a dataset of xarray says about a map: grid, layers, frame, reference system."""
+"""The description of a map by a dataset of xarray: grid, layers, frame, reference system."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

@@ -117,7 +117,7 @@ class Edge(NamedTuple):
 
 
 class HolesOfTile(NamedTuple):
-    """What the holes of a map need to know about those of a tile.
+    """The holes of a tile, as far as those of the map depend on them.
 
     Args:
         lowest, highest: of the finite values; NaN if there are none.

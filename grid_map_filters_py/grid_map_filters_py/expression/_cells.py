@@ -23,7 +23,7 @@ class _Kind(Enum):
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the parts of an expression are.
+    """The kinds of the parts of an expression.
 
     Args:
         layers: names of the layers, which hide functions and constants. None if they are unknown:
