@@ -53,10 +53,10 @@ def shell(folder: Path, *command: str) -> str:
         ("grid-map inspect site.npz --layer ", "elevation variance color"),
         ("grid-map plot survey map.png --topic /other --layer he", "height"),
         ("grid-map inspect survey --topic ", "/one /other"),
-        ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server"),
+        ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server zarr"),
         (
             "grid-map ",
-            "info inspect convert doctor filter play plot record topics view --version -h --help",
+            "info inspect convert submap doctor filter play plot record topics view --version -h --help",
         ),
         ("grid-map plot site.npz --color-map vir", "viridis"),
         ("grid-map inspect broken.npz --layer ", ""),

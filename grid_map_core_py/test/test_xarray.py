@@ -571,7 +571,7 @@ def test_accessor_filters_in_the_order_of_the_dataset(dataset):
 @needs_dask
 @pytest.mark.parametrize("is_kept", [False, True])
 def test_second_filter_reads_windows_of_the_first(is_kept):
-    site, grid_map = tiled(terrain((20, 14)), (5, 4))
+    site, grid_map = tiled(terrain((20, 14)), (10, 7))
     first = site.filter(Neighbors()).to_xarray()
     # As rioxarray has it; the second chain sees the layers of the first one.
     turned = first.isel(x=slice(None, None, -1)).transpose("y", "x")

@@ -56,7 +56,7 @@ def test_plot_thins_maps_larger_than_memory(command):
     from grid_map_core_py.map import GridGeometry
     from grid_map_core_py.tiled import TiledMap
 
-    geometry = GridGeometry.from_size((20_000, 11_000), 0.1)
+    geometry = GridGeometry.from_size((8_000, 3_000), 0.1)
     site = TiledMap.create("huge.zarr", geometry, ["elevation", "slope"])
     x = np.linspace(0, 30, 3000)
     values = np.sin(x)[:, None] * np.cos(x)
