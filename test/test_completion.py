@@ -56,8 +56,8 @@ def shell(folder: Path, *command: str) -> str:
         ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server zarr"),
         (
             "grid-map ",
-            "info inspect convert submap doctor filter play plot record topics view --version -h "
-            "--help",
+            "info inspect convert submap doctor filter play plot record topics view"
+            " --version -h --help",
         ),
         ("grid-map plot site.npz --color-map vir", "viridis"),
         ("grid-map inspect broken.npz --layer ", ""),
