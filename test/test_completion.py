@@ -45,6 +45,9 @@ def shell(folder: Path, *command: str) -> str:
     return done.stdout
 
 
+COMMANDS = "info inspect convert submap doctor filter play plot record topics view"
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
@@ -54,11 +57,7 @@ def shell(folder: Path, *command: str) -> str:
         ("grid-map plot survey map.png --topic /other --layer he", "height"),
         ("grid-map inspect survey --topic ", "/one /other"),
         ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server zarr"),
-        (
-            "grid-map ",
-            "info inspect convert submap doctor filter play plot record topics view"
-            " --version -h --help",
-        ),
+        ("grid-map ", f"{COMMANDS} --version -h --help"),
         ("grid-map plot site.npz --color-map vir", "viridis"),
         ("grid-map inspect broken.npz --layer ", ""),
     ],
