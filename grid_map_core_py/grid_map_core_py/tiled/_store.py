@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -46,6 +47,9 @@ _RUN = ".run.json"
 
 _LOCK = ".lock"
 """File in an unfinished store, which the process that writes it has locked."""
+
+_TRIES, _PAUSE = 50, 0.02
+"""How often a folder is removed that is not empty yet, and the time between [s]."""
 
 
 def to_zarr(
@@ -238,5 +242,14 @@ def _alone(part: Path) -> Iterator[None]:
                 yield
             finally:
                 if not (part / _RUN).exists() and is_same(stream, lock):
-                    shutil.rmtree(part, ignore_errors=True)
+                    _remove(part)
             return
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder, into which threads of Zarr may still write after an error."""
+    for _ in range(_TRIES):
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            return
+        time.sleep(_PAUSE)
