@@ -59,7 +59,9 @@ def build(inner: Mapping[str, str], fingerprint: str) -> None:
             "--packages-select",
             *outdated,
         )
-        run("colcon", "build", *words, environ=inner, takes_long=True)
+        # Compiled modules among the results make each start of a program faster.
+        compiling = {**inner, "PYTHONDONTWRITEBYTECODE": ""}
+        run("colcon", "build", *words, environ=compiling, takes_long=True)
     write_atomically(BUILT, json.dumps(wanted))
 
 
