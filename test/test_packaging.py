@@ -62,14 +62,24 @@ def files_of_packages() -> set[Path]:
     return {path for path in every if not {*transient} & {*path.relative_to(ROOT).parts[1:]}}
 
 
+def site_packages(venv: Path) -> Path:
+    (path,) = venv.glob("lib/python*/site-packages")
+    return path
+
+
 def pip(venv: Path, *arguments: str | Path) -> None:
     done = run(venv / "bin/pip", "install", "-q", *arguments, environ=fresh_environment())
     assert done.returncode == 0, done.stderr
 
 
-def environment_with(folder: Path, *names: str) -> Path:
-    """Make a new environment with packages installed with pip from this clone, without ROS."""
+def environment_with(folder: Path, *names: str, base: Path | None = None) -> Path:
+    """Make an environment with packages installed with pip from this clone, without ROS.
+
+    It also has what the environment `base` has.
+    """
     run(BASE_PYTHON, "-m", "venv", folder, environ=fresh_environment())
+    if base is not None:
+        (site_packages(folder) / "base.pth").write_text(f"{site_packages(base)}\n")
     before = files_of_packages()
     pip(folder, *(f"./{name}" for name in names))
     assert files_of_packages() == before
@@ -84,9 +94,9 @@ def venv(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory) -> Path:
+def everything(venv) -> Path:
     """An environment with all packages."""
-    return environment_with(tmp_path_factory.mktemp("everything") / "venv", *NAMES)
+    return environment_with(venv.with_name("everything"), *NAMES, base=venv)
 
 
 @pytest.fixture(scope="module")
