@@ -3,19 +3,17 @@
 """Demos of several nodes without launch files: each node is a process, and ends with the demo."""
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from types import FrameType
 
-from grid_map_core_py.commands import on_end
+from grid_map_core_py.commands import die_with_parent, on_end
 
 VIEWER = "grid_map_visualization_py._executables.web_viewer"
 
@@ -138,7 +136,7 @@ class ProcessGroup:
                 command,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                preexec_fn=partial(_die_with_parent, os.getpid()),
+                preexec_fn=die_with_parent(signal.SIGTERM),
             )
 
     def wait(self) -> tuple[str, int] | None:
@@ -153,14 +151,3 @@ class ProcessGroup:
 
     def _stop(self, _number: int, _frame: FrameType | None) -> None:
         self.stopped = True
-
-
-def _die_with_parent(parent: int) -> None:
-    """Make Linux terminate this process when its parent ends for any reason."""
-    import ctypes
-
-    set_parent_death_signal = 1
-    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
-    # The parent may have ended already. It may also be process 1, for example in a container.
-    if os.getppid() != parent:
-        os._exit(0)

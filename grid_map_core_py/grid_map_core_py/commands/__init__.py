@@ -42,7 +42,7 @@ from ._output import (
     shown as shown,
     table as table,
 )
-from ._signals import on_end as on_end
+from ._signals import die_with_parent as die_with_parent, on_end as on_end
 from ._tiles import (
     add_tiles as add_tiles,
     tiled_source as tiled_source,

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Signals that end a program."""
 
+import ctypes
+import os
 import signal
 from collections.abc import Callable
 from types import FrameType
@@ -21,3 +23,24 @@ def on_end(handler: Handler) -> dict[signal.Signals, Any]:
     if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
     return {number: signal.signal(number, handler) for number in numbers}
+
+
+def die_with_parent(number: signal.Signals = signal.SIGKILL) -> Callable[[], None]:
+    """Return a `preexec_fn` by which Linux ends the new process when this one ends for any reason.
+
+    It also ends when the thread ends that starts it.
+
+    Args:
+        number: the signal that ends it.
+    """
+    set_parent_death_signal = 1
+    # Loaded here, since the new process may do little before its program starts.
+    parent, control = os.getpid(), ctypes.CDLL(None).prctl
+
+    def prepare() -> None:
+        control(set_parent_death_signal, number)
+        # The parent may have ended already. It may also be process 1, for example in a container.
+        if os.getppid() != parent:
+            os._exit(0)
+
+    return prepare

@@ -1,0 +1,318 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The server of recordings: the program `rerun`, real sockets, and headless Chromium."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from test_node_web_viewer import CHROMIUM, FLAGS
+
+from grid_map_core_py.errors import MissingPackageError
+from grid_map_ros_py.testing import wait_until
+from grid_map_visualization_py._rerun.server import Server, ServerError
+
+pytestmark = pytest.mark.needs("rerun")
+
+DATA = "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"
+QUESTION = b"\0\0\0\0\0"
+"""An empty message, framed for a page."""
+
+MAKE = """
+import sys
+from grid_map_visualization_py._rerun.server import Server
+server = Server(port=0)
+server.recording.set_time("ros_time", timestamp=1.0)
+server.recording.log_file_from_contents("note.txt", b"A text.")
+server.recording.flush(timeout_sec=10)
+print(server._process.pid, server.page_url, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    with Server(port=0, memory_limit="20MB", allowed_hosts=["robot"]) as one:
+        log(one, 0.0)
+        yield one
+
+
+def log(server: Server, x: float, count: int = 1) -> None:
+    """Log points from x on, and wait until the server has them."""
+    import rerun as rr
+
+    # Rerun compresses what it sends.
+    points = x + np.random.default_rng(1).random((count, 3), np.float32)
+    server.recording.log("points", rr.Points3D(points))
+    server.recording.flush(timeout_sec=10)
+
+
+def ask(server: Server, path: str, method: str = "GET", **headers: str) -> tuple[int, Any, bytes]:
+    """Return status, headers and the first bytes of an answer."""
+    connection = HTTPConnection(urlsplit(server.page_url).netloc, timeout=10)
+    # A dash stands for the character that names of arguments cannot have.
+    words = {name.replace("_", "-"): value for name, value in headers.items()}
+    words |= {"Content-Type": "application/grpc-web+proto"}
+    connection.request(method, path, QUESTION if method == "POST" else None, words)
+    answer = connection.getresponse()
+    return answer.status, answer.headers, answer.read1(1 << 20)
+
+
+def sockets_of(*pids: int) -> list[tuple[str, str, str]]:
+    """Return local address, remote address and state of the Internet sockets of processes."""
+    links = [link for pid in pids for link in Path(f"/proc/{pid}/fd").iterdir()]
+    nodes = {str(link.readlink()) for link in links if link.is_symlink()}
+    found = []
+    for name in ("tcp", "tcp6", "udp", "udp6"):
+        for line in Path(f"/proc/net/{name}").read_text().splitlines()[1:]:
+            _, local, remote, state, *_, inode = line.split()[:10]
+            if f"socket:[{inode}]" in nodes:
+                found.append((address_of(local), address_of(remote), state))
+    return found
+
+
+def address_of(text: str) -> str:
+    number = bytes.fromhex(text.partition(":")[0])
+    if len(number) == 4:
+        return socket.inet_ntop(socket.AF_INET, number[::-1])
+    words = b"".join(number[at : at + 4][::-1] for at in range(0, 16, 4))
+    return socket.inet_ntop(socket.AF_INET6, words)
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
+    """A program that serves, with a home of its own; the process of `rerun`; and the address."""
+    home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
+    with subprocess.Popen(
+        [sys.executable, "-c", MAKE],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **home},
+    ) as program:
+        pid, url = program.stdout.readline().split()
+        yield program, int(pid), url
+        program.kill()
+
+
+def test_server_listens_and_connects_on_this_machine_only(server):
+    ask(server, "/")
+    found = sockets_of(server._process.pid, os.getpid())
+    listening = {local for local, _, state in found if state == "0A"}
+    assert "127.0.0.1" in listening
+    assert all(address.startswith("127.") for address in listening)
+    remotes = {remote for _, remote, state in found if state != "0A"}
+    assert remotes
+    assert all(address.startswith(("127.", "0.0.0.0")) for address in remotes)
+
+
+def test_statistics_are_off_without_touching_the_home(started, tmp_path):
+    program, pid, _ = started
+    assert all(remote.startswith(("127.", "0.")) for _, remote, _ in sockets_of(program.pid, pid))
+    program.communicate(timeout=10)
+    assert list(tmp_path.rglob("*")) == []
+    # By itself, the program writes an identifier of the user.
+    home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
+    subprocess.run([rerun(), "--version"], env={**os.environ, **home}, check=True)
+    assert list(tmp_path.rglob("analytics.json"))
+
+
+def test_program_ends_with_a_parent_that_is_killed(started):
+    program, pid, _ = started
+    os.kill(pid, signal.SIGSTOP)
+    program.send_signal(signal.SIGKILL)
+    # As a zombie, it has no memory.
+    status = Path(f"/proc/{pid}/status")
+    wait_until(lambda: not status.exists() or "VmRSS" not in status.read_text(), "the end")
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({}, 200),
+        ({"Origin": "http://{own}"}, 200),
+        ({"Host": "robot", "Origin": "http://robot"}, 200),
+        ({"Host": "example.org"}, 403),
+        ({"Host": "example.org", "Origin": "http://example.org"}, 403),
+        ({"Origin": "http://127.0.0.1:1"}, 403),
+        ({"Origin": "http://localhost:8000"}, 403),
+        ({"Origin": "https://rerun.io"}, 403),
+        ({"Origin": "null"}, 403),
+    ],
+)
+def test_only_the_own_page_gets_the_data(server, headers, status):
+    own = urlsplit(server.page_url).netloc
+    given = {name: value.format(own=own) for name, value in headers.items()}
+    for path, method in ((DATA, "POST"), (DATA, "OPTIONS"), ("/re_viewer.js", "GET")):
+        found, answer, _ = ask(server, path, method, **given)
+        assert found == status
+        # The program itself answers 127.0.0.1 of any port, and rerun.io.
+        assert answer["Access-Control-Allow-Origin"] in {None, f"http://{own}", "http://robot"}
+
+
+def test_page_names_its_data_and_keeps_options(server):
+    status, answer, _ = ask(server, "/?renderer=webgl", Host="localhost:1234")
+    assert status == 302
+    assert "url=rerun%2Bhttp%3A%2F%2Flocalhost%3A1234%2Fproxy" in answer["Location"]
+    assert answer["Location"].endswith("&renderer=webgl")
+    status, answer, page = ask(server, answer["Location"])
+    assert status == 200
+    assert b"re_viewer.js" in page
+    assert b"<link" in page
+    assert not re.search(rb"<link[^>]*http", page)
+    assert "default-src 'self';" in answer["Content-Security-Policy"]
+
+
+@pytest.mark.parametrize(
+    "question", [b"nonsense\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"\0" * 99999]
+)
+def test_senseless_requests_end_their_connection_only(server, question):
+    with socket.create_connection(address(server)) as connection:
+        connection.sendall(question)
+        connection.shutdown(socket.SHUT_WR)
+        assert connection.recv(100)[9:12] in {b"", b"403"}
+    assert ask(server, "/favicon.ico")[0] == 200
+
+
+def address(server: Server) -> tuple[str, int]:
+    parts = urlsplit(server.page_url)
+    return parts.hostname, parts.port
+
+
+def reader(server: Server) -> socket.socket:
+    """Return a connection that has asked for the data."""
+    host, port = address(server)
+    connection = socket.create_connection((host, port))
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    lines = (
+        *(f"POST {DATA} HTTP/1.1", f"Host: {host}:{port}", f"Content-Length: {len(QUESTION)}"),
+        *("Content-Type: application/grpc-web+proto", "X-Grpc-Web: 1", "", ""),
+    )
+    connection.sendall("\r\n".join(lines).encode() + QUESTION)
+    assert connection.recv(100).startswith(b"HTTP/1.1 200")
+    return connection
+
+
+def test_a_stalled_page_stops_neither_logging_nor_other_pages(server, monkeypatch):
+    monkeypatch.setattr("grid_map_visualization_py._rerun.front.STALL", 1.0)
+    received = 0
+
+    def read() -> None:
+        nonlocal received
+        while block := other.recv(1 << 20):
+            received += len(block)
+
+    count, size = 100, 200_000
+    with reader(server) as stalled, reader(server) as other:
+        thread = threading.Thread(target=read, daemon=True)
+        thread.start()
+        for k in range(count):
+            log(server, float(k), size)
+        wait_until(lambda: received > 12 * count * size, "the data")
+        # Up to its limit, and some for what is on the way.
+        rss = Path(f"/proc/{server._process.pid}/statm").read_text().split()[1]
+        assert int(rss) * os.sysconf("SC_PAGE_SIZE") < 300e6
+        assert stalled.fileno() >= 0
+
+
+def test_server_closes_in_time_while_the_program_hangs():
+    with Server(port=0) as one:
+        os.kill(one._process.pid, signal.SIGSTOP)
+        begin = time.monotonic()
+    assert time.monotonic() - begin < 5
+    assert one.problem == "the program rerun has ended with exit code -9"
+
+
+def test_programs_read_the_recording_through_the_same_port(started, tmp_path):
+    path = tmp_path / "saved.rrd"
+    url = started[2].replace("http://", "rerun+http://") + "/proxy"
+    options = "--save", path, "--port", "0", "--bind", "127.0.0.1", url
+    with subprocess.Popen([rerun(), *options], stderr=subprocess.DEVNULL) as program:
+        try:
+            wait_until(lambda: "TextDocument:text" in printed(path), "the text")
+        finally:
+            program.kill()
+
+
+def rerun() -> Path:
+    """Return the program of Rerun."""
+    import rerun_cli
+
+    return Path(rerun_cli.__file__).with_name("rerun")
+
+
+def printed(path: Path) -> str:
+    command = [rerun(), "rrd", "print", path]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+
+def test_errors_are_one_line(monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        complaint = rf"^the page cannot be served at 127.0.0.1:{port}: .*in use.*; choose another"
+        with pytest.raises(ServerError, match=complaint):
+            Server(port=port)
+    with pytest.raises(ServerError, match=r"has ended with exit code [12]; it says above why"):
+        Server(port=0, memory_limit="much")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(MissingPackageError, match=r"Rerun needs .* 'rerun', .*py\[rerun\]"):
+        Server(port=0)
+
+
+@pytest.fixture(scope="module")
+def outside() -> Iterator[tuple[str, list[str]]]:
+    """A proxy that refuses everything: its address, and the hosts that it was asked for."""
+    hosts: list[str] = []
+
+    def serve() -> None:
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            with connection:
+                hosts.append(connection.recv(1 << 16).split(b"\r\n")[0].decode("latin-1"))
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}", hosts
+        listener.shutdown(socket.SHUT_RDWR)
+
+
+def is_of_the_page(line: str) -> bool:
+    """Return whether a request is not one of Chromium itself."""
+    return bool(re.search(r"rerun|github|fonts", line))
+
+
+def test_page_in_a_browser_contacts_no_other_site(server, outside):
+    playwright = pytest.importorskip("playwright.sync_api")
+    proxy, hosts = outside
+    flags = [*FLAGS, f"--proxy-server={proxy}", "--proxy-bypass-list=127.0.0.1"]
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
+        tab = browser.new_page()
+        reads = lambda request: request.url.endswith("/ReadMessages")  # noqa: E731
+        blocked: list[str] = []
+        tab.on("console", lambda m: blocked.append(m.text) if "Policy" in m.text else None)
+        with tab.expect_request(reads, timeout=60_000):
+            tab.goto(f"{server.page_url}/?renderer=webgl")
+        wait_until(lambda: blocked, "a try", step=lambda: tab.wait_for_timeout(50))
+        assert not list(filter(is_of_the_page, hosts))
+        # The same page, without what stands before it, does contact others.
+        host, port = server._front._page
+        tab.goto(f"http://{host}:{port}/", wait_until="commit")
+        found: Callable[[], object] = lambda: list(filter(is_of_the_page, hosts))  # noqa: E731
+        wait_until(found, "a request", step=lambda: tab.wait_for_timeout(50))
+        browser.close()
