@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Container, Mapping
 from contextlib import suppress
 from http import HTTPStatus
+from http.client import HTTPMessage
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -275,7 +276,7 @@ def _check_picture(data: Any) -> None:
         check_cells("payload", (height, width))
 
 
-def is_allowed(headers: Mapping[str, str], names: Container[str]) -> bool:
+def is_allowed(headers: Mapping[str, str] | HTTPMessage, names: Container[str]) -> bool:
     """Return True if a browser may send a request with these headers to the page.
 
     The host must be an address or one of the names, so that a foreign name that is made to point to
