@@ -164,7 +164,7 @@ def plot_3d(
     # The z axis is short, with room for few ticks.
     axes.locator_params(axis="z", nbins=3)
     if color_bar and color_mode == "intensity":
-        bar = _mappable(coloring, surface.values(layer))
+        bar = _mappable(coloring, grid_map[layer])
         axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.6, pad=0.1)
     return axes
 

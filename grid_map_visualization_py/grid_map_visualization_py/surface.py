@@ -3,7 +3,9 @@
 """Triangulation of a layer of heights, for markers and meshes.
 
 The corners of the triangles are cell centers. Four neighboring cells in a square are two triangles
-if all have a height, one triangle if three have one, and a hole otherwise.
+if all have a height, one triangle if three have one, and a hole otherwise. Two triangles meet at
+that diagonal of the square whose ends differ less in height, the higher one if both differ alike,
+so that edges and ridges are straight.
 
 Maps with more than `max_drawn_cells` cells are thinned out: every n-th row and column stay, and
 the first and the last ones, so that the surface covers the map. The remaining cells keep their
@@ -12,7 +14,7 @@ the surface of a moving map does not flicker.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count, pairwise
 from typing import Any
@@ -102,7 +104,8 @@ class Surface:
         columns, rows = self.valid.shape
         if rows < 2 or columns < 2:
             return np.empty((0, 3), np.int64)
-        kinds = [(np.flatnonzero(mask), corners) for mask, corners in _triangles(self.valid)]
+        found = _triangles(self.valid, self.values(self.height_layer))
+        kinds = [(np.flatnonzero(mask), corners) for mask, corners in found]
         ends = np.cumsum([0, *(len(first) for first, _ in kinds)])
         triangles = np.empty((ends[-1], 3), np.int64)
         for (first, corners), (begin, end) in zip(kinds, pairwise(ends), strict=True):
@@ -134,7 +137,19 @@ class Surface:
             LayerNotFoundError: the map lacks the layer.
         """
         layer = "" if coloring.mode == "flat" else coloring.layer
+        if coloring.mode == "intensity" and self._step > 1:
+            lower, upper = self.bounds(coloring)
+            if lower < upper:
+                coloring = replace(coloring, lower=lower, upper=upper)
         return coloring(self.values(layer or self.height_layer)).reshape(-1, 3)
+
+    def bounds(self, coloring: Coloring) -> tuple[float, float]:
+        """Return the values at the ends of the color map: those of the whole map, not thinned out.
+
+        Raises:
+            LayerNotFoundError: the map lacks the layer.
+        """
+        return coloring.bounds(self.grid_map[coloring.layer or self.height_layer])
 
     def mesh(self, coloring: Coloring) -> Mesh:
         """Return the surface as a mesh.
@@ -178,7 +193,7 @@ class Surface:
         return kept
 
 
-def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
+def _triangles(valid: Mask, heights: Layer) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     """Yield, for each kind of triangle, a mask of the squares and the offsets of its corners."""
     rows = valid.shape[1]
     is_first = np.ones(valid.shape, np.bool_)
@@ -186,11 +201,23 @@ def _triangles(valid: Mask) -> Iterator[tuple[Mask, tuple[int, int, int]]]:
     # Cells of a square: the first, the next row (-x), the next column (-y), and both.
     offsets = (0, 1, rows, rows + 1)
     squares = valid.size - offsets[-1]
-    flat = valid.ravel()
-    first, row, column, both = (flat[offset : squares + offset] for offset in offsets)
     inside = is_first.ravel()[:squares]
-    yield inside & first & row & column, (0, 1, rows)
-    yield inside & row & both & column, (1, rows + 1, rows)
-    # Triangles along the other diagonal, where one corner of the usual one is missing.
-    yield inside & first & both & column & ~row, (0, rows + 1, rows)
-    yield inside & first & row & both & ~column, (0, 1, rows + 1)
+
+    def corners(values: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+        flat = values.ravel()
+        return [flat[offset : squares + offset] for offset in offsets]
+
+    first, row, column, both = corners(heights)
+    with np.errstate(invalid="ignore", over="ignore"):
+        usual, other = np.abs(row - column), np.abs(first - both)
+        turned = other < usual
+        turned |= (other == usual) & (first + both > row + column)
+    first, row, column, both = corners(valid)
+    turned &= first & both
+    kept = inside & row & column & ~turned
+    yield kept & first, (0, 1, rows)
+    yield kept & both, (1, rows + 1, rows)
+    # Triangles along the other diagonal, also where one corner of the usual one is missing.
+    crossed = inside & first & both
+    yield crossed & column & (turned | ~row), (0, rows + 1, rows)
+    yield crossed & row & (turned | ~column), (0, 1, rows + 1)

@@ -3,7 +3,7 @@
 """Maps as surfaces of triangles, against loops over the cells."""
 
 import tracemalloc
-from itertools import combinations
+from itertools import pairwise
 
 import messages
 import numpy as np
@@ -28,10 +28,6 @@ def drawn(grid_map: GridMap, **params: object) -> Marker:
 def corners_of(mesh: Mesh) -> np.ndarray:
     """Return the corners (T, 3, 3) of the triangles, map frame."""
     return mesh.vertices[mesh.faces].astype(np.float64) + mesh.origin
-
-
-def as_set(triangles: np.ndarray) -> set[frozenset[tuple[float, ...]]]:
-    return {frozenset(map(tuple, np.round(corners, 4))) for corners in triangles}
 
 
 def squares(grid_map: GridMap, layer: str) -> list[np.ndarray]:
@@ -76,15 +72,42 @@ def test_marker_and_mesh_are_the_same_triangles(grid_map):
     np.testing.assert_allclose(marker, mesh, rtol=1e-5, atol=1e-5)
 
 
-def test_corners_of_triangles_are_cells_of_one_square():
-    random = np.random.default_rng(5)
-    heights = random.random((6, 5)).astype(np.float32)
-    heights[random.random((6, 5)) < 0.3] = np.nan
-    grid_map = GridMap((6, 5), 1.0, (2.0, 1.0), {"z": heights})
-    possible = set()
-    for square in squares(grid_map, "z"):
-        possible |= as_set(np.array(list(combinations(square, 3))))
-    assert as_set(corners_of(Surface(grid_map, "z").mesh(GRAY))) <= possible
+def expected_triangles(heights: np.ndarray) -> set[frozenset[tuple[int, int]]]:
+    """Return the corners, row and column, of all triangles, by a loop over the squares."""
+    found = set()
+    for row, column in np.ndindex(*np.subtract(heights.shape, 1)):
+        a, b, c, d = square = [(row + i, column + j) for i in (0, 1) for j in (0, 1)]
+        known = [cell for cell in square if np.isfinite(heights[cell])]
+        if len(known) == 4:
+            # The flatter diagonal, or else the higher one, or else the one from b to c.
+            ends = {(i, j): (heights[i], heights[j]) for i, j in ((b, c), (a, d))}
+            k, m = min(ends, key=lambda pair: (abs(np.subtract(*ends[pair])), -sum(ends[pair])))
+            halves = [(k, m, cell) for cell in square if cell not in (k, m)]
+            found |= set(map(frozenset, halves))
+        elif len(known) == 3:
+            found.add(frozenset(known))
+    return found
+
+
+def triangles_of(grid_map: GridMap) -> set[frozenset[tuple[int, int]]]:
+    columns, rows = np.divmod(Surface(grid_map, "z").triangles, grid_map.size[0])
+    return {frozenset(map(tuple, corners)) for corners in np.stack([rows, columns], -1).tolist()}
+
+
+@settings(max_examples=60)
+@given(grid_maps(("z",), max_side=6))
+def test_squares_are_split_along_the_flatter_diagonal(grid_map):
+    assert triangles_of(grid_map) == expected_triangles(grid_map.unwrapped("z"))
+
+
+@pytest.mark.parametrize("turn", [np.asarray, np.fliplr])
+def test_ridges_along_either_diagonal_stay_straight(turn):
+    row, column = np.indices((7, 7))
+    heights = turn(-abs(row - column).astype(np.float32))
+    triangles = triangles_of(GridMap((7, 7), 1.0, layers={"z": heights}))
+    on_ridge = sorted(map(tuple, np.argwhere(heights == 0).tolist()))
+    for ends in pairwise(on_ridge):
+        assert sum(set(ends) <= corners for corners in triangles) == 2
 
 
 def test_four_cells_are_two_triangles():
@@ -197,6 +220,15 @@ def test_thinned_out_map_keeps_its_extent_and_its_values(size, max_drawn_cells):
     np.testing.assert_allclose(np.ptp(positions, axis=0), np.array(size) - 1.0, atol=1e-4)
     values = grid_map.at_position("z", positions)
     np.testing.assert_array_equal(values.astype(np.float32), mesh.vertices[:, 2])
+
+
+def test_colors_of_thinned_out_map_have_bounds_of_all_cells():
+    grid_map = GridMap((40, 40), 1.0, layers={"z": np.linspace(0.0, 1.0, 1600).reshape(40, 40)})
+    grid_map["z"][20, 20] = 100.0
+    surface = Surface(grid_map, "z", max_drawn_cells=100)
+    assert np.nanmax(surface.values("z")) < 100
+    assert surface.bounds(Coloring()) == (0.0, 100.0)
+    assert surface.mesh(Coloring(color_map="gray")).colors.max() <= 3
 
 
 def test_thinned_out_map_that_moves_keeps_the_cells_inside():
