@@ -97,7 +97,9 @@ def view(data: Buffer, message_type: MessageType) -> Any:
 
     Args:
         data: the bytes, little- or big-endian.
-        message_type: class of the message; "grid_map_msgs/GridMap" needs no message package.
+        message_type: class of the message, or the name of a type that needs no message package:
+            "grid_map_msgs/GridMap", and the types that `grid-map view` shows, such as
+            "nav_msgs/Odometry".
 
     Raises:
         MessageError: the bytes end too early, a length or a text is invalid, the encoding is

@@ -1,0 +1,245 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Messages as archetypes of Rerun."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_ros_py import from_pose, from_stamp, read_points
+from grid_map_ros_py.messages import from_transform
+
+Origin: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Archetypes to log for a message, with their entity path, frame and time.
+
+    Attributes:
+        time: of its header [ns]; 0 for none.
+        path: parts of the entity path below the topic, or from the root if `is_global`.
+        frame: frame of ROS; None for a message without a place.
+        archetypes: returns the archetypes for the origin (3,) of coordinates in the frame [m].
+        is_global: the path does not begin with the topic.
+    """
+
+    time: int
+    path: tuple[str, ...]
+    frame: str | None
+    archetypes: Callable[[Origin], list[Any]]
+    is_global: bool = False
+
+
+def stamp_of(header: Any) -> int:
+    """Return the time of a header [ns]."""
+    return from_stamp(header.stamp)
+
+
+def _always(archetype: Any) -> Callable[[Origin], list[Any]]:
+    return lambda _: [archetype]
+
+
+def _transforms(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    for one in message.transforms:
+        matrix = from_transform(one.transform)
+        frames = {"parent_frame": one.header.frame_id, "child_frame": one.child_frame_id}
+        archetype = rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3], **frames)
+        path = ("tf", one.child_frame_id)
+        yield Placed(stamp_of(one.header), path, None, _always(archetype), True)
+
+
+def _pose(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    matrix = from_pose(message)
+
+    def arrows(origin: Origin) -> list[Any]:
+        colors = [(220, 40, 40), (40, 180, 40), (60, 80, 230)]
+        start = matrix[:3, 3] - origin
+        return [rr.Arrows3D(origins=[start] * 3, vectors=matrix[:3, :3].T, colors=colors)]
+
+    def point(origin: Origin) -> list[Any]:
+        return [rr.Points3D([matrix[:3, 3] - origin], radii=rr.Radius.ui_points(2.0))]
+
+    yield Placed(stamp_of(message.header), ("pose",), message.header.frame_id, arrows)
+    yield Placed(stamp_of(message.header), ("trail",), message.header.frame_id, point)
+
+
+def _path(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    points = np.array(
+        [(p.x, p.y, p.z) for p in (one.pose.position for one in message.poses)], float
+    ).reshape(-1, 3)
+
+    def strip(origin: Origin) -> list[Any]:
+        return [rr.LineStrips3D([points - origin], radii=rr.Radius.ui_points(2.0))]
+
+    yield Placed(stamp_of(message.header), (), message.header.frame_id, strip)
+
+
+def _cloud(rr: Any, message: Any, most: int) -> Iterator[Placed]:
+    fields = read_points(message)
+    points = np.stack([fields[axis] for axis in "xyz"], axis=-1)
+    shown = np.flatnonzero(np.isfinite(points).all(axis=-1))
+    shown = shown[:: -(-len(shown) // most) if most and len(shown) else 1]
+    colors = None
+    if "rgb" in fields:
+        packed = np.ascontiguousarray(fields["rgb"][shown]).view(np.uint32)
+        colors = np.stack([packed >> shift & 255 for shift in (16, 8, 0)], axis=-1)
+
+    def cloud(origin: Origin) -> list[Any]:
+        radii = rr.Radius.ui_points(1.5)
+        return [rr.Points3D(points[shown] - origin, radii=radii, colors=colors)]
+
+    yield Placed(stamp_of(message.header), (), message.header.frame_id, cloud)
+
+
+def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    info, matrix = message.info, from_pose(message.info.origin)
+    form = rr.components.ImageFormat(
+        width=info.width, height=info.height, color_model="L", channel_datatype="U8"
+    )
+    # The first row of a picture is the upper one.
+    cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)[::-1]
+
+    def grid(origin: Origin) -> list[Any]:
+        q = info.origin.orientation
+        archetype = rr.GridMap(
+            data=cells.tobytes(),
+            format=form,
+            cell_size=info.resolution,
+            translation=matrix[:3, 3] - origin,
+            quaternion=[q.x, q.y, q.z, q.w],
+            colormap=rr.components.Colormap.RvizMap,
+        )
+        return [archetype]
+
+    yield Placed(stamp_of(message.header), (), message.header.frame_id, grid)
+
+
+def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    for marker in message.markers if hasattr(message, "markers") else [message]:
+        time, path = stamp_of(marker.header), (marker.ns or "markers", str(marker.id))
+        if marker.action == 0:
+            archetypes = _marker(rr, marker)
+            yield Placed(time, path, marker.header.frame_id, archetypes)
+        else:
+            gone = path if marker.action == 2 else ()
+            yield Placed(time, gone, None, _always(rr.Clear(recursive=True)))
+
+
+def _marker(rr: Any, marker: Any) -> Callable[[Origin], list[Any]]:
+    matrix = _marker_pose(marker.pose)
+    points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
+    points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
+    colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
+    rgba = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
+
+    def archetypes(origin: Origin) -> list[Any]:
+        near = points - origin
+        if marker.type in _SHAPES_OF_POINTS:
+            return [_SHAPES_OF_POINTS[marker.type](rr, near, scale, rgba)]
+        if marker.type in _SHAPES:
+            center = matrix[:3, 3] - origin
+            return [_SHAPES[marker.type](rr, marker, center, matrix[:3, :3], near, scale, rgba)]
+        return [rr.Clear(recursive=False)]
+
+    return archetypes
+
+
+def _line_list(rr: Any, points: Any, scale: Any, rgba: Any) -> Any:
+    strips = points[: len(points) // 2 * 2].reshape(-1, 2, 3)
+    return rr.LineStrips3D(strips, radii=scale[0] / 2, colors=rgba[::2])
+
+
+def _triangles(rr: Any, points: Any, _: Any, rgba: Any) -> Any:
+    # Colors are of one triangle, of all triangles, or of all corners.
+    repeated = np.repeat(rgba, -(-len(points) // len(rgba)), axis=0)[: len(points)]
+    return rr.Mesh3D(vertex_positions=points, vertex_colors=repeated)
+
+
+def _cubes(rr: Any, points: Any, scale: Any, rgba: Any) -> Any:
+    halves = np.tile(scale / 2, (len(points), 1))
+    return rr.Boxes3D(centers=points, half_sizes=halves, colors=rgba, fill_mode="solid")
+
+
+def _arrow(rr: Any, _: Any, center: Any, turn: Any, points: Any, scale: Any, rgba: Any) -> Any:
+    start, vector = center, turn[:, 0] * scale[0]
+    if len(points) == 2:
+        start, vector = points[0], points[1] - points[0]
+    return rr.Arrows3D(origins=[start], vectors=[vector], colors=rgba)
+
+
+def _cube(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
+    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
+    box = {"centers": [center], "half_sizes": [scale / 2], "quaternions": [turn]}
+    return rr.Boxes3D(**box, colors=rgba, fill_mode="solid")
+
+
+def _sphere(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
+    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
+    ball = {"centers": [center], "half_sizes": [scale / 2], "quaternions": [turn]}
+    return rr.Ellipsoids3D(**ball, colors=rgba, fill_mode="solid")
+
+
+def _text(rr: Any, marker: Any, center: Any, _: Any, __: Any, ___: Any, rgba: Any) -> Any:
+    return rr.Points3D([center], labels=[marker.text], show_labels=True, colors=rgba)
+
+
+_SHAPES_OF_POINTS: dict[int, Callable[..., Any]] = {
+    4: lambda rr, points, scale, rgba: rr.LineStrips3D(
+        [points], radii=scale[0] / 2, colors=rgba[:1]
+    ),
+    5: _line_list,
+    6: _cubes,
+    7: lambda rr, points, scale, rgba: rr.Points3D(points, radii=scale[0] / 2, colors=rgba),
+    8: lambda rr, points, scale, rgba: rr.Points3D(points, radii=scale[0] / 2, colors=rgba),
+    11: _triangles,
+}
+"""Shapes by the type of the marker: strip, list of lines, cubes, spheres, points, triangles."""
+
+_SHAPES: dict[int, Callable[..., Any]] = {0: _arrow, 1: _cube, 2: _sphere, 9: _text}
+"""Shapes at the pose of the marker: arrow, cube, sphere, text."""
+
+
+def _xyzw(q: Any) -> list[float]:
+    return [q.x, q.y, q.z, q.w] if any((q.x, q.y, q.z, q.w)) else [0.0, 0.0, 0.0, 1.0]
+
+
+def _marker_pose(pose: Any) -> npt.NDArray[np.float64]:
+    """Return the pose of a marker; RViz takes a quaternion of zeros for no rotation, too."""
+    q = pose.orientation
+    if any((q.x, q.y, q.z, q.w)):
+        return from_pose(pose)
+    matrix = np.eye(4)
+    matrix[:3, 3] = pose.position.x, pose.position.y, pose.position.z
+    return matrix
+
+
+def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
+    for status in message.status:
+        for entry in status.values:
+            if "milliseconds" not in entry.key:
+                continue
+            try:
+                scalar = rr.Scalars(float(entry.value))
+            except ValueError:
+                continue
+            path = ("milliseconds", status.name, entry.key)
+            yield Placed(stamp_of(message.header), path, None, _always(scalar), is_global=True)
+
+
+SHOWN: dict[str, Callable[[Any, Any, int], Iterator[Placed]]] = {
+    "diagnostic_msgs/msg/DiagnosticArray": _diagnostics,
+    "geometry_msgs/msg/PoseStamped": _pose,
+    "nav_msgs/msg/OccupancyGrid": _occupancy_grid,
+    "nav_msgs/msg/Odometry": _pose,
+    "nav_msgs/msg/Path": _path,
+    "sensor_msgs/msg/PointCloud2": _cloud,
+    "tf2_msgs/msg/TFMessage": _transforms,
+    "visualization_msgs/msg/Marker": _markers,
+    "visualization_msgs/msg/MarkerArray": _markers,
+}
+"""Functions that turn messages into what is logged, by type."""

@@ -1,0 +1,465 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Maps and messages in a recording of Rerun, and the layout of the viewer that fits to them.
+
+Each topic is an entity path, `grid_map/...` for `/grid_map`. A map has these entities in it:
+
+- `surface`: a mesh with the colors of each layer.
+- `layers/NAME`: the values of a layer as an image, seen from above (x right, y up), transparent and
+  over its `color`, which is the picture that one sees. Cells without a value are transparent.
+- `legend/NAME`: color bar of a layer, with its bounds.
+- `range/NAME` and `missing/NAME`: smallest, mean and largest value, and percentage of missing
+  values, as curves.
+
+Frames of ROS are frames of Rerun. The 3-D view has a frame of its own, `view`: near the first map,
+since the graphics know only float32, and with scaled heights if `exaggeration` says so. All data
+are true to scale.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grid_map_core_py import GridMap
+from grid_map_core_py.arrays import (
+    max_of_finites,
+    mean_of_finites,
+    min_of_finites,
+    number_of_finites,
+)
+from grid_map_core_py.errors import required
+from grid_map_core_py.plugins import check
+from grid_map_ros_py import from_serialized_message
+from grid_map_ros_py.messages import view
+
+from ..colors import DEFAULT_COLOR_MAP, Coloring
+from ..surface import Mesh, Surface, check_max_drawn_cells
+from ._messages import SHOWN, Placed
+
+GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
+
+SHOWN_TYPES = frozenset({GRID_MAP_TYPE, *SHOWN})
+"""Types of messages that `Scene.log_message` shows."""
+
+_FAR = 1000.0
+"""Multiples of it [m] are the origins near far maps; exact in float32."""
+
+_LARGEST_IMAGE = 4096
+"""Rows and columns of an image that graphics can hold everywhere."""
+
+_VIEW = "view"
+
+
+def rerun(module: str = "rerun") -> Any:
+    """Return a module of Rerun, or raise `MissingPackageError`."""
+    return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """How maps are drawn.
+
+    Attributes:
+        height_layer: heights [m] of the surface; empty for elevation, or the first layer.
+        color_layer: layer that colors the surface at first; empty for the heights.
+        color_map: color map of Matplotlib.
+        lower, upper: values at its ends, for `color_layer`; None stands for the smallest and the
+            largest value of each map.
+        exaggeration: factor that scales heights in the 3-D view.
+        max_drawn_cells: cells of the surface; larger maps are thinned out. 0 for no limit.
+    """
+
+    height_layer: str = ""
+    color_layer: str = ""
+    color_map: str = DEFAULT_COLOR_MAP
+    lower: float | None = None
+    upper: float | None = None
+    exaggeration: float = 1.0
+    max_drawn_cells: int = 150_000
+
+    def __post_init__(self) -> None:
+        check_max_drawn_cells(self.max_drawn_cells)
+        is_factor = np.isfinite(self.exaggeration) and self.exaggeration > 0
+        check(bool(is_factor), "exaggeration", "a positive number", self.exaggeration)
+        self.coloring(self.color_layer)
+
+    def heights_of(self, layers: Iterable[str]) -> str:
+        """Return the layer of heights of a map with these layers; empty if it has none."""
+        names = [*layers]
+        return self.height_layer or ("elevation" if "elevation" in names else [*names, ""][0])
+
+    def coloring(self, layer: str, *, is_chosen: bool = True) -> Coloring:
+        """Return the colors of a layer; packed colors if its name ends in color."""
+        if layer.endswith("color"):
+            return Coloring(mode="color", layer=layer)
+        lower, upper = (self.lower, self.upper) if is_chosen else (None, None)
+        return Coloring(layer=layer, color_map=self.color_map, lower=lower, upper=upper)
+
+
+class Scene:
+    """Writes maps and messages to a recording of Rerun, and knows the layout that fits to them.
+
+    Use it in one thread at a time. All times are in nanoseconds since the epoch. They are on two
+    timelines: `ros_time`, of the message's header, and `log_time`, of its arrival.
+
+    Args:
+        recording: an `rr.RecordingStream`.
+        style: how maps are drawn.
+    """
+
+    def __init__(self, recording: Any, style: Style | None = None) -> None:
+        self._rr, self._rrb = rerun(), rerun("rerun.blueprint")
+        self._recording, self._style = recording, style or Style()
+        self._maps: dict[str, list[str]] = {}
+        self._present: dict[str, set[str]] = {}
+        self._messages: dict[str, str] = {}
+        self._curves: set[str] = set()
+        self._origins: dict[str, npt.NDArray[np.float64]] = {}
+        self._first: tuple[str, npt.NDArray[np.float64], float] | None = None
+        self._is_repeated = False
+        self._laid_out: object = None
+        # Times are those of the messages, not of these calls.
+        self._rr.set_log_time_enabled(False, recording=recording)
+        self._rr.set_log_tick_enabled(False, recording=recording)
+
+    @property
+    def changed(self) -> bool:
+        """True if `layout` would return another layout than the last time."""
+        return self._laid_out != self._content()
+
+    def log_map(self, name: str, grid_map: GridMap, *, log_time: int | None = None) -> None:
+        """Write a map.
+
+        The time of the map is that of `ros_time`; for a map without one, `log_time` is.
+
+        Args:
+            name: topic, or name of a file.
+            grid_map: the map; it may have moved.
+            log_time: time of its arrival [ns]; None means the time of the map.
+        """
+        self._set_times(grid_map.timestamp, log_time)
+        parts, layers = _parts(name), grid_map.layers
+        key = "/".join(parts)
+        self._is_repeated |= key in self._maps
+        known = self._maps.setdefault(key, [])
+        known += [layer for layer in layers if layer not in known]
+        for layer in self._present.get(key, set()).difference(layers):
+            for kind in ("layers", "legend", "range", "missing"):
+                self._log([*parts, kind, layer], self._rr.Clear(recursive=True))
+        self._present[key] = {*layers}
+        heights = self._style.heights_of(layers)
+        chosen = self._style.color_layer or heights
+        colorings = {one: self._style.coloring(one, is_chosen=one == chosen) for one in layers}
+        self._log_surface(parts, grid_map, heights, chosen, colorings)
+        for layer, coloring in colorings.items():
+            self._log_layer(parts, grid_map, layer, coloring)
+
+    def log_message(self, topic: str, kind: str, data: bytes, *, log_time: int) -> bool:
+        """Write a message of one of the `SHOWN_TYPES`.
+
+        Args:
+            topic: its topic.
+            kind: its type, such as `nav_msgs/msg/Odometry`.
+            data: the message in CDR, as raw subscriptions and bags have it.
+            log_time: time of its arrival [ns].
+
+        Returns:
+            True if messages of this type are shown.
+
+        Raises:
+            MessageError: the message is damaged or contradicts itself.
+            LimitError: a map has too many cells.
+        """
+        if kind == GRID_MAP_TYPE:
+            self.log_map(topic, from_serialized_message(data), log_time=log_time)
+            return True
+        if kind not in SHOWN:
+            return False
+        message = view(data, kind.replace("/msg/", "/"))
+        parts = _parts(topic)
+        self._messages.setdefault("/".join(parts), kind)
+        for item in SHOWN[kind](self._rr, message, self._style.max_drawn_cells):
+            self._set_times(item.time, log_time)
+            self._log_placed(parts, item, is_static=topic.endswith("tf_static"))
+        return True
+
+    def layout(self) -> Any:
+        """Return the layout (`rrb.Blueprint`) for all that was logged so far."""
+        self._laid_out = self._content()
+        rrb = self._rrb
+        images = [
+            rrb.Spatial2DView(origin=_path(*parts, "layers", layer), name=layer)
+            for name, layers in self._maps.items()
+            for parts in [_parts(name)]
+            for layer in layers
+        ]
+        beside = [rrb.Grid(*images, name="layers")] if images else []
+        curves = self._curve_views()
+        if curves:
+            beside.append(rrb.Tabs(*curves))
+        parts = [self._surface_views()]
+        if beside:
+            parts.append(rrb.Vertical(*beside, row_shares=[3, 2][: len(beside)]))
+        return rrb.Blueprint(
+            rrb.Horizontal(*parts, column_shares=[3, 2][: len(parts)]),
+            rrb.BlueprintPanel(state="collapsed"),
+            rrb.SelectionPanel(state="collapsed"),
+            rrb.TimePanel(state="collapsed", timeline="ros_time"),
+            auto_views=False,
+        )
+
+    # --- parts of the recording -------------------------------------------------------------------
+
+    def _set_times(self, ros_time: int, log_time: int | None) -> None:
+        arrival = ros_time if log_time is None else log_time
+        for name, time in (("ros_time", ros_time or arrival), ("log_time", arrival)):
+            self._recording.set_time(name, timestamp=np.datetime64(time, "ns"))
+
+    def _log(self, parts: list[str], *archetypes: Any, static: bool = False) -> None:
+        self._recording.log(_path(*parts), *archetypes, static=static)
+
+    def _log_surface(
+        self,
+        parts: list[str],
+        grid_map: GridMap,
+        heights: str,
+        chosen: str,
+        colorings: dict[str, Coloring],
+    ) -> None:
+        rr, path = self._rr, [*parts, "surface"]
+        if heights not in colorings or chosen not in colorings:
+            self._log(path, rr.Clear(recursive=False))
+            return
+        surface = Surface(grid_map, heights, max_drawn_cells=self._style.max_drawn_cells)
+        mesh = surface.mesh(colorings[chosen])
+        frame, origin = self._place(grid_map.frame_id, mesh.origin)
+        if self._first is None:
+            reach = float(np.hypot(*grid_map.length))
+            level = mean_of_finites(mesh.vertices[:, 2]) if len(mesh.vertices) else 0.0
+            center = mesh.origin - origin + [0.0, 0.0, self._style.exaggeration * level]
+            self._first = grid_map.frame_id, center, reach
+            scale = [1.0, 1.0, 1.0 / self._style.exaggeration]
+            between = rr.Transform3D(scale=scale, parent_frame=frame, child_frame=_VIEW)
+            self._log(["tf", _VIEW], between, static=True)
+        if not len(mesh.faces):
+            self._log(path, rr.Clear(recursive=False))
+            return
+        valid = surface.valid.ravel()
+        self._log(
+            path,
+            rr.CoordinateFrame(frame),
+            rr.InstancePoses3D(translations=[mesh.origin - origin]),
+            rr.Mesh3D(
+                vertex_positions=mesh.vertices,
+                triangle_indices=mesh.faces,
+                vertex_normals=_normals(mesh),
+                vertex_colors=mesh.colors,
+            ),
+            *(
+                rr.DynamicArchetype(
+                    layer,
+                    components={
+                        "colors": rr.components.ColorBatch(surface.colors(coloring)[valid])
+                    },
+                )
+                for layer, coloring in colorings.items()
+            ),
+        )
+
+    def _log_layer(
+        self, parts: list[str], grid_map: GridMap, layer: str, coloring: Coloring
+    ) -> None:
+        rr = self._rr
+        values = grid_map.unwrapped(layer)
+        step = -(-max(values.shape) // _LARGEST_IMAGE)
+        # Rows and columns of a map count against x and y.
+        image = np.ascontiguousarray(values.T[::step, ::-step])
+        opaque = np.where(np.isnan(image), np.uint8(0), np.uint8(255))
+        picture = np.dstack([coloring(image), opaque])
+        path = [*parts, "layers", layer]
+        self._log([*path, "color"], rr.Image(picture, "RGBA", magnification_filter="nearest"))
+        self._log(path, rr.Image(image, "L", opacity=0.0, draw_order=1.0))
+        count = number_of_finites(values)
+        missing = 100.0 * (1.0 - count / values.size)
+        self._log([*parts, "missing", layer], rr.Scalars(missing))
+        if coloring.mode != "intensity":
+            return
+        if count:
+            three = [one(values) for one in (min_of_finites, mean_of_finites, max_of_finites)]
+            names = [f"{layer} {name}" for name in ("min", "mean", "max")]
+            self._log([*parts, "range", layer], rr.Scalars(three), rr.SeriesLines(names=names))
+        else:
+            self._log([*parts, "range", layer], rr.Clear(recursive=False))
+        self._log_legend([*parts, "legend", layer], layer, coloring, coloring.bounds(values))
+
+    def _log_legend(
+        self, path: list[str], layer: str, coloring: Coloring, bounds: tuple[float, float]
+    ) -> None:
+        rr = self._rr
+        bar = coloring(np.linspace(*_distinct(bounds), 256, dtype=np.float32))
+        self._log([*path, "bar"], rr.Image(np.tile(bar, (10, 1, 1)), "RGB"))
+        unit = " [m]" if layer in ("elevation", self._style.height_layer) else ""
+        labels = [f"{bounds[0]:.4g}", f"{layer}{unit}", f"{bounds[1]:.4g}"]
+        places = [(0.0, 10.0), (128.0, 10.0), (256.0, 10.0)]
+        self._log(
+            path,
+            rr.Points2D(places, labels=labels, radii=0.5, colors=(128, 128, 128), show_labels=True),
+        )
+
+    def _log_placed(self, parts: list[str], item: Placed, *, is_static: bool) -> None:
+        if item.frame is None:
+            root = [] if item.is_global else parts
+            self._curves |= {"milliseconds"} if item.is_global and item.path[0] != "tf" else set()
+            self._log([*root, *item.path], *item.archetypes(np.zeros(3)), static=is_static)
+            return
+        frame, origin = self._place(item.frame)
+        archetypes = item.archetypes(origin)
+        self._log([*parts, *item.path], self._rr.CoordinateFrame(frame), *archetypes)
+
+    def _place(
+        self, frame: str, position: npt.NDArray[np.float64] | None = None
+    ) -> tuple[str, npt.NDArray[np.float64]]:
+        """Return a frame near a ROS frame's maps, and its origin (3,) in the ROS frame [m]."""
+        if frame not in self._origins:
+            if position is None:
+                return frame or _NO_FRAME, np.zeros(3)
+            near = _FAR * np.round(position / _FAR)
+            self._origins[frame] = near
+            if near.any():
+                between = self._rr.Transform3D(
+                    translation=near,
+                    parent_frame=frame or _NO_FRAME,
+                    child_frame=_near(frame, near),
+                )
+                self._log(["tf", _near(frame, near)], between, static=True)
+        origin = self._origins[frame]
+        return _near(frame, origin) if origin.any() else frame or _NO_FRAME, origin
+
+    # --- parts of the layout ----------------------------------------------------------------------
+
+    def _content(self) -> object:
+        maps = {name: tuple(layers) for name, layers in self._maps.items()}
+        return maps, {**self._messages}, {*self._curves}, self._first is None, self._is_repeated
+
+    def _surface_views(self) -> Any:
+        rrb = self._rrb
+        chosen = [
+            self._style.color_layer or self._style.heights_of(layers)
+            for layers in self._maps.values()
+        ]
+        layers = [*dict.fromkeys([*chosen, *(one for some in self._maps.values() for one in some)])]
+        if not layers:
+            return self._surface_view("3-D", {})
+        tabs = []
+        for layer in layers:
+            shown = self._surface_view(layer, self._colored_by(layer))
+            legends = [
+                rrb.Spatial2DView(
+                    origin=_path(*_parts(name), "legend", layer),
+                    name=f"legend of {layer}",
+                    visual_bounds=rrb.VisualBounds2D(x_range=[-40, 296], y_range=[-6, 36]),
+                )
+                for name, some in self._maps.items()
+                if layer in some and not layer.endswith("color")
+            ]
+            row = [rrb.Horizontal(*legends)] if legends else []
+            tabs.append(rrb.Vertical(shown, *row, row_shares=[8, 1][: 1 + len(row)], name=layer))
+        return rrb.Tabs(*tabs, active_tab=0) if len(tabs) > 1 else tabs[0]
+
+    def _surface_view(self, name: str, overrides: dict[str, Any]) -> Any:
+        rrb = self._rrb
+        surfaces = [_path(*_parts(one), "surface") for one in self._maps]
+        others = [f"{_path(*_parts(topic))}/**" for topic in self._messages]
+        eye = {}
+        target = _VIEW
+        if self._first is None:
+            target = next(iter(self._origins), _NO_FRAME)
+        else:
+            _, center, reach = self._first
+            position = center + reach * np.array([-0.5, -0.6, 0.5])
+            eye["eye_controls"] = rrb.EyeControls3D(
+                position=position, look_target=center, eye_up=[0.0, 0.0, 1.0]
+            )
+        return rrb.Spatial3DView(
+            origin="/",
+            name=name,
+            contents=[*surfaces, *others],
+            overrides=overrides,
+            spatial_information=rrb.SpatialInformation(target, show_axes=True),
+            line_grid=rrb.LineGrid3D(visible=True, spacing=1.0),
+            **eye,
+        )
+
+    def _colored_by(self, layer: str) -> dict[str, Any]:
+        """Return overrides that color the surfaces by a layer."""
+        encodings = rerun("rerun.blueprint.encodings")
+        mapping = encodings.VisualizerComponentMapping(
+            "Mesh3D:vertex_colors",
+            encodings.ComponentSourceKind.SourceComponent,
+            source_component=f"{layer}:colors",
+        )
+        return {
+            _path(*_parts(name), "surface"): self._rr.Mesh3D.from_fields().visualizer(
+                mappings=[mapping]
+            )
+            for name, layers in self._maps.items()
+            if layer in layers
+        }
+
+    def _curve_views(self) -> list[Any]:
+        rrb = self._rrb
+        views = []
+        if self._is_repeated:
+            ranges, missing = [], []
+            for name, layers in self._maps.items():
+                heights = self._style.heights_of(layers)
+                for layer in {heights: 0, self._style.color_layer or heights: 0}:
+                    ranges.append(_path(*_parts(name), "range", layer))
+                missing += [_path(*_parts(name), "missing", layer) for layer in layers]
+            views += [
+                rrb.TimeSeriesView(origin="/", contents=ranges, name="range and mean"),
+                rrb.TimeSeriesView(origin="/", contents=missing, name="missing values [%]"),
+            ]
+        if self._curves:
+            views.append(rrb.TimeSeriesView(origin="/milliseconds", name="milliseconds"))
+        return views
+
+
+_NO_FRAME = "(no frame)"
+
+
+def _near(frame: str, origin: npt.NDArray[np.float64]) -> str:
+    return f"{frame or _NO_FRAME} at {origin[0]:.0f}, {origin[1]:.0f}"
+
+
+def _parts(name: str) -> list[str]:
+    """Return the parts of the entity path of a topic or a name."""
+    return [part for part in re.split("/+", name) if part] or ["map"]
+
+
+def _path(*parts: str) -> str:
+    path: str = rerun().new_entity_path(list(parts))
+    return path
+
+
+def _distinct(bounds: tuple[float, float]) -> tuple[float, float]:
+    lower, upper = bounds
+    return (lower, upper) if upper > lower else (lower, lower + 1.0)
+
+
+def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
+    """Return the normals (N, 3) of the vertices: means of those of the faces around them."""
+    corners = mesh.vertices[mesh.faces]
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    every = mesh.faces.ravel()
+    sums = [
+        np.bincount(every, np.repeat(faces[:, axis], 3), len(mesh.vertices)) for axis in range(3)
+    ]
+    # A vertex without a face has no direction; upwards is as good as any.
+    normals = np.stack(sums, axis=-1) + [0.0, 0.0, np.finfo(np.float64).tiny]
+    unit: npt.NDArray[np.float64] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    return unit.astype(np.float32)
