@@ -479,6 +479,8 @@ def _windows(raster: Any, within: tuple[slice, slice]) -> Iterator[Any]:
 def block_bytes(raster: Any) -> int:
     """Return the unpacked size of a block of all its bands [bytes]."""
     rows, columns = raster.block_shapes[0]
-    together = raster.count if raster.profile.get("interleave") == "pixel" else 1
+    # `profile` would take as long as reading a window.
+    order = raster.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE")
+    together = raster.count if order == "PIXEL" else 1
     size = 16 if "complex" in raster.dtypes[0] else np.dtype(raster.dtypes[0]).itemsize
     return int(rows * columns * together * size)

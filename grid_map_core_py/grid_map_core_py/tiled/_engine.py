@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from functools import lru_cache
+from operator import length_hint
 from typing import Any, TypeVar
 
 from ..arrays._freed_memory import keep_memory
@@ -31,9 +32,9 @@ _PER_BATCH = 16
 _PER_WORKER = 4
 """Tasks that are begun or wait, for each thread of a cluster."""
 
-_TASK = 0.1
+_TASK = 0.5
 """Time of a task of a cluster [s]; a task has several parts that are computed sooner. The cluster
-takes about a millisecond for each task."""
+takes about a millisecond for each task, and a worker unpacks what parts share only once."""
 
 _MOST = 256
 """Largest number of parts of a task."""
@@ -125,7 +126,12 @@ def _on_cluster(
         while True:
             if time.monotonic() - counted > _PERIOD:
                 most, counted = _PER_WORKER * _threads_of(client), time.monotonic()
-            while len(running) < most and (group := [*itertools.islice(rest, size)]):
+            while len(running) < most:
+                # All threads are to finish at the same time.
+                share = length_hint(rest, _MOST * most) // most
+                group = [*itertools.islice(rest, max(min(size, share), 1))]
+                if not group:
+                    break
                 future = client.submit(_call_each, call, group, pure=False)
                 running[future] = group
                 ready.add(future)

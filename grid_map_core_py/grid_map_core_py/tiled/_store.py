@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,9 @@ _RUN = ".run.json"
 
 _LOCK = ".lock"
 """File in an unfinished store, which the process that writes it has locked."""
+
+_NEAR = 4
+"""Tiles along the sides of a square of tiles that are computed one after the other."""
 
 _TRIES, _PAUSE = 50, 0.02
 """How often a folder is removed that is not empty yet, and the time between [s]."""
@@ -97,7 +101,10 @@ def _compute(site: TiledMap, part: Path, names: Sequence[str], progress: Progres
     tiles, columns = site.tiles, site.tiles.counts[1]
     chunks = [_chunks_of(part / name) for name in names]
     finished = set.intersection(*chunks) if chunks else set()
-    missing = [n for n in range(len(tiles)) if "{}.{}".format(*divmod(n, columns)) not in finished]
+    places = {n: divmod(n, columns) for n in range(len(tiles))}
+    missing = [n for n, place in places.items() if "{}.{}".format(*place) not in finished]
+    # Tiles side by side share blocks of their borders, which the process that has them keeps.
+    missing.sort(key=lambda n: [line // _NEAR for line in places[n]])
     done = len(tiles) - len(missing)
     progress(done, len(tiles))
     for _ in in_any_order(_Write(site, str(part.absolute()), names), missing):
@@ -166,8 +173,12 @@ class _Write:
             raise GridMapError(f"{tile_name(window)}: {error}") from error
         for name, layer in zip(self.names, layers, strict=True):
             with store_errors(Path(self.store, name), "written"):
-                # A tile is finished when its chunks exist.
-                open_layer(self.store, name, empty_chunks=True)[window] = layer
+                self._arrays[name][window] = layer
+
+    @cached_property
+    def _arrays(self) -> dict[str, Any]:
+        # A tile is finished when its chunks exist.
+        return {name: open_layer(self.store, name, empty_chunks=True) for name in self.names}
 
 
 def _is_begun(part: Path, run: dict[str, Any], *, resume: bool) -> bool:

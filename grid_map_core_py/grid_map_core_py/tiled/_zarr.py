@@ -102,12 +102,13 @@ def create_group(
         # Values that equal the fill value are read as NaN.
         array = _create_array(group, name, values.shape, "<f8", values.shape, fill_value=np.nan)
         array[:] = values
-        array.attrs.update(about | {"_ARRAY_DIMENSIONS": [name]})
+        # `update` of zarr-python 3 writes the file once for each attribute.
+        array.attrs.put(about | {"_ARRAY_DIMENSIONS": [name]})
     if crs:
         array = _create_array(group, CRS_VARIABLE, (), "<i4", ())
-        array.attrs.update(grid_mapping(crs) | {"_ARRAY_DIMENSIONS": []})
+        array.attrs.put(grid_mapping(crs) | {"_ARRAY_DIMENSIONS": []})
     about = attributes(geometry, frame_id, timestamp, basic_layers)
-    group.attrs.update(about | {"layers": [*names]})
+    group.attrs.put(about | {"layers": [*names]})
     return group
 
 
@@ -123,7 +124,7 @@ def _create_layer(
     packed = blosc("lz4", 1, blosc.SHUFFLE)
     options = {"fill_value": np.nan, "order": "F"}
     array = _create_array(group, name, shape, "<f4", chunks, compressor=packed, **options)
-    array.attrs.update({"_ARRAY_DIMENSIONS": [*DIMENSIONS]} | about)
+    array.attrs.put({"_ARRAY_DIMENSIONS": [*DIMENSIONS]} | about)
 
 
 def _create_array(

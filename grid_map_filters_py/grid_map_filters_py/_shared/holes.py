@@ -57,7 +57,7 @@ def find_holes(missing: Mask) -> tuple[Integers, Holes]:
         missing: (rows, cols); cells that are not have the number 0.
     """
     labels, count = number_holes(missing)
-    return labels, measured(labels, missing, count)
+    return labels, measured(cells_of(labels, missing), count)
 
 
 def number_holes(missing: Mask) -> tuple[Integers, int]:
@@ -67,14 +67,26 @@ def number_holes(missing: Mask) -> tuple[Integers, int]:
     return np.asarray(labels.T, np.int32), count
 
 
-def measured(labels: Integers, missing: Mask, count: int) -> Holes:
-    """Return the holes of `number_holes`; OpenCV's boxes would take longer."""
+class HoleCells(NamedTuple):
+    """Cells of holes: rows, columns and the numbers of their holes, each (n,)."""
+
+    rows: Integers
+    columns: Integers
+    numbers: Integers
+
+
+def cells_of(labels: Integers, missing: Mask) -> HoleCells:
+    """Return the cells of the holes that `number_holes` has numbered."""
     cells = np.flatnonzero(missing.T)
-    of_cells = labels.ravel("F")[cells]
     columns, rows = np.divmod(cells, len(missing))
-    boxes = [_extents(places, of_cells, count) for places in (rows, columns)]
+    return HoleCells(rows, columns, labels.ravel("F")[cells])
+
+
+def measured(cells: HoleCells, count: int) -> Holes:
+    """Return the holes of `number_holes`; OpenCV's boxes would take longer."""
+    boxes = [_extents(places, cells.numbers, count) for places in cells[:2]]
     starts, ends = (np.stack(sides, axis=1)[1:] for sides in zip(*boxes, strict=True))
-    return Holes(starts, ends, np.bincount(of_cells, minlength=count)[1:])
+    return Holes(starts, ends, np.bincount(cells.numbers, minlength=count)[1:])
 
 
 def _extents(places: npt.NDArray[Any], groups: Integers, count: int) -> tuple[Integers, Integers]:

@@ -5,7 +5,6 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import compress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
@@ -27,8 +26,10 @@ from grid_map_core_py.plugins import check
 from .._filter import WHOLE_MAP, Filter, TileOptions, warn
 from .._shared.holes import (
     FindHoles,
+    HoleCells,
     Holes,
     Integers,
+    cells_of,
     find_holes,
     measured,
     merged,
@@ -59,7 +60,7 @@ _MARGIN = 16
 """Least cells to see around the holes of a tile, beside those within a few radii. Cells further
 away change less than 1e-6 of the range of a layer, also where half of the cells are missing."""
 
-_BEYOND = 16
+_BEYOND = 32
 """Cells around a tile in which most holes of its border end."""
 
 
@@ -176,21 +177,28 @@ class _InpaintTiles:
         These are the cells of holes that reach into the window, unless they are too long, and a
         margin around them.
         """
-        missing = ~np.isfinite(tile[self.whole.input_layer])
-        edges = self._open_edges(tile, self._margin)
-        if not (edges and missing[window].any()):
-            return 0
-        labels, count = number_holes(missing)
-        reaching = _marked(labels[window], count)
-        reaching &= np.any([_marked(labels[edge], count) for edge in edges], axis=0)
         starts = [part.start for part in window]
         ends = [length - part.stop for length, part in zip(tile.size, window, strict=True)]
         border, widest = int(max(*starts, *ends)), self.max_hole + self._margin
-        if border >= widest or not reaching[1:].any():
+        missing = ~np.isfinite(tile[self.whole.input_layer])
+        if border >= widest or not missing[window].any():
             return 0
-        holes = measured(labels, missing, count)
-        is_short = holes.lengths <= self.max_hole
-        return min(border, widest - border) if (reaching[1:] & is_short).any() else 0
+        labels, count = number_holes(missing)
+        cells = cells_of(labels, missing)
+        inside = np.all(
+            [
+                (part.start <= places) & (places < part.stop)
+                for places, part in zip(cells[:2], window, strict=True)
+            ],
+            axis=0,
+        )
+        reaching = _marked(cells.numbers[inside], count)
+        reaching &= _marked(cells.numbers[self._on_open_edge(tile, cells)], count)
+        chosen = reaching[cells.numbers]
+        holes = measured(HoleCells(*(each[chosen] for each in cells)), count)
+        if not (reaching[1:] & (holes.lengths <= self.max_hole)).any():
+            return 0
+        return min(max(border - self._margin, 1), widest - border)
 
     def __call__(self, grid_map: GridMap) -> GridMap:
         layer = grid_map[self.whole.input_layer]
@@ -214,16 +222,17 @@ class _InpaintTiles:
         """Cells around holes to see."""
         return _MARGIN + 4 * _near(self.whole.radius / self.geometry.resolution)
 
-    def _open_edges(self, tile: GridMap, width: int) -> "list[Window]":
-        """Return the first and last rows and columns of a tile, where the map goes on."""
-        edges = []
-        for axis, first in enumerate(place_of(tile, self.geometry)):
-            length = tile.size[axis]
-            goes_on = first > 0, first + length < self.geometry.size[axis]
-            sides = slice(0, width), slice(max(length - width, 0), length)
-            for side in compress(sides, goes_on):
-                edges.append((side, slice(None)) if axis == 0 else (slice(None), side))
-        return edges
+    def _on_open_edge(self, tile: GridMap, cells: HoleCells) -> Mask:
+        """Return which cells are in the margin of a tile, on a side where the map goes on."""
+        width, on_edge = self._margin, np.zeros(len(cells.numbers), np.bool_)
+        for places, first, length, whole in zip(
+            cells[:2], place_of(tile, self.geometry), tile.size, self.geometry.size, strict=True
+        ):
+            if first > 0:
+                on_edge |= places < width
+            if first + length < whole:
+                on_edge |= places >= length - width
+        return on_edge
 
 
 def _mask(labels: npt.NDArray[Any], wanted: Mask) -> Mask:
