@@ -69,5 +69,10 @@ setup(
             "plot = grid_map_visualization_py._commands.plot",
             "view = grid_map_visualization_py._commands.view",
         ],
+        "grid_map_core_py.plots": [
+            "flat = grid_map_visualization_py.pictures:plot",
+            "surface = grid_map_visualization_py.pictures:plot_3d",
+            "relief = grid_map_visualization_py.pictures:plot_relief",
+        ],
     },
 )

@@ -122,7 +122,7 @@ def large_map_demo() -> Figure:
     limits = (-8.0, 10.0)
     draw(grid_map, "elevation", axes[0], "ground on disk", limits=limits, color_map="gist_earth")
     axes[0].plot(*place, "s", color="tab:red", markersize=5, markerfacecolor="none")
-    plot(window, "elevation", axes[1], color_map="gist_earth", shade_by="elevation", label=" ")
+    plot(window, "elevation", axes[1], color_map="gist_earth", label=" ")
     axes[1].set_title("a window of 20 m x 20 m, heights in m", fontsize=9)
     axes[1].set(xlabel="", ylabel="")
     axes[1].tick_params(labelsize=7)

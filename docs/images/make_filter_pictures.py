@@ -243,7 +243,7 @@ PICTURES: dict[str, Picture] = {
     "gridMapFilters/SlopeFilter": Picture(after=values("result", (0, 1.2), unit="rad")),
     "gridMapFilters/StepHeightFilter": Picture(after=values("result", (0, 0.7), unit="m")),
     "gridMapFilters/ThresholdFilter": Picture(after=shaded("elevation")),
-    "gridMapFilters/TraversabilityFilter": Picture(FILLED, values("result", (0, 1), "RdYlGn")),
+    "gridMapFilters/TraversabilityFilter": Picture(FILLED, values("result", (0, 1), "BrBG")),
 }
 
 

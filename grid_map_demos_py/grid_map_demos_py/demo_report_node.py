@@ -119,7 +119,7 @@ def write_pictures(grid_map: GridMap, folder: Path) -> list[Path]:
     elevation, traversability = (folder / f"{name}.png" for name in ("elevation", "traversability"))
     title = "Published elevation; holes are white"
     shown: dict[str, Any] = {"title": title, "label": "elevation [m]", "exaggeration": 1.5}
-    shown |= {"shade_by": "elevation_inpainted", "color_map": "gist_earth"}
+    shown |= {"hillshade": "elevation_inpainted", "color_map": "gist_earth"}
     save_picture(grid_map, "elevation", elevation, **shown)
     relief: dict[str, Any] = {"style": "relief", "exaggeration": 1.3}
     relief |= {"color_layer": "traversability", "color_map": "BrBG", "lower": 0.2, "upper": 1.0}

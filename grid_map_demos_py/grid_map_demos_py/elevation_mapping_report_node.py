@@ -151,8 +151,8 @@ def write_pictures(compared: GridMap, filtered: GridMap, folder: Path) -> list[P
     low, high = np.nanpercentile(compared["truth"], [1, 99])
     heights = {"lower": low, "upper": high, "color_map": "gist_earth", "label": "elevation [m]"}
     pictures = {
-        "truth": ("True terrain", heights | {"shade_by": "truth"}),
-        "estimate": ("Estimate", heights | {"shade_by": "estimate"}),
+        "truth": ("True terrain", heights | {"hillshade": "truth"}),
+        "estimate": ("Estimate", heights | {"hillshade": "estimate"}),
         "error": ("Error", {"lower": -0.1, "upper": 0.1, "color_map": "RdBu", "label": "[m]"}),
         "deviation": ("Claimed standard deviation", {"lower": 0.0, "upper": 0.05, "label": "[m]"}),
     }

@@ -97,7 +97,7 @@ def write_pictures(overview: GridMap, window: GridMap, folder: Path) -> list[Pat
     colors: dict[str, Any] = {"color_map": "gist_earth", "label": "elevation [m]"}
     title = "Windows on their way over the site"
     save_picture(overview, LAYER, files[0], title=title, **colors)
-    save_picture(window, LAYER, files[1], shade_by=LAYER, title="The last window", **colors)
+    save_picture(window, LAYER, files[1], title="The last window", **colors)
     return files
 
 

@@ -3,52 +3,50 @@
 """Pictures of maps, drawn by Matplotlib.
 
 `plot` shows a map from above as RViz does: x to the right and y upwards, in meters, in the frame of
-the map. Cells without a value are left blank. `plot_3d` draws a surface, and `plot_relief` a block
-of terrain in perspective.
+the map. `plot_3d` draws a surface, and `plot_relief` a block of terrain in perspective. They take a
+`GridMap`, a `TiledMap`, or a dataset or an array of xarray; of maps that are larger than the
+picture, they read and draw what it can show.
 
 The hillshading of `plot` and `plot_3d` has its light in the upper left, 45 degrees high. Level
 ground keeps its color, slopes that face the light are lighter and slopes that face away darker.
 """
 
 import math
+from collections.abc import Callable, Sequence
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from grid_map_core_py import GridMap
-from grid_map_core_py.arrays import Layer
 from grid_map_core_py.errors import MissingPackageError
-from grid_map_core_py.files import new_file
+from grid_map_core_py.files import MapRecord, new_file
 from grid_map_core_py.plugins import check
 
-from ._relief import draw_relief
-from .colors import DEFAULT_COLOR_MAP, REMEDY, Coloring
-from .surface import Surface
+from ._kinds import AnyMap, loaded, opened, usual_layer
+from .colors import DEFAULT_COLOR_MAP, MISSING, REMEDY, Coloring
+from .surface import Surface, check_max_drawn_cells
 
 try:
-    import matplotlib
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
+
+    from ._flat import add_legend, check_options, extent_of, flat_of, lit, mappable
 except ImportError as error:
     raise MissingPackageError("matplotlib", "a picture", REMEDY) from error
 
-__all__ = ["plot", "plot_3d", "plot_relief", "save_picture"]
-
-LIGHT = np.array([-0.5, 0.5, np.sqrt(0.5)])
-"""Direction to the light."""
+__all__ = ["plot", "plot_3d", "plot_relief", "save_animation", "save_picture"]
 
 _RELIEF_SIZE = (1200, 560)
 """Default width and height of pictures of terrain in relief [pixels]."""
 
+_GRAY = {"facecolor": 3 * (MISSING / 255,)}
+"""Look of cells without a value on surfaces and in relief."""
+
 
 def plot(
-    grid_map: GridMap,
-    layer: str,
+    grid_map: AnyMap,
+    layer: str = "",
     ax: Any = None,
     *,
     color_mode: Literal["intensity", "color"] = "intensity",
@@ -56,25 +54,37 @@ def plot(
     lower: float | None = None,
     upper: float | None = None,
     invert: bool = False,
-    shade_by: str = "",
+    hillshade: bool | str | None = None,
     exaggeration: float = 1.0,
+    max_drawn_cells: int | None = None,
+    scale_bar: bool = True,
     label: str = "",
     title: str = "",
     color_bar: bool = True,
 ) -> Any:
     """Draw a layer from above.
 
+    Cells without a finite value are hatched in gray. If the sides of the map have more than twice
+    as many cells as the axes have pixels, blocks of cells are drawn: each has the mean of its
+    finite values, or of their red, green and blue, and is half transparent if it has a hole. A
+    tiled map is thinned before, see `TiledMap.thinned`, to up to four cells per pixel.
+
     Args:
-        grid_map: the map.
-        layer: layer that gives the colors.
+        grid_map: the map: in memory, tiled, or a dataset or an array of xarray.
+        layer: layer that gives the colors; empty stands for `elevation`, or else the first.
         ax: Matplotlib axes to draw on. None stands for the current axes, as in Matplotlib's own
             functions.
         color_mode: "intensity" maps values by the color map, "color" reads packed colors.
         color_map: name of a color map of Matplotlib.
         lower, upper: values at the ends of the color map; None stands for the smallest and largest.
         invert: swap the ends of the color map.
-        shade_by: layer of heights [m] for hillshading; empty for none.
+        hillshade: layer of heights [m] that the light falls on. None lights layers of heights,
+            which are known by name: it begins with elevation, height, altitude, DEM, DSM or DTM,
+            without a word such as variance, slope or color. True takes for other layers the heights
+            of the map, `elevation` or the first layer with such a name. False lights nothing.
         exaggeration: factor on the heights for hillshading.
+        max_drawn_cells: limit of the drawn blocks; None for the pixels of the axes, 0 for none.
+        scale_bar: draw a scale bar, and an arrow to the north if the map has a reference system.
         label: label of the color bar; empty stands for the name of the layer.
         title: title above the picture.
         color_bar: draw a color bar.
@@ -85,31 +95,34 @@ def plot(
     Raises:
         LayerNotFoundError: the map lacks a layer.
         ConfigError: the color map is unknown, or another option is invalid.
+        GridMapError: a tiled map cannot be read.
     """
-    _check_options(color_mode, exaggeration)
-    coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
+    site = opened(grid_map)
+    flat = flat_of(
+        site,
+        layer,
+        color_mode=color_mode,
+        color_map=color_map,
+        lower=lower,
+        upper=upper,
+        invert=invert,
+        hillshade=hillshade,
+        exaggeration=exaggeration,
+        max_drawn_cells=max_drawn_cells,
+        scale_bar=scale_bar,
+        label=label,
+        title=title,
+        color_bar=color_bar,
+    )
     axes = _pyplot().gca() if ax is None else ax
-    values = _upright(grid_map.unwrapped(layer))
-    bar = _mappable(coloring, values)
-    if color_mode == "intensity" and not shade_by:
-        # An image of values instead of colors lets Matplotlib show the value under the pointer.
-        pixels: Any = np.ma.masked_invalid(values)
-    else:
-        pixels = np.concatenate([coloring(values) / 255, ~np.isnan(values)[..., None]], axis=-1)
-    if shade_by:
-        heights = _upright(grid_map.unwrapped(shade_by)) * np.float32(exaggeration)
-        pixels[..., :3] = _lit(pixels[..., :3], _grid_normals(heights, grid_map.resolution))
-    options = {"cmap": bar.cmap, "norm": bar.norm, "interpolation": "nearest", "origin": "upper"}
-    axes.imshow(pixels, extent=_extent(grid_map), **options)
-    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
-    if color_bar and color_mode == "intensity":
-        axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.85)
+    bar, has_holes = flat.paint(axes, loaded(site, *flat.needs(axes, site.size)))
+    flat.explain(axes, bar, has_holes=has_holes)
     return axes
 
 
 def plot_3d(
-    grid_map: GridMap,
-    height_layer: str,
+    grid_map: AnyMap,
+    height_layer: str = "",
     ax: Any = None,
     *,
     color_layer: str = "",
@@ -127,8 +140,8 @@ def plot_3d(
     """Draw a map as a shaded surface of triangles in three dimensions.
 
     Args:
-        grid_map: the map.
-        height_layer: heights [m].
+        grid_map: as for `plot`.
+        height_layer: heights [m]; empty stands for `elevation`, or else the first layer.
         ax: Matplotlib axes of the projection "3d"; None stands for new ones.
         color_layer: layer that gives the colors; empty stands for the heights.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
@@ -138,12 +151,16 @@ def plot_3d(
 
     Returns the axes, and raises the errors of `plot`.
     """
-    _check_options(color_mode, exaggeration)
+    check_options(color_mode, exaggeration)
+    check_max_drawn_cells(max_drawn_cells)
+    site = opened(grid_map)
+    height_layer = height_layer or usual_layer(site)
     layer = color_layer or height_layer
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().figure().add_subplot(projection="3d") if ax is None else ax
     check(axes.name == "3d", "ax", "axes of the projection '3d'", axes.name)
-    surface = Surface(grid_map, height_layer, max_drawn_cells=max_drawn_cells)
+    drawn_map = loaded(site, {height_layer, layer}, max_drawn_cells or math.inf)
+    surface = Surface(drawn_map, height_layer, max_drawn_cells=max_drawn_cells)
     mesh = surface.mesh(coloring)
     x, y, z = (mesh.vertices + mesh.origin).T
     if len(mesh.faces):
@@ -153,8 +170,8 @@ def plot_3d(
         corners = mesh.vertices[mesh.faces] * np.array([1.0, 1.0, exaggeration])
         first, second, third = corners.transpose(1, 0, 2)
         colors = mesh.colors[mesh.faces].mean(axis=1) / 255
-        drawn.set_facecolor(_lit(colors, np.cross(second - first, third - first)))
-    x0, x1, y0, y1 = _extent(grid_map)
+        drawn.set_facecolor(lit(colors, np.cross(second - first, third - first)))
+    x0, x1, y0, y1 = extent_of(drawn_map)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]", title=title)
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
     height = exaggeration * float(np.ptp(z)) if z.size else 0.0
@@ -163,15 +180,19 @@ def plot_3d(
     axes.view_init(elev=45.0, azim=-60.0)
     # The z axis is short, with room for few ticks.
     axes.locator_params(axis="z", nbins=3)
+    bar = None
     if color_bar and color_mode == "intensity":
-        bar = _mappable(coloring, grid_map[layer])
-        axes.figure.colorbar(bar, ax=axes, label=label or layer, shrink=0.6, pad=0.1)
+        colors_of = mappable(coloring, drawn_map[layer])
+        look = {"label": label or layer, "shrink": 0.6, "pad": 0.1}
+        bar = axes.figure.colorbar(colors_of, ax=axes, **look)
+    if (np.isnan(surface.values(layer)) & surface.valid).any():
+        add_legend(axes, bar, _GRAY)
     return axes
 
 
 def plot_relief(
-    grid_map: GridMap,
-    height_layer: str,
+    grid_map: AnyMap,
+    height_layer: str = "",
     ax: Any = None,
     *,
     color_layer: str = "",
@@ -194,8 +215,9 @@ def plot_relief(
     use `plot` or `plot_3d` to read positions and heights.
 
     Args:
-        grid_map: the map.
-        height_layer: heights [m]. Holes get the height of the nearest cell.
+        grid_map: as for `plot`.
+        height_layer: heights [m]; empty stands for `elevation`, or else the first layer. Holes get
+            the height of the nearest cell.
         ax: Matplotlib axes to draw on; None stands for the current ones.
         color_layer: layer that gives the colors; empty stands for the heights. Cells without a
             value are gray.
@@ -207,29 +229,39 @@ def plot_relief(
 
     Returns the axes, and raises the errors of `plot`.
     """
-    _check_options(color_mode, exaggeration)
+    check_options(color_mode, exaggeration)
     # Near pi / 2, the picture of a level camera is stretched beyond recognition.
     check(0 < elevation < math.pi / 3, "elevation", "an angle between 0 and pi / 3", elevation)
     check(math.isfinite(azimuth), "azimuth", "a finite angle", azimuth)
     check(min(size) >= 1, "size", "a width and height of at least 1 pixel", size)
+    # SciPy is slow to import.
+    from ._relief import MAX_SIDE, draw_relief
+
+    site = opened(grid_map)
+    height_layer = height_layer or usual_layer(site)
     layer = color_layer or height_layer
     coloring = Coloring(color_mode, layer, color_map, lower, upper, invert)
     axes = _pyplot().gca() if ax is None else ax
+    cells = MAX_SIDE**2 * min(site.size) / max(site.size)
+    drawn_map = loaded(site, {height_layer, layer}, cells)
     # Along +x and +y, while rows and columns run along -x and -y.
-    heights, values = (grid_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
-    in_cells = heights * (exaggeration / grid_map.resolution)
+    heights, values = (drawn_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
+    in_cells = heights * (exaggeration / drawn_map.resolution)
     axes.imshow(draw_relief(in_cells, coloring(values), size, azimuth, elevation))
     axes.set_axis_off()
     axes.set_title(title)
+    bar = None
     if color_bar and color_mode == "intensity":
         place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
-        bar = _mappable(coloring, values)
-        axes.figure.colorbar(bar, cax=place, orientation="horizontal", label=label or layer)
+        look = {"orientation": "horizontal", "label": label or layer}
+        bar = axes.figure.colorbar(mappable(coloring, values), cax=place, **look)
+    if np.isnan(values).any():
+        add_legend(axes, bar, _GRAY)
     return axes
 
 
 def save_picture(
-    grid_map: GridMap,
+    grid_map: AnyMap,
     layer: str,
     path: str | PathLike[str],
     *,
@@ -240,8 +272,9 @@ def save_picture(
     """Write a picture of a map to a file, which appears complete or not at all.
 
     Args:
-        grid_map: the map.
-        layer: gives the colors of a flat picture, else the heights.
+        grid_map: as for `plot`.
+        layer: gives the colors of a flat picture, else the heights; empty stands for `elevation`,
+            or else the first.
         path: the file, whose ending decides its format: .jpeg, .jpg, .pdf, .png or .svg. An
             existing one is replaced.
         style: "flat" draws as `plot` does, "surface" as `plot_3d` and "relief" as `plot_relief`.
@@ -278,54 +311,52 @@ def save_picture(
         temporary.write_bytes(picture.getbuffer())
 
 
-def _check_options(color_mode: str, exaggeration: float) -> None:
-    modes = "intensity", "color"
-    check(color_mode in modes, "color_mode", f"one of {', '.join(modes)}", color_mode)
-    is_factor = math.isfinite(exaggeration) and exaggeration > 0
-    check(is_factor, "exaggeration", "a positive number", exaggeration)
+def save_animation(
+    records: Sequence[MapRecord],
+    layer: str,
+    path: str | PathLike[str],
+    *,
+    speed: float = 1.0,
+    dpi: float = 110,
+    progress: Callable[[int, int], Any] | None = None,
+    **options: Any,
+) -> None:
+    """Write the maps of a bag as a video or an animated GIF, each drawn as `plot` does.
 
+    All frames show the same rectangle, which covers all maps, and the same range of values, so that
+    moved maps and changed values can be seen. The title has the time since the first map. The maps
+    are read twice, one after the other: first for the rectangle and the range, then to draw them.
+    The frame rate is constant, that of the median interval between maps; of more than 50 frames per
+    second, every n-th map is drawn.
 
-def _mappable(coloring: Coloring, values: Layer) -> ScalarMappable:
-    """Return the color map and its bounds in the form that Matplotlib needs for a color bar."""
-    colors: Colormap = matplotlib.colormaps[coloring.color_map]
-    return ScalarMappable(
-        Normalize(*coloring.bounds(values)), colors.reversed() if coloring.invert else colors
-    )
+    Args:
+        records: maps in the order of time, such as a `BagReader`.
+        layer: gives the colors; empty stands for `elevation`, or else the first.
+        path: the file, whose ending decides its format: .gif or .mp4. An existing one is replaced.
+        speed: factor on the speed of the recording.
+        dpi: pixels per inch.
+        progress: is called after each map, with the number of finished maps and of all; each map
+            counts twice.
+        options: those of `plot`, except `ax`.
 
-
-def _lit(colors: npt.NDArray[np.floating], normals: npt.NDArray[np.floating]) -> Any:
-    """Return lit colors (..., 3) in [0, 1]; unchanged where a normal (..., 3) is NaN.
-
-    The blend mode is "soft light" (Pegtop), which keeps colors at a light of one half.
+    Raises:
+        LayerNotFoundError: a map lacks a layer.
+        ConfigError: there are no maps, the name has another ending, or an option is invalid.
+        MissingPackageError: for .mp4, there is neither `ffmpeg` nor the package imageio-ffmpeg.
+        OSError: the file cannot be written.
     """
-    with np.errstate(invalid="ignore"):
-        normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
-    light = np.clip(0.5 * (normals @ LIGHT) / LIGHT[2], 0.0, 1.0)
-    light = np.where(np.isnan(light), 0.5, light)[..., None]
-    return (1 - 2 * light) * colors**2 + 2 * light * colors
+    from ._animation import animate, check_path
+
+    check_path(path)
+    check(math.isfinite(speed) and speed > 0, "speed", "a positive number", speed)
+    check(len(records) > 0, "records", "maps", "none")
+    with new_file(path) as temporary:
+        ending = Path(path).suffix.lower()
+        animate(records, layer, temporary, ending, speed, dpi, progress or _ignore, options)
 
 
-def _grid_normals(heights: Layer, resolution: float) -> npt.NDArray[np.float64]:
-    """Return normals (..., 3) of an upright image of heights; NaN where unknown."""
-    z = heights.astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        # Central differences, one-sided at the border, zero along a single cell.
-        down, right = (
-            (np.gradient(z, axis=axis) if z.shape[axis] > 1 else 0 * z) / resolution
-            for axis in (0, 1)
-        )
-    return np.stack([-right, down, np.ones_like(down)], axis=-1)
-
-
-def _upright(values: Layer) -> Layer:
-    """Return a layer in map order as an image with x to the right and y upwards: (cols, rows)."""
-    return values[::-1, :].T
-
-
-def _extent(grid_map: GridMap) -> tuple[float, float, float, float]:
-    """Return the smallest and largest x, then y, of the map [m]."""
-    (x0, y0), (x1, y1) = (grid_map.position + side * 0.5 * grid_map.length for side in (-1.0, 1.0))
-    return float(x0), float(x1), float(y0), float(y1)
+def _ignore(finished: int, total: int) -> None:
+    """Show no progress."""
 
 
 def _pyplot() -> Any:

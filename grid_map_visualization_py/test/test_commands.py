@@ -16,6 +16,7 @@ import pytest
 from grid_map_core_py import GridMap
 from grid_map_core_py.files import save_npz
 from grid_map_ros_py import save_to_bag
+from grid_map_ros_py.bags import BagWriter
 from grid_map_ros_py.testing import Process, running, wait_until
 
 
@@ -35,10 +36,10 @@ def command(grid_map_command):
 @pytest.mark.parametrize(
     "options",
     [
-        "--shade-by elevation --lower -1 --upper 3 --invert",
+        "--layer slope --hillshade elevation --lower -1 --upper 3 --invert",
         "--3d --color-layer slope --exaggeration 0.1 --max-drawn-cells 9",
         "--relief --color-map terrain --title Here",
-        "--layer color",
+        "--layer color --no-hillshade --max-drawn-cells 9",
     ],
 )
 def test_pictures_show_the_map(options, command):
@@ -47,7 +48,7 @@ def test_pictures_show_the_map(options, command):
     picture = cv2.imread("map.png")
     assert min(picture.shape[:2]) > 300
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
-    if "shade" in options:
+    if "--layer" in options:
         assert picture.shape[:2] == (770, 990)
 
 
@@ -62,9 +63,21 @@ def test_plot_thins_maps_larger_than_memory(command):
     values = np.sin(x)[:, None] * np.cos(x)
     site.write(GridMap((300, 300), 0.1, layers={"slope": values}))
     code, text, error = command("plot huge.zarr map.png --layer slope")
-    lines = ["grid-map: one of 4 x 4 cells is drawn", "grid-map: map.png is drawn"]
-    assert (code, text, error.splitlines()) == (0, "", lines)
+    assert (code, text, error) == (0, "", "grid-map: map.png is drawn\n")
     assert len(np.unique(cv2.imread("map.png").reshape(-1, 3), axis=0)) > 20
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_bag_becomes_an_animation(command, ending):
+    with BagWriter("many") as bag:
+        for number in range(3):
+            grid_map = GridMap((0.8, 0.6), 0.1, layers={"elevation": number})
+            bag.write("/grid_map", grid_map, time=number * 10**9)
+    code, text, error = command(f"plot many map.{ending} --speed 2 --dpi 40 --lower 0")
+    assert (code, text, error.splitlines()[-1]) == (0, "", f"grid-map: map.{ending} is drawn")
+    video = cv2.VideoCapture(f"map.{ending}")
+    assert [video.read()[0] for _ in range(4)] == [True, True, True, False]
+    assert command(f"plot many map.{ending}")[0] == 1
 
 
 def test_the_ending_decides_the_kind_of_picture(command):
@@ -77,16 +90,23 @@ def test_the_ending_decides_the_kind_of_picture(command):
 @pytest.mark.parametrize(
     ("line", "code", "text"),
     [
-        ("plot site.npz map.bmp", 2, "expected a name that ends in .jpg, .pdf, .png, .svg"),
+        ("plot site.npz map.bmp", 2, "expected a name that ends in .jpg, .pdf, .png, .svg, .gif"),
         ("plot site.npz site.npz", 2, "expected a name"),
         ("plot site.npz map.png --layer hight", 1, "no layer 'hight'; available: elevation"),
         ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 1 to 1200"),
         ("plot site.npz map.png --lower -1e-3 --upper -inf", 1, "'upper': expected a finite"),
         ("plot site.npz map.png --exaggeration nan", 1, "'exaggeration'"),
         ("plot site.npz map.png --3d --max-drawn-cells 3", 1, "'max_drawn_cells'"),
-        ("plot site.npz map.png --max-drawn-cells 9", 2, "--max-drawn-cells goes with --3d only"),
+        ("plot site.npz map.png --relief --max-drawn-cells 9", 2, "goes without --relief only"),
         ("plot site.npz map.png --color-layer a", 2, "--color-layer goes with --3d or --relief"),
-        ("plot site.npz map.png --3d --shade-by slope", 2, "--shade-by goes without --3d"),
+        ("plot site.npz map.png --3d --hillshade slope", 2, "--hillshade goes without --3d"),
+        ("plot site.npz map.png --hillshade slope --no-hillshade", 2, "not allowed with"),
+        ("plot site.npz map.gif", 1, "site.npz: expected a bag, which holds many maps"),
+        ("plot survey map.gif --3d", 2, "--3d and --relief are for pictures"),
+        ("plot survey map.mp4 --index 0", 2, "--index is for pictures"),
+        ("plot survey map.png --speed 2", 2, "--speed is for .gif and .mp4"),
+        ("plot survey map.gif --speed 0", 1, "'speed': expected a positive number"),
+        ("plot survey nowhere/map.mp4", 1, "nowhere/map.mp4: cannot be written: there is no fol"),
         ("plot site.npz map.png --color-map virids", 1, "did you mean viridis"),
         (
             "plot site.npz nowhere/map.png",

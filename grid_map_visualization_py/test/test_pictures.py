@@ -2,23 +2,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps as pictures."""
 
+import math
+import re
+from pathlib import Path
+
+import cv2
 import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import MouseEvent
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from grid_map_core_py import GridMap, LayerNotFoundError, color_vector_to_value
 from grid_map_core_py.errors import ConfigError
+from grid_map_core_py.map import GridGeometry
 from grid_map_core_py.testing import moved_in_buffer
-from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief, save_picture
+from grid_map_core_py.tiled import open_map
+from grid_map_visualization_py.colors import DEFAULT_COLOR_MAP
+from grid_map_visualization_py.pictures import (
+    plot,
+    plot_3d,
+    plot_relief,
+    save_picture,
+)
+
+ROOT = Path(__file__).parents[2]
 
 YELLOW, PURPLE = (253, 231, 37), (68, 1, 84)
 """The ends of viridis, which Matplotlib rounds in one way and NumPy in another."""
-
-WHITE = (255, 255, 255)
 
 
 @pytest.fixture
@@ -51,17 +66,19 @@ def shown_at(axes: Axes, x: float, y: float) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("start", [(0, 0), (3, 2)])
-@pytest.mark.parametrize("shade_by", ["", "ground"])
-def test_colors_lie_at_their_positions_in_the_map_frame(corner_map, start, shade_by):
+@pytest.mark.parametrize("hillshade", [None, "ground"])
+def test_colors_lie_at_their_positions_in_the_map_frame(corner_map, start, hillshade):
     grid_map = moved_in_buffer(corner_map, start)
-    axes = plot(grid_map, "a", flat_axes(), shade_by=shade_by)
+    options = {"hillshade": hillshade, "scale_bar": False}
+    axes = plot(grid_map, "a", flat_axes(), **options)
     assert shown_at(axes, 11.25, 20.75) == pytest.approx(YELLOW, abs=1)
-    assert shown_at(axes, 10.75, 20.75) == WHITE
+    red, green, blue = shown_at(axes, 10.75, 20.75)
+    assert red == green == blue < 240
     assert shown_at(axes, 11.25, 19.25) == pytest.approx(PURPLE, abs=1)
     assert shown_at(axes, 8.75, 20.75) == pytest.approx(PURPLE, abs=1)
     assert (axes.get_xlim(), axes.get_ylim()) == ((8.5, 11.5), (19.0, 21.0))
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
-    inverted = plot(grid_map, "a", flat_axes(), shade_by=shade_by, invert=True)
+    inverted = plot(grid_map, "a", flat_axes(), invert=True, **options)
     assert shown_at(inverted, 11.25, 20.75) == pytest.approx(PURPLE, abs=1)
 
 
@@ -81,6 +98,20 @@ def test_values_stay_under_the_pointer(corner_map):
     assert (image[0, -1], bool(image.mask[0, -2]), image.mask.sum()) == (1.0, True, 1)
 
 
+@pytest.mark.parametrize("hillshade", [False, "ground"])
+def test_pointer_tells_values_of_lit_pictures_too(corner_map, hillshade):
+    axes = plot(corner_map, "a", flat_axes(), hillshade=hillshade)
+    axes.figure.canvas.draw()
+    (image,) = axes.images
+    told = []
+    for place in ((11.25, 20.75), (8.75, 19.25), (10.75, 20.75)):
+        x, y = axes.transData.transform(place)
+        told.append(image.get_cursor_data(MouseEvent("move", axes.figure.canvas, x, y)))
+    assert told[:2] == [1.0, 0.0]
+    assert np.ma.is_masked(told[2])
+    assert image.format_cursor_data(told[0]) == "[1.000]"
+
+
 def test_packed_colors_have_no_color_bar():
     grid_map = GridMap(
         (1, 1), 1.0, layers={"color": color_vector_to_value((255, 128, 0))[None, None]}
@@ -90,11 +121,37 @@ def test_packed_colors_have_no_color_bar():
     assert len(axes.figure.axes) == 1
 
 
+@pytest.mark.parametrize(
+    ("layer", "is_lit"),
+    [
+        *(("elevation", True), ("elevation_smooth", True), ("Height", True), ("dem", True)),
+        *(("elevation_variance", False), ("elevator", False), ("heightmap_color", False)),
+        *(("demand", False), ("slope", False)),
+    ],
+)
+def test_layers_of_heights_are_lit_by_default(layer, is_lit):
+    grid_map = GridMap((3, 2), 0.5, layers={layer: 0.0})
+    grid_map[layer][2:] = 1.0
+    assert (pixels(plot(grid_map, layer, flat_axes())).ndim == 3) == is_lit
+    assert pixels(plot(grid_map, layer, flat_axes(), hillshade=False)).ndim == 2
+    assert pixels(plot(grid_map, layer, flat_axes(), hillshade=layer)).ndim == 3
+
+
+def test_true_lights_the_heights_of_the_map(corner_map):
+    with pytest.raises(ConfigError, match="'hillshade': expected a layer of heights, one of a, gr"):
+        plot(corner_map, "a", flat_axes(), hillshade=True)
+    corner_map["height"] = 0.0
+    corner_map["elevation"] = np.arange(6.0)[:, None] * np.ones(4)
+    expected = pixels(plot(corner_map, "a", flat_axes(), hillshade="elevation"))
+    found = pixels(plot(corner_map, "a", flat_axes(), hillshade=True))
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_slopes_away_from_the_light_are_darker():
     grid_map = GridMap((30, 30), 1.0, layers={"a": 0.5, "z": 0.0, "b": 0.5})
     grid_map["z"][10:20, :] = np.arange(10)[:, None]  # rises towards -x: away from the light
     grid_map["z"][25, 10] = np.nan
-    image = pixels(plot(grid_map, "a", flat_axes(), shade_by="z", lower=0, upper=1))
+    image = pixels(plot(grid_map, "a", flat_axes(), hillshade="z", lower=0, upper=1))
     level, slope = image[15, 2, :3], image[15, 15, :3]
     assert (slope < level).all()
     np.testing.assert_allclose(image[10, 30 - 1 - 25, :3], level)
@@ -105,7 +162,7 @@ def test_slopes_away_from_the_light_are_darker():
 @pytest.mark.parametrize("value", [np.nan, 1.0, np.inf])
 def test_any_map_gives_pictures(size, value):
     grid_map = GridMap(size, 1.0, layers={"a": value})
-    plot(grid_map, "a", flat_axes(), shade_by="a").figure.canvas.draw()
+    plot(grid_map, "a", flat_axes(), hillshade="a").figure.canvas.draw()
     plot_3d(grid_map, "a", flat_axes(projection="3d")).figure.canvas.draw()
     plot_relief(grid_map, "a", flat_axes(), size=(40, 30)).figure.canvas.draw()
 
@@ -193,7 +250,7 @@ def test_senseless_option_is_an_error(corner_map, draw, options, message):
         draw(corner_map, "a", **{"ax": axes, **options})
 
 
-@pytest.mark.parametrize(("layer", "options"), [("b", {}), ("a", {"shade_by": "b"})])
+@pytest.mark.parametrize(("layer", "options"), [("b", {}), ("a", {"hillshade": "b"})])
 def test_missing_layer_is_named_beside_existing_ones(corner_map, layer, options):
     with pytest.raises(LayerNotFoundError, match="no layer 'b'; available: a, ground"):
         plot(corner_map, layer, flat_axes(), **options)
@@ -208,6 +265,221 @@ def test_plot_uses_the_current_axes_of_pyplot(corner_map):
         assert plot_3d(corner_map, "a") is pyplot.gcf().axes[0]
     finally:
         pyplot.close("all")
+
+
+# --- holes, scale and north -----------------------------------------------------------------------
+
+
+def legends(axes: Axes) -> list[str]:
+    """Return the texts of all legends of a figure."""
+    found = [other.get_legend() for other in (axes, *axes.child_axes, *axes.figure.axes)]
+    return [text.get_text() for legend in dict.fromkeys(found) if legend for text in legend.texts]
+
+
+@pytest.mark.parametrize("options", [{}, {"color_bar": False}, {"color_mode": "color"}])
+def test_holes_are_hatched_and_in_the_legend(corner_map, options):
+    axes = plot(corner_map, "a", flat_axes(), **options)
+    assert legends(axes) == ["no value"]
+    assert axes.patches[0].get_hatch()
+    axes = plot(corner_map, "ground", flat_axes(), **options)
+    assert (legends(axes), [*axes.patches]) == ([], [])
+
+
+@pytest.mark.parametrize("draw", [plot_3d, plot_relief])
+def test_gray_cells_of_surfaces_are_in_the_legend(corner_map, draw):
+    shape = {"projection": "3d"} if draw is plot_3d else {}
+    axes = draw(corner_map, "ground", flat_axes(**shape), color_layer="a")
+    assert legends(axes) == ["no value"]
+    assert legends(draw(corner_map, "ground", flat_axes(**shape))) == []
+
+
+@pytest.mark.parametrize(
+    ("resolution", "length", "text"),
+    [(0.5, 5.0, "5 m"), (0.0006, 0.005, "5 mm"), (0.02, 0.2, "20 cm"), (100.0, 1000.0, "1 km")],
+)
+def test_scale_bar_is_as_long_as_it_says(resolution, length, text):
+    grid_map = GridMap((40 * resolution, 10 * resolution), resolution, layers={"a": 1.0})
+    axes = plot(grid_map, "a", flat_axes())
+    (bar,) = axes.artists
+    assert bar.txt_label.get_text() == text
+    axes.figure.canvas.draw()
+    (box,) = bar.size_bar.findobj(Rectangle)
+    inside = box.get_window_extent().transformed(axes.transData.inverted())
+    assert inside.width == pytest.approx(length, rel=0.02)
+    assert len(plot(grid_map, "a", flat_axes(), scale_bar=False).artists) == 0
+
+
+@pytest.mark.needs("xarray", "pyproj")
+def test_maps_with_a_reference_system_show_north(corner_map):
+    dataset = corner_map.to_xarray(crs="EPSG:25832")
+    for kind in (dataset, dataset["a"], open_map(dataset)):
+        _, north = plot(kind, "a", flat_axes()).artists
+        assert north.txt.get_text().endswith("N")
+    assert len(plot(corner_map.to_xarray(), "a", flat_axes()).artists) == 1
+
+
+# --- other kinds of maps, and larger ones ---------------------------------------------------------
+
+
+@pytest.mark.needs("xarray")
+@pytest.mark.parametrize("start", [(0, 0), (3, 2)])
+def test_datasets_and_tiled_maps_give_the_same_pictures(corner_map, start):
+    corner_map["elevation"] = corner_map["a"] + np.arange(6.0)[:, None]
+    grid_map = moved_in_buffer(corner_map, start)
+    dataset = grid_map.to_xarray()
+    ascending = dataset.sortby(["x", "y"]).transpose("y", "x")
+    for draw, options in ((plot, {}), (plot_3d, {"projection": "3d"}), (plot_relief, {})):
+        expected = draw(grid_map, "", flat_axes(**options))
+        for kind in (dataset, dataset["elevation"], ascending, open_map(dataset)):
+            found = draw(kind, "", flat_axes(**options))
+            for axes in (expected, found):
+                axes.figure.canvas.draw()
+            images = [np.asarray(axes.figure.canvas.buffer_rgba()) for axes in (found, expected)]
+            np.testing.assert_allclose(*np.int16(images), atol=3)
+    with pytest.raises(ConfigError, match=r"expected a GridMap, a TiledMap, or .* got an array"):
+        plot(np.zeros((3, 3)), "a", flat_axes())
+
+
+def shown_blocks(axes: Axes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the drawn values or colors in map order, and their opacities."""
+    image = axes.images[0]
+    array = np.ma.filled(image.get_array(), np.nan)[:, ::-1].swapaxes(0, 1)
+    if array.ndim == 3:
+        return array[..., :3], array[..., 3]
+    opacity = image.get_alpha()
+    return array, np.isfinite(array) if opacity is None else opacity[:, ::-1].T
+
+
+@pytest.mark.parametrize("size", [(1, 1), (30, 1), (1, 31), (12, 9), (13, 10)])
+@pytest.mark.parametrize("mode", ["intensity", "color"])
+@pytest.mark.parametrize("start", [(0, 0), (11, 8)])
+def test_blocks_have_the_means_of_their_cells(size, mode, start):
+    random = np.random.default_rng(5)
+    grid_map = GridMap.from_geometry(GridGeometry.from_size(size, 0.5, (3.0, 4.0)), layers=["a"])
+    red, green, blue = random.integers(0, 256, (3, *size))
+    packed = (red * 2**16 + green * 2**8 + blue).astype(np.uint32).view(np.float32)
+    values = packed if mode == "color" else random.normal(size=size).astype(np.float32)
+    values[random.random(size) < 0.15] = np.nan
+    values[random.random(size) < 0.1] = np.inf
+    grid_map["a"] = values
+    moved = moved_in_buffer(grid_map, (start[0] % size[0], start[1] % size[1]))
+    axes = plot(moved, "a", flat_axes(), color_mode=mode, max_drawn_cells=9)
+    means, opacity = shown_blocks(axes)
+    side = math.ceil(math.sqrt(size[0] * size[1] / 9))
+    assert opacity.shape == tuple(-(-cells // side) for cells in size)
+    for row, column in np.ndindex(opacity.shape):
+        here = np.s_[row * side : (row + 1) * side, column * side : (column + 1) * side]
+        kept = np.isfinite(values[here])
+        share = kept.mean()
+        partial = min(max(share, 1 / 3), 2 / 3)
+        assert opacity[row, column] == pytest.approx(share if share in (0, 1) else partial)
+        if share and mode == "color":
+            mean = [channel[here][kept].mean() / 255 for channel in (red, green, blue)]
+            np.testing.assert_allclose(means[row, column], mean, rtol=1e-5)
+        elif share:
+            mean = values[here][kept].astype(float).mean()
+            np.testing.assert_allclose(means[row, column], mean, atol=1e-6)
+    # The blocks begin at the largest x and y; the axes end with the map.
+    _, right, _, top = axes.images[0].get_extent()
+    assert (right, top) == (axes.get_xlim()[1], axes.get_ylim()[1])
+    assert axes.get_xlim()[1] == 3.0 + size[0] / 4
+    assert axes.get_xlim()[0] == 3.0 - size[0] / 4
+
+
+def test_large_maps_are_drawn_at_the_pixels_of_the_axes():
+    grid_map = GridMap((200.0, 150.0), 0.1, layers={"a": 0.0})
+    grid_map["a"][1234, 567] = np.nan
+    grid_map["a"][0, 0] = 1.0
+    axes = plot(grid_map, "a", flat_axes())
+    height, width = pixels(axes).shape
+    assert 250 < width < 500
+    assert width * 1500 == pytest.approx(height * 2000, rel=0.01)
+    # The bounds are those of the cells, not of the means.
+    assert axes.images[0].norm.vmax == 1.0
+    # The single hole is lighter than the dark ground around it.
+    x, y = 100 - 123.45, 75 - 56.75
+    axes.figure.canvas.draw()
+    column, row = axes.transData.transform((x, y)).astype(int)
+    image = np.asarray(axes.figure.canvas.buffer_rgba())[::-1]
+    around = image[row - 2 : row + 3, column - 2 : column + 3, 1]
+    assert around.max() > 40 > around.min()
+    assert pixels(plot(grid_map, "a", flat_axes(), max_drawn_cells=0)).shape == (1500, 2000)
+
+
+@pytest.mark.needs("rasterio", "xarray", "dask")
+def test_rasters_are_drawn_from_their_overviews(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    grid_map = GridMap((256.0, 192.0), 0.1, layers=["elevation"])
+    x, y = grid_map.axes()
+    grid_map["elevation"] = 0.1 * x[:, None] + np.sin(0.1 * y)
+    path = tmp_path / "map.tif"
+    open_map(grid_map.to_xarray()).to_geotiff(path)
+    expected = plot(grid_map, "", flat_axes(), hillshade=False)
+    # A base that is damaged is not read.
+    with rasterio.open(path, "r+", IGNORE_COG_LAYOUT_BREAK="YES") as raster:
+        window = ((0, 64), (0, raster.width))
+        raster.write(np.full((1, 64, raster.width), np.nan, np.float32), window=window)
+    found = plot(open_map(path), "", flat_axes(), hillshade=False)
+    for place in ((-120.0, 94.0), (0.0, 95.0), (100.0, 0.0), (127.0, -95.0)):
+        assert shown_at(found, *place) == pytest.approx(shown_at(expected, *place), abs=8)
+
+
+# --- for the color-blind --------------------------------------------------------------------------
+
+# Machado, Oliveira, Fernandes 2009: linear red, green, blue as people see them without one cone.
+BLINDNESS = {
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
+}
+
+
+def lab_of(colors: np.ndarray, blindness: str) -> np.ndarray:
+    """Return CIELAB (N, 3) of colors (N, 3) in [0, 1] as people with a blindness see them."""
+    linear = np.where(colors > 0.04045, ((colors + 0.055) / 1.055) ** 2.4, colors / 12.92)
+    seen = np.clip(linear @ np.transpose(BLINDNESS[blindness]), 0, 1)
+    back = np.where(seen > 0.0031308, 1.055 * seen ** (1 / 2.4) - 0.055, 12.92 * seen)
+    return cv2.cvtColor(back[None].astype(np.float32), cv2.COLOR_RGB2LAB)[0].astype(float)
+
+
+def least_difference(color_map: str, blindness: str) -> float:
+    """Return the smallest difference of colors that are a quarter of the map apart."""
+    lab = lab_of(matplotlib.colormaps[color_map](np.linspace(0, 1, 41))[:, :3], blindness)
+    return min(
+        np.linalg.norm(lab[first] - lab[second])
+        for first in range(31)
+        for second in range(first + 10, 41)
+    )
+
+
+@pytest.mark.parametrize("blindness", BLINDNESS)
+def test_color_blind_readers_can_read_our_color_maps(blindness):
+    named = re.compile(r"(?:color[-_]map|cmap)[\"']?[ :=]+[\"']?([A-Za-z_]+)\b")
+    folders = (
+        "docs/**/*.md",
+        "docs/images/*.py",
+        "*/config/*.yaml",
+        "grid_map_*_py/grid_map_*_py/**/*.py",
+    )
+    texts = [path.read_text() for folder in folders for path in ROOT.glob(folder)]
+    chosen = {name for text in texts for name in named.findall(text)} & {*matplotlib.colormaps}
+    assert {DEFAULT_COLOR_MAP, "BrBG"} <= chosen
+    poor = {name: least_difference(name, blindness) for name in sorted(chosen)}
+    # A difference of 2.3 is just noticeable.
+    assert {name: worst for name, worst in poor.items() if worst < 5} == {}
+    assert least_difference("RdYlGn", "deuteranopia") < 5
 
 
 # --- on disk --------------------------------------------------------------------------------------

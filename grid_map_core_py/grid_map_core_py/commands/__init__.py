@@ -26,6 +26,7 @@ from ._maps import (
     Destination as Destination,
     check_free as check_free,
     describe as describe,
+    open_recording as open_recording,
     open_records as open_records,
     read_map as read_map,
 )

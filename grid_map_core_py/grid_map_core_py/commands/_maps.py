@@ -181,14 +181,11 @@ def open_records(
         UsageError: an option is for other formats.
         GridMapError: the source cannot be read, or the destination would replace it.
     """
-    found, given = _choose(options)
-    if found.open_maps is None:
+    if _choose(options)[0].open_maps is None:
         yield [_Only(None, read_map(options, layers))]  # type: ignore[list-item]
         return
-    index = given.pop("index", None)
-    with found.open_maps(options.source, **given) as records:
-        if lost := getattr(records, "lost", None):
-            message(f"{options.source}: {lost}")
+    index = options.index
+    with open_recording(options) as records:
         if destination.takes_many:
             bag = Path(options.source).resolve()
             if Path(destination.path).resolve() in (bag, bag.parent):
@@ -200,6 +197,28 @@ def open_records(
             yield records
         else:
             yield [records[-1 if index is None else index]]
+
+
+@contextmanager
+def open_recording(options: argparse.Namespace) -> "Iterator[Sequence[MapRecord]]":
+    """Yield records of all maps of the source, whatever `--index` says.
+
+    Args:
+        options: the arguments of `add_source`.
+
+    Raises:
+        UsageError: an option is for other formats.
+        CommandError: the source is no bag, but of a format that holds one map.
+        GridMapError: the source cannot be read.
+    """
+    found, given = _choose(options)
+    if found.open_maps is None:
+        raise CommandError(f"{options.source}: expected a bag, which holds many maps")
+    given.pop("index", None)
+    with found.open_maps(options.source, **given) as records:
+        if lost := getattr(records, "lost", None):
+            message(f"{options.source}: {lost}")
+        yield records
 
 
 @contextmanager

@@ -46,12 +46,12 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
 
 
 def tiled_source(
-    options: argparse.Namespace, destination: Destination | None = None
+    options: argparse.Namespace, destination: Destination | None = None, *, also_small: bool = False
 ) -> "TiledMap | None":
     """Return the map of the source if it is read window by window, else None.
 
     These are Zarr stores and GeoTIFF files; without a destination, and from GeoTIFF to GeoTIFF,
-    only those that are too large to be read at once.
+    only those that are too large to be read at once, or all of them for `also_small`.
 
     Raises:
         UsageError: an option of `add_tiles` is given, and the map does not run on tiles.
@@ -59,7 +59,8 @@ def tiled_source(
     source = source_format(options)
     target = None if destination is None else destination.format.name
     on_tiles = source in _TILED and target in (None, *_TILED)
-    if on_tiles and target in (None, "geotiff") and not getattr(options, "cog", False):
+    also_small = also_small or getattr(options, "cog", False)
+    if on_tiles and target in (None, "geotiff") and not also_small:
         on_tiles = (target is not None and source == "zarr") or _is_large(options)
     if not on_tiles:
         _refuse_options(options)

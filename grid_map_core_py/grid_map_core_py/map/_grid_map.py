@@ -778,6 +778,31 @@ class GridMap(MutableMapping[str, Layer]):
 
         return from_dataset(dataset, layers)
 
+    # Pictures
+
+    def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
+        """Draw the map by Matplotlib, and return the axes.
+
+        `grid_map_visualization_py.pictures` draws it; the options are those of `plot` there for the
+        style "flat", of `plot_3d` for "surface" and of `plot_relief` for "relief".
+
+        Args:
+            layer: gives the colors of a flat picture, else the heights; empty stands for
+                `elevation`, or else the first.
+            ax: axes to draw on; None stands for the current ones, or new ones for "surface".
+            style: "flat", "surface" or "relief", or one that another package adds.
+            options: of the function that draws.
+
+        Raises:
+            MissingPackageError: grid_map_visualization_py or Matplotlib is not installed.
+            LayerNotFoundError: there is no such layer.
+            ConfigError: there is no such style, or an option is invalid.
+        """
+        # At the top it would slow down the import.
+        from ._plots import plot
+
+        return plot(self, layer, ax, style, options)
+
     def __repr__(self) -> str:
         return cut(
             f"GridMap({self.size[0]} x {self.size[1]} cells of {self.resolution} m at "

@@ -114,6 +114,12 @@ class GridMapAccessor:
         """Return the values of a layer at positions; see `TiledMap.at`."""
         return self._site.at(positions, layer, interpolation)
 
+    def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
+        """Draw the map by Matplotlib, and return the axes; see `GridMap.plot`."""
+        from ..map._plots import plot
+
+        return plot(self._site, layer, ax, style, options)
+
     @property
     def _is_lazy(self) -> bool:
         return any(self._dataset[name].chunks for name in layers_of(self._dataset))

@@ -265,6 +265,12 @@ class TiledMap:
 
         return thinned_map(self, step, select_layers(self.layers, layers))
 
+    def plot(self, layer: str = "", ax: Any = None, *, style: str = "flat", **options: Any) -> Any:
+        """Draw as much as a picture can show, and return the axes; see `GridMap.plot`."""
+        from ..map._plots import plot
+
+        return plot(self, layer, ax, style, options)
+
     def over_tiles(
         self, function: Callable[[GridMap], T], layers: Iterable[str] | None = None
     ) -> list[T]:

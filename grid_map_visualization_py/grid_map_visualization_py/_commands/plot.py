@@ -1,37 +1,42 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw a map from above, as a surface or as terrain in relief to a PNG, JPEG, PDF or SVG file."""
+"""Draw a map to a PNG, JPEG, PDF or SVG file, or the maps of a bag to a video: MP4, GIF."""
 
 import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grid_map_core_py.commands import (
     CommandError,
+    ProgressBar,
     UsageError,
     add_source,
     check_free,
     complete_layers,
     completed,
     message,
+    open_recording,
     read_map,
     tiled_source,
 )
+
+from .._kinds import usual_layer as usual_layer
 
 if TYPE_CHECKING:
     from grid_map_core_py import GridMap
     from grid_map_core_py.tiled import TiledMap
 
-_SIDE = 2000
-"""Rows and columns that are drawn of a map that is too large for memory."""
-
 ENDINGS = (".jpg", ".pdf", ".png", ".svg")
+_ANIMATED = (".gif", ".mp4")
 
 _STYLES_OF = {
-    "shade_by": (("flat",), "without --3d and --relief"),
+    "hillshade": (("flat",), "without --3d and --relief"),
     "color_layer": (("surface", "relief"), "with --3d or --relief"),
-    "max_drawn_cells": (("surface",), "with --3d"),
+    "max_drawn_cells": (("flat", "surface"), "without --relief"),
 }
 """Options that not all styles have."""
 
@@ -39,8 +44,13 @@ _STYLES_OF = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
     add_source(parser)
-    parser.add_argument("picture", type=Path, help=f"file that ends in {', '.join(ENDINGS)}")
+    text = (
+        f"file that ends in {', '.join(ENDINGS + _ANIMATED)}; the last two show all maps of a bag"
+    )
+    parser.add_argument("picture", type=Path, help=text)
     parser.add_argument("-f", "--force", action="store_true", help="replace existing files")
+    text = ".mp4, .gif: factor on the speed of the recording (1)"
+    parser.add_argument("--speed", type=float, help=text)
     add_style(parser)
 
 
@@ -57,9 +67,13 @@ def add_style(parser: argparse.ArgumentParser) -> None:
     add_flag("--relief", const="relief", help=text)
     text = "not flat: layer that gives the colors (the heights)"
     completed(add_layer("--color-layer", help=text), complete_layers)
-    add("--max-drawn-cells", type=int, help="3-D: thin out larger maps; 0 for never")
-    text = "flat: heights that the light falls on (no light)"
-    completed(add_layer("--shade-by", help=text), complete_layers)
+    text = "limit to which larger maps are reduced (pixels, 20000 for 3-D); 0 for none"
+    add("--max-drawn-cells", type=int, metavar="CELLS", help=text)
+    light = picture.add_mutually_exclusive_group()
+    text = "flat: heights that the light falls on (the layer, if its name is that of heights)"
+    completed(light.add_argument("--hillshade", metavar="LAYER", help=text), complete_layers)
+    dark = partial(light.add_argument, "--no-hillshade", dest="hillshade", default=None)
+    dark(action="store_const", const=False, help="flat: no light")
     add("--exaggeration", type=float, help="factor that scales the heights (1)")
     add("--title", help="text above the picture (layer and frame)")
     add("--dpi", type=float, default=110.0, help="pixels per inch (110)")
@@ -86,31 +100,62 @@ def complete_color_maps(**_: Any) -> list[str]:
 
 def run(options: argparse.Namespace) -> int:
     """Draw, and tell where the picture is."""
-    check_style(options, options.picture)
+    is_animated = options.picture.suffix.lower() in _ANIMATED
+    check_style(options, options.picture, ENDINGS + _ANIMATED)
+    if is_animated and options.style:
+        raise UsageError("--3d and --relief are for pictures, not for .gif and .mp4")
+    if is_animated and options.index is not None:
+        raise UsageError("--index is for pictures; .gif and .mp4 show all maps of a bag")
+    if options.speed is not None and not is_animated:
+        raise UsageError(f"--speed is for {' and '.join(_ANIMATED)}")
     check_free(str(options.picture), force=options.force)
-    shown = {options.layer, options.color_layer, options.shade_by} - {None}
-    draw(_read(options, shown if options.layer else None), options, options.picture)
+    if is_animated:
+        _animate(options)
+    else:
+        draw(_read(options), options, options.picture)
     message(f"{options.picture} is drawn")
     return 0
 
 
-def _read(options: argparse.Namespace, layers: set[str] | None) -> "GridMap":
-    """Return the map; of one that is too large for memory, every n-th cell."""
-    site = tiled_source(options)
-    if site is None:
-        return read_map(options, layers)
-    if layers is None:
-        layers = {usual_layer(site)}
-    grid_map = site.thinned(-(-max(site.size) // _SIDE), layers)
-    step = round(grid_map.resolution / site.resolution)
-    message(f"one of {step} x {step} cells is drawn")
-    return grid_map
+def _read(options: argparse.Namespace) -> "GridMap | TiledMap":
+    """Return the map; of a store or a raster, the picture reads as much as it can show."""
+    # Without Dask only those that are too large for memory need it.
+    site = tiled_source(options, also_small=find_spec("dask") is not None)
+    if site is not None:
+        return site
+    shown = {options.layer, options.color_layer, options.hillshade} - {None, False}
+    return read_map(options, shown if options.layer else None)
 
 
-def check_style(options: argparse.Namespace, picture: Path) -> None:
+def _animate(options: argparse.Namespace) -> None:
+    from ..pictures import save_animation
+
+    with open_recording(options) as records, _Progress() as bar, _telling(options.picture):
+        if not len(records):
+            raise CommandError(f"{options.source}: holds no maps")
+        first = records[0].grid_map()
+        layer = options.layer or usual_layer(first)
+        style = _options_of(first, layer, options)
+        speed = {} if options.speed is None else {"speed": options.speed}
+        save_animation(records, layer, options.picture, progress=bar, **speed, **style)
+
+
+class _Progress(ExitStack):
+    """Shows a progress bar from the first map on, not above an error before it."""
+
+    _bar: ProgressBar | None = None
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar = self._bar or self.enter_context(ProgressBar())
+        self._bar(done, total)
+
+
+def check_style(
+    options: argparse.Namespace, picture: Path, endings: Sequence[str] = ENDINGS
+) -> None:
     """Raise `UsageError` if the name or an argument of `add_style` makes no sense."""
-    if picture.suffix.lower() not in ENDINGS:
-        raise UsageError(f"{picture}: expected a name that ends in {', '.join(ENDINGS)}")
+    if picture.suffix.lower() not in endings:
+        raise UsageError(f"{picture}: expected a name that ends in {', '.join(endings)}")
     for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
             raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
@@ -119,23 +164,22 @@ def check_style(options: argparse.Namespace, picture: Path) -> None:
         raise UsageError(f"--dpi: expected a number from 1 to 1200, got {options.dpi:g}")
 
 
-def usual_layer(grid_map: "GridMap | TiledMap") -> str:
-    """Return the layer that is drawn unless the user names one: elevation, or the first."""
-    if not grid_map.layers:
-        raise CommandError("the map has no layers")
-    return "elevation" if "elevation" in grid_map.layers else grid_map.layers[0]
-
-
-def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> None:
+def draw(grid_map: "GridMap | TiledMap", options: argparse.Namespace, picture: Path) -> None:
     """Draw a map as the arguments of `add_style` say, or raise `GridMapError`."""
     # Slow to import.
-    from grid_map_core_py.files import storage_errors
-
     from ..pictures import save_picture
 
     layer = options.layer or usual_layer(grid_map)
+    with _telling(picture):
+        save_picture(grid_map, layer, picture, **_options_of(grid_map, layer, options))
+
+
+def _options_of(
+    grid_map: "GridMap | TiledMap", layer: str, options: argparse.Namespace
+) -> dict[str, Any]:
+    """Return the options of `save_picture` that the arguments of `add_style` say."""
     names = (
-        *("style", "color_layer", "max_drawn_cells", "shade_by", "exaggeration", "dpi"),
+        *("style", "color_layer", "max_drawn_cells", "hillshade", "exaggeration", "dpi"),
         *("color_mode", "color_map", "lower", "upper", "invert", "label", "title"),
     )
     given = {name: value for name, value in vars(options).items() if value is not None}
@@ -143,8 +187,16 @@ def draw(grid_map: "GridMap", options: argparse.Namespace, picture: Path) -> Non
     style.setdefault("title", f"{layer} in {grid_map.frame_id!r}")
     if (options.color_layer or layer).endswith("color"):
         style.setdefault("color_mode", "color")
+    return style
+
+
+@contextmanager
+def _telling(picture: Path) -> Iterator[None]:
+    """Turn the error of a picture that cannot be written into one that names it."""
+    from grid_map_core_py.files import storage_errors
+
     try:
-        save_picture(grid_map, layer, picture, **style)
+        yield
     except OSError:
         with storage_errors(picture, "written"):
             raise

@@ -1,0 +1,26 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Drawing of maps by another package, which this one may not import.
+
+A package offers a style by an entry point of the group `grid_map_core_py.plots`: its name, and a
+function of a map, the name of a layer, the axes and further options.
+"""
+
+from importlib.metadata import entry_points
+from typing import Any
+
+from ..errors import MissingPackageError
+from ..plugins import check
+
+GROUP = "grid_map_core_py.plots"
+PACKAGE = "grid_map_visualization_py"
+
+
+def plot(grid_map: object, layer: str, ax: Any, style: str, options: dict[str, Any]) -> Any:
+    """Draw a map; see `GridMap.plot`."""
+    styles = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if not styles:
+        remedy = f"install {PACKAGE}, or source the workspace that has it"
+        raise MissingPackageError(PACKAGE, "plot", remedy)
+    check(style in styles, "style", f"one of {', '.join(sorted(styles))}", style)
+    return styles[style].load()(grid_map, layer, ax, **options)
