@@ -6,43 +6,54 @@
 
 The nodes get maps of 403 x 344 cells, and clouds and octomaps of that size. One message in 50
 contradicts itself. Meanwhile publishers restart, the simulated clock jumps, parameters are set,
-services are called, subscribers and browsers stop reading. A table appears every minute:
+services are called, a browser stops reading, a callback of a subscriber takes 5 s, and that process
+is frozen for 5 s. A table appears every minute:
 
-- Hz: maps out per second.
+- Hz: maps out per second. CPU: part of one processor that the node takes.
 - sent, in, out, dropped: messages of the sources; maps of the node, by its diagnostics. `sent` may
   be larger than `in`, as a new map replaces one that a busy node has not taken.
-- MB, now: smallest resident memory in the minute after the second, and in the last one, in both of
-  which the source pauses: how many copies of messages are on their way at a time varies. Without
-  shared memory: of its segments, whose size is fixed, every process keeps the pages it has read.
-- files, now: smallest number of file descriptors in these minutes.
+- MB, now: smallest resident memory while the source pauses, as it does every minute: in the first
+  pause after two minutes, and in the last one. How many copies of messages are on their way at a
+  time varies. Without shared memory: of its segments, whose size is fixed, every process keeps the
+  pages it has read.
+- files, now: smallest number of file descriptors in these pauses.
 
-The exit code is 1 if memory grows by more than 1 %, if files or shared memory are left behind, if
-`in` is not the sum of `out` and `dropped`, if `out` is not what the publisher of the node has
-counted, if more is dropped than contradicts itself, or if a node ends or a request fails; if a node
-takes less than `--share` of what is sent, which one misses that hangs for 7 seconds per minute; or
-if more than `--gap` seconds pass between two maps of a node, unless its source restarts then. A
-busy machine needs a smaller share and a longer gap. There is no octomap_to_grid_map without
-octomap_msgs, and no web_viewer without viser. Start it where the workspace is set up
-(`. tools/env.sh`).
+The exit code is 1 if a node ends or a request fails, or if one of these is missed:
+
+- Memory and files do not grow by more than 1 %: median slope between any two pauses, times the
+  duration. Shared memory is not left behind.
+- `in` is the sum of `out` and `dropped`, `out` is what the publisher of the node has counted, and
+  no more is dropped than contradicts itself.
+- At most `--gap` seconds pass between two maps of a node, unless its source restarts or pauses; if
+  it has no output, between two reports of maps in. A node that hangs misses this on any machine.
+  While a process is frozen, Fast DDS may block those that publish to it (see "One process stops,
+  and others hang" in docs/troubleshooting.md): for them these 5 s do not count, but are printed.
+- A node takes `--share` of what is sent, unless the processors are busy for more than 90 % of the
+  time, by the median of all seconds. Nodes that take less are printed then.
+
+There is no octomap_to_grid_map without octomap_msgs, and no web_viewer without viser. Start it
+where the workspace is set up (`. tools/env.sh`).
 """
 
 import argparse
 import array
 import json
 import math
+import os
 import re
 import signal
 import struct
 import sys
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
-from itertools import count, cycle
+from itertools import combinations, count, cycle
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -75,11 +86,23 @@ BAD_EVERY = 50
 
 MAPS, CLOUDS, OCTOMAPS = "/soak/maps", "/soak/clouds", "/soak/octomaps"
 POSES = "/soak/poses"
-VIEWED = {
-    "/region": Marker,
-    **{f"/soak/{name}": GridMapMessage for name in ("filtered", "loaded", "mapped", "served")},
+VIEWED: dict[str, tuple[str, type]] = {
+    "filter_chain": ("/soak/filtered", GridMapMessage),
+    "grid_map_loader": ("/soak/loaded", GridMapMessage),
+    "grid_map_server": ("/soak/served", GridMapMessage),
+    "grid_map_visualization": ("/region", Marker),
+    "point_cloud_to_grid_map": ("/soak/mapped", GridMapMessage),
 }
-"""Topics to which a viewer subscribes that stops reading from time to time."""
+"""Nodes to which a viewer subscribes that stops reading from time to time: topics and types."""
+
+STALL = 5.0
+"""Time for which the viewer stops reading [s]."""
+
+STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
+"""Signals that the viewer gets in turn, every `STALL` seconds."""
+
+BUSY = 0.9
+"""Part of the time of all processors from which on nodes may miss messages."""
 
 OCTOMAP_MSGS, VISER = (find_spec(name) is not None for name in ("octomap_msgs", "viser"))
 
@@ -168,10 +191,14 @@ class Source(Node):
 
 
 class Viewer(Node):
+    """Subscribes to nodes; SIGUSR1 blocks its executor for `STALL` seconds, as a callback does."""
+
     def __init__(self) -> None:
         super().__init__("soak_viewer")
-        for topic, kind in VIEWED.items():
+        signal.signal(signal.SIGUSR1, lambda *_: time.sleep(STALL))
+        for topic, kind in VIEWED.values():
             self.create_subscription(kind, topic, lambda _: None, map_qos(), raw=True)
+        print("views")
 
 
 # --- nodes under test -----------------------------------------------------------------------------
@@ -191,8 +218,12 @@ class Subject:
         counts: numbers of maps in, out and dropped, by its diagnostics.
         published: number of messages on `output`, by its publisher.
         last: time of the last message on `output` [s], and its number; 0 before the first one.
-        gap: longest time between two messages on `output` [s].
-        samples: times [s], resident memory without shared memory [MB], and numbers of files.
+        frozen: when the viewer was frozen, if it subscribes to the node: begin and end [s].
+        gap: longest time between two messages on `output`, without `frozen`, and its end [s].
+        blocked: longest such time that overlaps with `frozen`, as a whole [s].
+        processor: time that its process has run [s].
+        samples: smallest resident memory without shared memory [MB], and number of files, by the
+            begin of a pause of the source [s].
     """
 
     module: str
@@ -205,8 +236,11 @@ class Subject:
     counts: tuple[int, ...] = (0, 0, 0)
     published: int = 0
     last: tuple[float, int] = (0.0, 0)
-    gap: float = 0.0
-    samples: list[tuple[float, float, int]] = field(default_factory=list)
+    frozen: list[tuple[float, float]] = field(default_factory=list)
+    gap: tuple[float, float] = (0.0, 0.0)
+    blocked: float = 0.0
+    processor: float = 0.0
+    samples: dict[float, tuple[float, int]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -224,21 +258,29 @@ class Subject:
         before, last = self.last
         if before > earliest:
             # The observer may have lost some.
-            self.gap = max(self.gap, (stamp - before) / max(1, number - last))
+            self.note_gap(before, stamp, max(1, number - last))
         self.last, self.published = (stamp, number), number
 
-    def sample(self, time: float) -> None:
+    def note_gap(self, begin: float, end: float, count: int = 1) -> None:
+        """Note `count` gaps, which take a time together."""
+        overlaps = (min(end, last) - max(begin, first) for first, last in self.frozen)
+        excused = sum(max(0.0, overlap) for overlap in overlaps)
+        self.gap = max(self.gap, ((end - begin - excused) / count, end))
+        if excused:
+            self.blocked = max(self.blocked, (end - begin) / count)
+
+    def sample(self, pause: float | None) -> None:
+        """Note the state of the process, in the pause that began at a time, or in none."""
         folder = Path("/proc", str(self.process.pid))
         with suppress(OSError):  # The process has ended.
-            status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
-            memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
-            self.samples.append((time, memory, len(list((folder / "fd").iterdir()))))
-
-    def within(self, begin: float, end: float) -> tuple[float, int]:
-        """Return the smallest memory [MB] and number of files in a period: without passing ones."""
-        chosen = [sample for sample in self.samples if begin <= sample[0] <= end]
-        _, memory, files = zip(*(chosen or self.samples), strict=True)
-        return min(memory), min(files)
+            times = (folder / "stat").read_text().rpartition(")")[2].split()[11:13]
+            self.processor = sum(map(int, times)) / os.sysconf("SC_CLK_TCK")
+            if pause is not None:
+                status = dict(re.findall(r"(\w+):\s+(\d+) kB", (folder / "status").read_text()))
+                memory = (int(status["VmRSS"]) - int(status["RssShmem"])) / 1024
+                least, fewest = self.samples.get(pause, (math.inf, sys.maxsize))
+                files = len(list((folder / "fd").iterdir()))
+                self.samples[pause] = min(least, memory), min(fewest, files)
 
 
 def subjects(folder: Path) -> list[Subject]:
@@ -354,6 +396,20 @@ def segments(process: int | str) -> set[Path]:
     return set(map(Path, re.findall(r"/dev/shm/fastrtps_[0-9a-f]{16}\b", maps)))
 
 
+def processor_times() -> tuple[int, int]:
+    """Return the time for which all processors were idle, and the whole time, in ticks."""
+    line, *_ = Path("/proc/stat").read_text().splitlines()
+    times = [int(text) for text in line.split()[1:9]]
+    return times[3] + times[4], sum(times)
+
+
+def growth(values: Mapping[float, float]) -> float:
+    """Return how much values grow from their first to their last time, by the median slope."""
+    pairs = combinations(sorted(values.items()), 2)
+    slopes = [(after - before) / (end - begin) for (begin, before), (end, after) in pairs]
+    return median(slopes) * (max(values) - min(values)) if slopes else 0.0
+
+
 # --- the run --------------------------------------------------------------------------------------
 
 
@@ -365,7 +421,7 @@ class Soak:
         folder: folder of bags and parameters.
         seconds: duration.
         names: nodes to run; all if empty.
-        share: smallest share of the messages sent that a node takes.
+        share: smallest share of the messages sent that a node takes, unless processors are busy.
         gap: longest time between two maps of a node [s].
 
     Attributes:
@@ -374,6 +430,7 @@ class Soak:
         bad: how many of them contradicted themselves.
         problems: figures that were missed.
         segments: segments of shared memory that the processes have used.
+        busy: parts of the time for which the processors were busy, each second.
     """
 
     def __init__(
@@ -391,6 +448,10 @@ class Soak:
         self._observer, self._folder, self._seconds = observer, folder, seconds
         self._share, self._gap = share, gap
         self.subjects = [each for each in subjects(folder) if not names or each.name in names]
+        self._frozen: list[tuple[float, float]] = []
+        for subject in self.subjects:
+            if subject.name in VIEWED:
+                subject.frozen = self._frozen
         self._sources: list[Process] = []
         self.sent: dict[str, int] = {}
         self.bad: dict[str, int] = {}
@@ -398,6 +459,8 @@ class Soak:
         self._is_paused = False
         self._answers: dict[str, list[Any]] = {}
         self._browsed = 0
+        self.busy: list[float] = []
+        self._times = processor_times()
         self._is_over = threading.Event()
         self._begin = time.monotonic()
 
@@ -414,17 +477,19 @@ class Soak:
                 self._count(subject)
             node = self._observer.node
             node.create_subscription(DiagnosticArray, "/diagnostics", self._note_counts, 100)
-            self._viewer = Process([sys.executable, __file__, "view"])
-            stack.callback(self._viewer.kill)
             stack.callback(lambda: [source.kill() for source in self._sources])
             self._restart_source()
             spin = partial(self._observer.spin, 0.1)
             wait_until(self._has_begun, "all nodes", step=spin, timeout=120)
+            # Later than the observer, or grid_map_visualization would take maps for it alone.
+            self._viewer = Process([sys.executable, __file__, "view"])
+            stack.callback(self._viewer.kill)
             # Queues become as long as they can be.
             for number in (signal.SIGSTOP, signal.SIGCONT):
                 for subject in self.subjects:
                     subject.process.send_signal(number)
                 self._observer.spin(1.0)
+            wait_until(lambda: self._viewer.lines, "the viewer", step=spin)
             self._begin, self._undisturbed = time.monotonic(), time.time()
             timers = self._disturb()
             self._observer.spin(self._seconds)
@@ -435,7 +500,7 @@ class Soak:
             self._end_sources()
             with suppress(AssertionError):
                 self._observer.wait_until(lambda: not any(self.miscounts()), "the last counts")
-            print(self.table(), flush=True)
+            print(self.table(), *self.notes(), sep="\n", flush=True)
             self.problems += [*self.miscounts(), *self.leaks(growth)]
             self._end_nodes()
 
@@ -453,13 +518,17 @@ class Soak:
             node = self._observer.node
             node.create_subscription(subject.kind, subject.output, note, map_qos(), raw=True)
 
-    def _note_counts(self, message: DiagnosticArray) -> None:
+    def _note_counts(self, message: DiagnosticArray, info: dict[str, int]) -> None:
         for status in message.status:
             # Such as "maps in", or "clouds in".
             values = {pair.key.partition(" ")[2]: pair.value for pair in status.values}
             for subject in self.subjects:
                 if subject.name == status.name.partition(":")[0]:
+                    before = subject.counts
                     subject.counts = tuple(int(values[key]) for key in ("in", "out", "dropped"))
+                    if subject.source and not subject.output and subject.counts > before:
+                        stamp = 1e-9 * info["source_timestamp"]
+                        subject.note(stamp, subject.last[1] + 1, self._undisturbed)
 
     # --- disturbances -----------------------------------------------------------------------------
 
@@ -468,7 +537,7 @@ class Soak:
         every = self._observer.node.create_timer
         clock = self._observer.node.create_publisher(Clock, "/clock", 1)
         requests = [request for subject in self.subjects for request in self._requests(subject)]
-        stalls = cycle([signal.SIGSTOP, signal.SIGCONT])
+        stalls = cycle(STALLS)
 
         def tick() -> None:
             now, message = self._elapsed, Clock()
@@ -484,10 +553,18 @@ class Soak:
             every(0.1, tick),
             every(1.0, self._sample),
             every(2.0, lambda: [request() for request in requests]),
-            every(5.0, lambda: self._viewer.send_signal(next(stalls))),
+            every(STALL, lambda: self._stall(next(stalls))),
             every(min(30.0, self._seconds / 3), self._restart_source),
             every(60.0, lambda: print(self.table(), flush=True)),
         ]
+
+    def _stall(self, number: int) -> None:
+        """Send a signal to the viewer, and note when it is frozen."""
+        if number == signal.SIGSTOP:
+            self._frozen.append((time.time(), math.inf))
+        self._viewer.send_signal(number)
+        if number == signal.SIGCONT:
+            self._frozen[-1] = self._frozen[-1][0], time.time()
 
     def _restart_source(self) -> None:
         """End the source and start another one, unless it pauses or has not begun yet."""
@@ -498,12 +575,13 @@ class Soak:
             self._sources.append(Process([sys.executable, __file__, "publish"]))
 
     def _pauses(self) -> Iterator[tuple[float, float]]:
-        """Yield when the source pauses, in the middle of each period whose memory counts [s].
+        """Yield when the source pauses: begin and end [s].
 
-        Subscribers would forget a source after 20 s.
+        By then memory has settled. Subscribers would forget a source after 20 s.
         """
-        for begin, end in self._periods():
-            yield begin + 0.4 * (end - begin), begin + 0.6 * (end - begin)
+        minute, settled = min(60.0, self._seconds / 5), min(120.0, self._seconds / 5)
+        for number in range(round(settled / minute), round(self._seconds / minute)):
+            yield (number + 0.1) * minute, (number + 0.3) * minute
 
     def _pause(self, is_paused: bool) -> None:
         """Stop the source, or let it go on."""
@@ -577,13 +655,17 @@ class Soak:
     # --- figures ----------------------------------------------------------------------------------
 
     def _sample(self) -> None:
-        self._pause(any(first < self._elapsed < last for first, last in self._pauses()))
+        begins = (first for first, last in self._pauses() if first < self._elapsed < last)
+        pause = next(begins, None)
+        self._pause(pause is not None)
         if math.isinf(self._undisturbed) and not self._is_paused and self._sources[-1].lines:
             # By then subscribers have found the source.
             self._undisturbed = time.time() + 3
+        (idle, whole), self._times = self._times, processor_times()
+        self.busy.append(1 - (self._times[0] - idle) / max(1, self._times[1] - whole))
         processes = [subject.process for subject in self.subjects]
         for subject in self.subjects:
-            subject.sample(self._elapsed)
+            subject.sample(pause)
         for process in (*processes, *self._sources, self._viewer):
             self.segments |= segments(process.pid)
         self.segments |= segments("self")
@@ -614,14 +696,30 @@ class Soak:
             if code != 0 or "Traceback" in text:
                 self.problems.append(f"{subject.name} ended with code {code}: {text[-2000:]}")
 
+    @property
+    def _is_busy(self) -> bool:
+        return bool(self.busy) and median(self.busy) > BUSY
+
+    def notes(self) -> Iterator[str]:
+        """Yield figures that explain others, and are no problems."""
+        yield f"noted: processors were busy for {100 * median(self.busy or [0]):.0f} % of the time"
+        for subject in self.subjects:
+            taken, sent = subject.counts[0], self.sent.get(subject.source, 0)
+            if self._is_busy and taken < self._share * sent:
+                yield f"noted: {subject.name} took {100 * taken / sent:.0f} % of what was sent"
+            if subject.blocked > self._gap:
+                text = f"{subject.blocked:.1f} s without a map while a viewer was frozen"
+                yield f"noted: {subject.name}: {text}"
+
     def miscounts(self) -> Iterator[str]:
         for name, answers in self._answers.items():
             if not answers or not answers[-1].done():
                 yield f"{name} does not answer"
+        share = 0.0 if self._is_busy else self._share
         for subject in self.subjects:
             name, (taken, out, dropped) = subject.name, subject.counts
             sent, bad = (figures.get(subject.source, 0) for figures in (self.sent, self.bad))
-            if subject.source and not sent >= taken == out + dropped >= self._share * sent > 0:
+            if subject.source and not sent >= taken == out + dropped >= max(1.0, share * sent):
                 yield f"{name}: {sent} sent, {taken} in, {out} out, {dropped} dropped"
             counts = subject.source and subject.output and subject.publishes_all
             if counts and out != subject.published:
@@ -635,46 +733,37 @@ class Soak:
     def gaps(self, now: float) -> Iterator[str]:
         """Yield which nodes were silent for too long, until `now` [s] at last."""
         for subject in self.subjects:
-            if subject.source and subject.output:
-                if subject.last[0] > self._undisturbed:
-                    subject.gap = max(subject.gap, now - subject.last[0])
-                elif now > self._undisturbed + self._gap:
-                    subject.gap = now - self._undisturbed
-                if subject.gap > self._gap:
-                    yield f"{subject.name}: {subject.gap:.1f} s without a map"
+            if subject.source:
+                if now > self._undisturbed:
+                    subject.note_gap(max(subject.last[0], self._undisturbed), now)
+                gap, end = subject.gap
+                if gap > self._gap:
+                    moment = end - now + self._elapsed
+                    yield f"{subject.name}: {gap:.1f} s without a map, until {moment:.0f} s"
 
-    def leaks(self, growth: float) -> Iterator[str]:
+    def leaks(self, limit: float) -> Iterator[str]:
         for subject in self.subjects:
-            (before, files), (after, more_files) = self._ends(subject)
-            if after > before * (1 + growth):
-                yield f"{subject.name}: from {before:.1f} to {after:.1f} MB"
-            if more_files > files * (1 + growth):
-                yield f"{subject.name}: from {files} to {more_files} files"
-
-    def _ends(self, subject: Subject) -> list[tuple[float, int]]:
-        """Return memory [MB] and files of a node after it has settled, and now."""
-        (begin, end), (_, last) = self._periods()
-        now = min(self._elapsed, last)
-        return [subject.within(begin, end), subject.within(now - (end - begin), now)]
-
-    def _periods(self) -> list[tuple[float, float]]:
-        """Return the periods whose memory and files are compared: begin and end [s]."""
-        settled = min(120.0, self._seconds / 5)
-        length = min(60.0, (self._seconds - settled) / 2)
-        return [(settled, settled + length), (self._seconds - length, self._seconds)]
+            for index, unit in enumerate(("MB", "files")):
+                values = {time: sample[index] for time, sample in subject.samples.items()}
+                if (more := growth(values)) > limit * values[min(values)]:
+                    yield f"{subject.name}: {more:.1f} {unit} more than {values[min(values)]:.1f}"
 
     def table(self) -> str:
         """Return the figures so far; the sources say at the end how much they have sent."""
-        heading = "node                       Hz   sent     in    out dropped    MB   now files now"
+        columns = "Hz  CPU   sent     in    out dropped   MB   now files now"
+        heading = f"{'node':23} {columns:>61}"
         lines = [f"\nafter {self._elapsed:.0f} s", heading]
+        duration = min(self._elapsed, self._seconds)
         for subject in self.subjects:
             taken, out, dropped = subject.counts
-            rate = (subject.published or out) / min(self._elapsed, self._seconds)
+            rate = (subject.published if subject.output else out) / duration
             sent = self.sent.get(subject.source, "")
-            (before, files), (after, more_files) = self._ends(subject)
+            samples = [subject.samples[key] for key in sorted(subject.samples)] or [(math.nan, 0)]
+            (before, files), (after, more_files) = samples[0], samples[-1]
             lines.append(
-                f"{subject.name:23} {rate:5.1f} {sent:6} {taken:6} {out:6} {dropped:7}"
-                f" {before:5.0f} {after:5.1f} {files:5} {more_files:3}"
+                f"{subject.name:23} {rate:5.1f} {subject.processor / duration:4.2f}"
+                f" {sent:6} {taken:6} {out:6} {dropped:7}"
+                f" {before:4.0f} {after:5.1f} {files:5} {more_files:3}"
             )
         return "\n".join(lines)
 
@@ -688,7 +777,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=600.0, help="duration (%(default)s)")
     text = "largest growth of resident memory, and of the number of files [%%] (%(default)s)"
     parser.add_argument("--growth", type=float, default=1.0, help=text)
-    text = "smallest part of the messages that a node takes [%%] (%(default)s)"
+    text = "smallest part of the messages that a node takes, unless processors are busy [%%] (90)"
     parser.add_argument("--share", type=float, default=90.0, help=text)
     text = "longest time between two maps of a node [s] (%(default)s)"
     parser.add_argument("--gap", type=float, default=2.0, help=text)

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The program of `make soak`, for some seconds; memory still grows then."""
 
+import math
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -28,17 +30,18 @@ def test_soak_of_some_seconds_meets_its_figures():
 
 @pytest.fixture
 def finished(tmp_path: Path) -> soak.Soak:
-    """Return a soak of 100 s with one node that has met its figures."""
-    run_of_one = soak.Soak(None, tmp_path, 100.0)
+    """Return a soak of ten minutes with one node that has met its figures."""
+    run_of_one = soak.Soak(None, tmp_path, 600.0)
     subject = soak.Subject("a.node", {}, "/in", "/out", counts=(95, 93, 2))
-    for second in range(100):
-        subject.samples.append((float(second), 50.0, 9))
+    # A message is on its way in some pauses.
+    for number, (begin, _) in enumerate(run_of_one._pauses()):
+        subject.samples[begin] = (51.0 if number in (2, 5, 7) else 50.0), 9
     for number in range(1, 94):
         subject.note(1000.0 + number, number, 0.0)
     run_of_one.subjects[:] = [subject]
     run_of_one.sent, run_of_one.bad = {"/in": 100}, {"/in": 2}
     run_of_one._undisturbed = 0.0
-    run_of_one._begin -= 100
+    run_of_one._begin -= 600
     return run_of_one
 
 
@@ -53,9 +56,11 @@ def test_good_figures_of_a_soak_are_no_problem(finished):
 
 def test_leaks_of_a_soak_are_problems(finished):
     (subject,) = finished.subjects
-    subject.samples[30:] = [(time, 51.0, 10) for time, *_ in subject.samples[30:]]
-    subject.samples[70:] = [(time, 52.0, 12) for time, *_ in subject.samples[70:]]
-    assert problems(finished) == ["node: from 50.0 to 51.0 MB", "node: from 9 to 10 files"]
+    for begin, (memory, files) in subject.samples.items():
+        minutes = begin / 60 - 2
+        subject.samples[begin] = memory + 0.1 * minutes, files + round(minutes / 4)
+    found = [re.sub(r"[\d.]+", "*", text) for text in problems(finished)]
+    assert found == ["node: * MB more than *", "node: * files more than *"]
 
 
 @pytest.mark.parametrize("counts", [(95, 92, 2), (80, 78, 2), (1, 1, 0), (101, 99, 2), (0, 0, 0)])
@@ -70,6 +75,26 @@ def test_gaps_between_maps_of_a_soak_are_problems(finished):
     subject.note(1096.5, 94, earliest=1094.0)
     subject.note(1097.0, 95, earliest=0.0)
     assert not [*finished.gaps(1097.0)]
-    assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map"]
+    assert [*finished.gaps(1100.0)] == ["node: 3.0 s without a map, until 600 s"]
     subject.note(1101.0, 96, earliest=0.0)
-    assert [*finished.gaps(1101.0)] == ["node: 4.0 s without a map"]
+    assert [*finished.gaps(1111.0)] == ["node: 10.0 s without a map, until 600 s"]
+
+
+def test_gaps_do_not_count_while_the_viewer_is_frozen(finished):
+    (subject,) = finished.subjects
+    subject.frozen += [(1094.0, 1099.0), (1110.0, math.inf)]
+    subject.note(1099.5, 94, earliest=0.0)
+    assert not [*finished.gaps(1101.0)]
+    assert "noted: node: 6.5 s without a map while a viewer was frozen" in [*finished.notes()]
+    subject.note(1107.0, 95, earliest=0.0)
+    assert [*finished.gaps(1120.0)] == ["node: 7.5 s without a map, until 587 s"]
+
+
+def test_nodes_may_miss_messages_while_all_processors_are_busy(finished):
+    (subject,) = finished.subjects
+    subject.counts, subject.published = (50, 48, 2), 48
+    finished.busy[:] = [0.5, 0.8, 0.95]
+    assert any("50 in" in text for text in problems(finished))
+    finished.busy[:] = [0.5, 0.95, 1.0]
+    assert problems(finished) == []
+    assert "noted: node took 50 % of what was sent" in [*finished.notes()]
