@@ -37,6 +37,7 @@ from grid_map_ros_py.testing import Peer, Process, peer, wait_until
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / "grid_map_demos_py" / "config"
 CHAIN = CONFIG / "filters_demo_filter_chain.yaml"
+LARGE_MAPS = ROOT / "grid_map_ros_py" / "grid_map_ros_py" / "fastdds_large_maps.xml"
 OUTPUTS = ROOT / "grid_map_visualization_py" / "config" / "grid_map_visualization.yaml"
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -310,7 +311,10 @@ def noisy_map() -> GridMap:
 
 
 def disturb() -> None:
-    """Publish at 30 Hz, take what nodes publish, and set their parameters, until a signal."""
+    """Publish at 30 Hz, take what nodes publish, and set their parameters.
+
+    Ends after a signal, or with the process that started it.
+    """
     from nav_msgs.msg import Odometry
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
@@ -329,6 +333,7 @@ def disturb() -> None:
         "/points": to_point_cloud(grid_map, "elevation"),
     }
     on_end(lambda *_: ended.append(True))
+    starter = os.getppid()
     # The domain of the process that started this one, which a peer would avoid.
     with peer(int(os.environ["ROS_DOMAIN_ID"])) as other:
         sources = [
@@ -337,7 +342,7 @@ def disturb() -> None:
         ]
         taken = {*messages, "/rosout"}
         print("publishes", flush=True)
-        while not ended:
+        while not ended and os.getppid() == starter:
             for publisher, data in sources:
                 if publisher.get_subscription_count():
                     publisher.publish(data)
@@ -375,7 +380,9 @@ def disturbed() -> Iterator[str]:
         save(noisy_map(), Path(data, "map.npz"), compress=True)
         save_to_bag(noisy_map(), Path(data, "bag"), "/grid_map")
         TiledMap.create(Path(data, "site.zarr"), noisy_map().geometry, ["elevation"])
-        process = Process([sys.executable, __file__, "--disturb"])
+        # With the memory of the profile for tests most clouds would get lost.
+        profile = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(LARGE_MAPS)}
+        process = Process([sys.executable, __file__, "--disturb"], profile)
         try:
             wait_until(lambda: process.lines, "the publisher of maps")
             yield data
@@ -402,8 +409,10 @@ def main() -> int:
     if options.disturb:
         disturb()
         return 0
-    # In the background of a script it is ignored, and so it would be in the children.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # In the background of a script SIGINT is ignored, and so it would be in the children. Each of
+    # these signals lets trials end that run, and kills what they have started.
+    for number in SIGNALS:
+        signal.signal(number, signal.default_int_handler)
     print(f"seed {options.seed}", flush=True)
     wanted = itertools.islice(trials(options.seed), options.count)
     wanted = [trial for trial in wanted if not options.only or trial.number in options.only]

@@ -49,7 +49,7 @@ def test_wrong_end_of_executable_is_found(script, expected, tmp_path, monkeypatc
 
 def test_nodes_take_messages_while_they_are_interrupted(tmp_path):
     names = ("elevation_mapping", "filter_chain", "grid_map_server", "grid_map_visualization")
-    names += ("point_cloud_to_grid_map",)
+    names += ("grid_map_window", "point_cloud_to_grid_map")
     nodes = {node.name: node for node in interrupts.executables()}
     taken: dict[str, int] = {}
 
@@ -69,7 +69,7 @@ def test_nodes_take_messages_while_they_are_interrupted(tmp_path):
                 lambda: len(taken) == len(names) and all(taken.values()),
                 f"maps out of {names}",
                 step=lambda: other.spin(0.1),
-                timeout=120,
+                timeout=80,  # Earlier than that of pytest, which would leave the processes.
             )
         finally:
             for process in processes:
