@@ -61,7 +61,7 @@ setup(
             # Such as web_viewer = ..._executables.web_viewer:WebViewerNode.main
             *(
                 f"{name} = {PACKAGE}._executables.{name}:{name.title().replace('_', '')}Node.main"
-                for name in ("grid_map_visualization", "web_viewer")
+                for name in ("grid_map_visualization", "rerun_viewer", "web_viewer")
             ),
             "snapshot = grid_map_visualization_py._executables.snapshot:main",
         ],

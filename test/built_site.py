@@ -73,6 +73,7 @@ def test_word_of_filters_finds_one_of_their_pages_first(search, word):
         ("GridMap", "docs/api/generated/grid_map_core_py/GridMap"),
         ("circle_cells", "docs/api/grid_map_core_py"),
         ("filter_chain", "docs/nodes/filter_chain"),
+        ("rerun_viewer", "docs/nodes/rerun_viewer"),
         ("web_viewer", "docs/nodes/web_viewer"),
         ("numba", "docs/filters"),
         ("troubleshooting", "docs/troubleshooting"),

@@ -99,6 +99,7 @@ ARGUMENTS = {
     "grid_map_visualization": f"--params-file {OUTPUTS} -p grid_map_visualizations:="
     "[elevation_surface,elevation_image,elevation_points,elevation_grid,map_region]",
     "point_cloud_to_grid_map": "-p pose_source:=none -p map_frame:=map -p robot_centric:=false",
+    "rerun_viewer": "-p port:=0",
     "web_viewer": "-p port:=0",
 }
 """Parameters of nodes that need some, or would take nothing without them."""

@@ -56,6 +56,7 @@ GIVEN: dict[str, dict[str, object]] = {
     "grid_map_saver": {"file_path": "/tmp/a_bag_that_is_not_written"},
     "grid_map_window": {"source": "a_store_that_is_not_there.zarr"},
     "grid_map_visualization": {"grid_map_visualizations": ["NAME"], "NAME.type": "map_region"},
+    "rerun_viewer": {"port": 0},
     "web_viewer": {"port": 0},
 }
 """Parameters without which these nodes cannot be created; the tables show the other defaults."""

@@ -9,13 +9,18 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import takewhile
 from pathlib import Path
 from types import FrameType
 
 from grid_map_core_py.commands import die_with_parent, on_end
 
-VIEWER = "grid_map_visualization_py._executables.web_viewer"
+VIEWERS = {
+    "rerun_cli": "grid_map_visualization_py._executables.rerun_viewer",
+    "viser": "grid_map_visualization_py._executables.web_viewer",
+}
+"""Viewers by the module that they need, the better one first."""
 
 PATIENCE = 5.0
 """Maximum time for a process to stop before it is killed [s]."""
@@ -30,7 +35,7 @@ class NodesDemo:
         about: one sentence for its help.
         report: module of the node that writes a report and ends the demo.
         report_file: file of its parameters in `config`.
-        viewer_file: file of the parameters of the viewer.
+        viewer_file: file of the parameters of the viewers.
     """
 
     name: str
@@ -63,7 +68,7 @@ class NodesDemo:
                 given = (parameters or {}).get(module)
                 processes.start(module, file, *([given] if given else []))
             if options.view is not None:
-                processes.start(VIEWER, self.viewer_file, f"port:={options.view}")
+                processes.start(viewer(), self.viewer_file, f"port:={options.view}")
             if options.report:
                 folder = f"output_directory:={options.report}"
                 processes.start(self.report, self.report_file, folder)
@@ -80,11 +85,16 @@ class NodesDemo:
         parser = argparse.ArgumentParser(prog=self.name, description=self.about)
         about = "write pictures there, print a table and end"
         parser.add_argument("--report", metavar="DIRECTORY", help=about)
-        about = "show the map in the browser, at http://127.0.0.1:8080 or another port"
+        about = "show the demo in the browser, at http://127.0.0.1:8080 or another port"
         parser.add_argument("--view", metavar="PORT", nargs="?", type=int, const=8080, help=about)
         words = sys.argv[1:] if arguments is None else arguments
         # `ros2 launch` and `ros2 run` may append arguments that are meant for ROS.
         return parser.parse_args(list(takewhile(lambda word: word != "--ros-args", words)))
+
+
+def viewer() -> str:
+    """Return the module of the first viewer whose library is installed, or of the last one."""
+    return next((VIEWERS[name] for name in VIEWERS if find_spec(name)), [*VIEWERS.values()][-1])
 
 
 class ProcessGroup:

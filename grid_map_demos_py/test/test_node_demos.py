@@ -18,6 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from grid_map_core_py import GridMap
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_demos_py import processes
 from grid_map_demos_py.demo_report_node import report
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message, to_message
@@ -113,16 +114,28 @@ def test_filters_demo_ignores_ros_arguments_and_runs_until_interrupted():
 
 
 def test_filters_demo_is_shown_in_the_browser():
-    pytest.importorskip("viser")
+    pytest.importorskip("rerun")
     demo, mark = start_marked("--view", "0")
-    pattern = re.compile(r"shows /filtered_map in the browser at\n(http://127\.0\.0\.1:\d+)\n")
+    pattern = re.compile(r"shows messages in the browser at\n(http://127\.0\.0\.1:\d+)\n")
     wait_until(lambda: pattern.search(demo.text), "the address of the page")
     address = pattern.search(demo.text)[1]
-    wait_until(lambda: "the first map of /filtered_map has come" in demo.text, "the first map")
-    wait_until(lambda: demo.lines[-1] == f"{address}\n", "the address at the end")
+    wait_until(lambda: "shows /filtered_map" in demo.text, "the topic")
+    wait_until(lambda: "the first message is shown; see\n" in demo.text, "the first message")
+    wait_until(lambda: f"see\n{address}\n" in demo.text, "the address near the end")
     with urlopen(address, timeout=30) as answer:
         assert b"<html" in answer.read()
     ends(demo, mark, 0)
+
+
+def test_demos_take_the_viewer_that_is_installed(monkeypatch):
+    installed = ["viser"]
+    monkeypatch.setattr(processes, "find_spec", lambda name: name in installed)
+    assert processes.viewer().endswith(".web_viewer")
+    installed.append("rerun_cli")
+    assert processes.viewer().endswith(".rerun_viewer")
+    # It says which package is missing.
+    installed.clear()
+    assert processes.viewer().endswith(".web_viewer")
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, "FilterChain("])

@@ -68,6 +68,7 @@ class LatchedSubscription:
         raw: whether the callback gets the bytes of the message.
         hears_best_effort: whether to become best effort on meeting a best-effort publisher, as
             sensors have; otherwise such a publisher is only named in the log.
+        depth: number of messages that wait for the callback, if `qos` is None.
 
     Attributes:
         topic_name: full name of the topic.
@@ -83,11 +84,14 @@ class LatchedSubscription:
         qos: QoSProfile | None = None,
         raw: bool = False,
         hears_best_effort: bool = False,
+        depth: int = 1,
     ) -> None:
         self._node = node
         self.topic_name: str = node.resolve_topic_name(topic)
         self._callback = callback
         self._qos = qos or map_qos()
+        if not qos:
+            self._qos.depth = depth
         self._can_give_up = [*WEAKER][: 0 if qos else 1 + hears_best_effort]
         self._log = LogThrottle(node.get_logger())
         self._subscribe = partial(

@@ -221,13 +221,15 @@ def _marker_pose(pose: Any) -> npt.NDArray[np.float64]:
 def _diagnostics(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for status in message.status:
         for entry in status.values:
-            if "milliseconds" not in entry.key:
+            # Such as "ms" and "ms smooth" of a filter chain; "mean ms" follows from them.
+            unit, _, part = entry.key.partition(" ")
+            if unit != "ms":
                 continue
             try:
                 scalar = rr.Scalars(float(entry.value))
             except ValueError:
                 continue
-            path = ("milliseconds", status.name, entry.key)
+            path = ("milliseconds", status.name, part or "all")
             yield Placed(stamp_of(message.header), path, None, _always(scalar), is_global=True)
 
 

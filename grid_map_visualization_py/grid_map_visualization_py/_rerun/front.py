@@ -42,8 +42,11 @@ MOST_CONNECTIONS = 64
 PATIENCE = 10.0
 """Maximum time for the head of a request [s]."""
 
-STALL = 3.0
-"""Time after which a connection that takes no data is closed [s]; Rerun would wait for it."""
+BUFFER, STEP = 8_000_000, 250_000
+"""Size of the data that may wait for a slow page, and of what it has to take [bytes] ..."""
+
+STALL = 10.0
+"""... in this time [s]; otherwise its connection ends, since Rerun would stop for all pages."""
 
 ENDS = OSError, EOFError, ValueError, HTTPException, asyncio.CancelledError
 """Ends of connections: at any time, by requests that make no sense, and when the page ends."""
@@ -158,6 +161,7 @@ async def _pass_on(head: bytes, reader: Reader, writer: Writer, address: Address
 
 
 async def _copy(reader: Reader, writer: Writer) -> None:
+    writer.transport.set_write_buffer_limits(high=BUFFER, low=BUFFER - STEP)
     while block := await reader.read(1 << 16):
         writer.write(block)
         try:

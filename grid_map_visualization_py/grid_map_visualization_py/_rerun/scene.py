@@ -16,6 +16,7 @@ since the graphics know only float32, and with scaled heights if `exaggeration` 
 are true to scale.
 """
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -71,6 +72,7 @@ class Style:
             largest value of each map.
         exaggeration: factor that scales heights in the 3-D view.
         max_drawn_cells: cells of the surface; larger maps are thinned out. 0 for no limit.
+        max_image_cells: the same for the image of each layer.
     """
 
     height_layer: str = ""
@@ -80,6 +82,7 @@ class Style:
     upper: float | None = None
     exaggeration: float = 1.0
     max_drawn_cells: int = 150_000
+    max_image_cells: int = 0
 
     def __post_init__(self) -> None:
         check_max_drawn_cells(self.max_drawn_cells)
@@ -275,7 +278,10 @@ class Scene:
     ) -> None:
         rr = self._rr
         values = grid_map.unwrapped(layer)
-        step = -(-max(values.shape) // _LARGEST_IMAGE)
+        most = self._style.max_image_cells or values.size
+        step = max(
+            -(-max(values.shape) // _LARGEST_IMAGE), math.ceil(math.sqrt(values.size / most))
+        )
         # Rows and columns of a map count against x and y.
         image = np.ascontiguousarray(values.T[::step, ::-step])
         opaque = np.where(np.isnan(image), np.uint8(0), np.uint8(255))

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from grid_map_core_py.commands import die_with_parent
-from grid_map_core_py.errors import GridMapError, required
+from grid_map_core_py.errors import GridMapError
 
 from .._viewer.page import is_loopback, url_of
 from .front import Address, Front
-
-REMEDY = "install grid_map_visualization_py[rerun] (pip), or rerun-sdk"
+from .scene import rerun
 
 SETTINGS = Path(__file__).with_name("settings")
 """Folder of the settings of Rerun: its statistics of use are off, and nothing is written."""
@@ -70,7 +69,7 @@ class Server:
         allowed_hosts: Sequence[str] = (),
         name: str = "grid_map",
     ) -> None:
-        rerun, program = (required(module, "Rerun", REMEDY) for module in ("rerun", "rerun_cli"))
+        sdk, program = rerun(), rerun("rerun_cli")
         listener = _listen(host, port)
         machine = socket.gethostname()
         names = {host, "localhost", machine, f"{machine}.local", *allowed_hosts}
@@ -96,7 +95,7 @@ class Server:
         self.recording: Any = None
         try:
             self._wait_for(data, page)
-            self.recording = rerun.RecordingStream(name)
+            self.recording = sdk.RecordingStream(name)
             self.recording.connect_grpc(f"rerun+http://{hidden}:{data[1]}/proxy")
             self._front = Front(listener, {each.lower() for each in names}, data, page)
         except BaseException:

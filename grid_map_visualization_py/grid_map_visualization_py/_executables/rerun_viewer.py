@@ -1,0 +1,161 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Node `rerun_viewer`: shows maps and other messages of a running system in Rerun."""
+
+from functools import partial
+from importlib import import_module
+
+from rclpy.node import Node
+
+from grid_map_core_py.errors import required
+from grid_map_ros_py.errors import NodeFailedError
+from grid_map_ros_py.nodes import (
+    ConfiguredNode,
+    LatchedSubscription,
+    LogThrottle,
+    check_topic,
+    health_of,
+    read_parameter,
+    return_memory,
+    steady_timer,
+)
+
+from .._rerun.feeder import QUEUES, Feeder
+from .._rerun.scene import SHOWN_TYPES, Style
+from .._rerun.server import Server
+from ..colors import DEFAULT_COLOR_MAP
+
+TF = frozenset({"/tf", "/tf_static"})
+"""Topics that are shown in any case, since places of other messages depend on them."""
+
+PERIOD = 0.5
+"""Time between two looks for new topics, and for problems [s]."""
+
+
+class RerunViewerNode(ConfiguredNode):
+    """Passes messages of many topics to Rerun."""
+
+    def __init__(self) -> None:
+        super().__init__("rerun_viewer")
+        return_memory()
+        about = (
+            "topics that are shown, besides `/tf` and `/tf_static`; "
+            "empty: all topics of types that can be shown, also those that appear later"
+        )
+        topics = read_parameter(self, "topics", list[str], [], description=about)
+        self._chosen = {
+            self.resolve_topic_name(check_topic(self, "topics", topic)) for topic in topics
+        }
+        style = self._read_style()
+        about = "largest rate at which a topic is shown [Hz]; of faster ones, the newest message is"
+        max_rate = self.read_positive("max_rate", 5.0, about)
+        self._log = LogThrottle(self.get_logger())
+        self._has_shown = False
+        self._followed: dict[str, LatchedSubscription | None] = {}
+        self._server = self._serve()
+        self._feeder = Feeder(self._server, style, max_rate)
+        health = health_of(self)
+        health.inputs, health.details = "messages", self._details
+        steady_timer(self, PERIOD, self._look)
+        # The address stands alone on its line, so that it is easy to find and to copy.
+        self.get_logger().info(f"shows messages in the browser at\n{self._server.page_url}")
+
+    def _read_style(self) -> Style:
+        about = "layer of the heights; empty: `elevation`, or the first layer of the map"
+        height_layer = self.read("height_layer", "", about)
+        about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
+        color_layer = self.read("color_layer", "", about)
+        color_map = self.read("color_map", DEFAULT_COLOR_MAP, "color map, a name of Matplotlib")
+        about = "factor that scales heights in the 3-D view"
+        exaggeration = self.read_positive("exaggeration", 1.0, about)
+        about = (
+            "limit of the cells of a surface and of each image, to which larger maps are thinned "
+            "out; 0 for no limit"
+        )
+        max_drawn_cells = self.read("max_drawn_cells", 50_000, about)
+        return Style(
+            height_layer=height_layer,
+            color_layer=color_layer,
+            color_map=color_map,
+            exaggeration=exaggeration,
+            max_drawn_cells=max_drawn_cells,
+            max_image_cells=max_drawn_cells,
+        )
+
+    def _serve(self) -> Server:
+        about = "address of the page; `127.0.0.1` is reachable from this machine only"
+        host = self.read("host", "127.0.0.1", about)
+        port = self.read_number("port", 9876, 0, 65535, "port of the page; 0 for any free one")
+        about = "size of the messages that are kept for the timeline, such as `512MB` or `10%`"
+        memory_limit = self.read("memory_limit", "512MB", about)
+        about = (
+            "names under which browsers may open the page, besides IP addresses, `localhost`, "
+            "`host` and the name of the machine, with or without `.local`"
+        )
+        names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
+        remedy = "pip install 'grid_map_visualization_py[rerun]', or use web_viewer"
+        required("rerun_cli", "rerun_viewer", remedy)
+        server = Server(host, port, memory_limit=memory_limit, allowed_hosts=names)
+        if server.is_public:
+            text = f"anyone who can reach {server.page_url} sees the messages, and can add others"
+            self.get_logger().warning(text)
+        return server
+
+    def destroy_node(self) -> None:
+        """Destroy the node and end Rerun."""
+        self._feeder.close()
+        self._server.close()
+        Node.destroy_node(self)
+
+    def _look(self) -> None:
+        """Subscribe to new topics, and report problems."""
+        if self._server.problem:
+            raise NodeFailedError(self._server.problem)
+        for topic, types in self.get_topic_names_and_types():
+            if topic not in self._followed:
+                self._follow(topic, types)
+        if self._feeder.shown and not self._has_shown:
+            self._has_shown = True
+            # By now all nodes have started, and the address stands at the end of what they log.
+            self.get_logger().info(f"the first message is shown; see\n{self._server.page_url}")
+        health = health_of(self)
+        for refusal in self._feeder.take_refusals():
+            health.drop_used(refusal)
+            self._log.error(f"dropped a message of {refusal}")
+        health.problem = self._feeder.problem
+        if health.problem:
+            self._log.warning(health.problem)
+
+    def _follow(self, topic: str, types: list[str]) -> None:
+        kind = next((kind for kind in types if kind in SHOWN_TYPES), None)
+        is_chosen = topic in self._chosen or (kind and not self._chosen) or topic in TF
+        if not is_chosen:
+            return
+        self._followed[topic] = None
+        if kind is None:
+            self.get_logger().warning(f"{topic} is not shown: its type is {', '.join(types)}")
+            return
+        package, _, name = kind.split("/")
+        try:
+            message_type = getattr(import_module(f"{package}.msg"), name)
+        except ImportError:
+            self.get_logger().warning(f"{topic} is not shown: {package} is not installed")
+            return
+        self._followed[topic] = LatchedSubscription(
+            self,
+            message_type,
+            topic,
+            partial(self._feeder.put, topic, kind),
+            raw=True,
+            hears_best_effort=True,
+            depth=QUEUES.get(kind, 1),
+        )
+        self.get_logger().info(f"shows {topic} ({kind})")
+
+    def _details(self) -> dict[str, object]:
+        feeder = self._feeder
+        return {"messages shown": feeder.shown, "messages replaced": feeder.replaced}
+
+
+if __name__ == "__main__":
+    raise SystemExit(RerunViewerNode.main())

@@ -1,0 +1,286 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""The node `rerun_viewer`: messages over DDS, read back by a second client of Rerun."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path as PathMessage
+from std_msgs.msg import String
+from test_rerun_server import rerun
+
+from grid_map_core_py import GridMap
+from grid_map_ros_py import testing, to_message
+from grid_map_ros_py.testing import Peer, Process, running, start_node, wait_until
+
+pytestmark = pytest.mark.needs("rerun")
+
+MODULE = "grid_map_visualization_py._executables.rerun_viewer"
+
+
+def slope(height: float = 0.0, seconds: int = 5) -> GridMap:
+    """Return 6 x 4 cells of 0.1 m, moved, with a hole; each height differs."""
+    grid_map = GridMap((0.6, 0.4), 0.1, (1.0, 2.0), frame_id="odom", timestamp=seconds * 10**9)
+    values = np.arange(24, dtype=np.float32).reshape(6, 4) + height
+    values[2, 1] = np.nan
+    grid_map["elevation"] = values
+    grid_map.move((1.1, 2.0))
+    return grid_map
+
+
+@contextmanager
+def viewer(**parameters: object) -> Iterator[Process]:
+    given = {"port": 0, **parameters}.items()
+    words = (word for name, value in given for word in ("-p", f"{name}:={value}"))
+    with running(start_node(MODULE, "--ros-args", *words)) as process:
+        url_of(process)
+        yield process
+
+
+def url_of(node: Process) -> str:
+    pattern = re.compile(r"shows messages in the browser at\n(http://\S+)\n")
+    wait_until(lambda: pattern.search(node.text) or not node.is_running, "the address of the page")
+    assert node.is_running, node.text
+    return pattern.search(node.text)[1]
+
+
+def program_of(node: Process) -> int:
+    """Return the process of Rerun that a node has started."""
+    (child,) = Path(f"/proc/{node.pid}/task/{node.pid}/children").read_text().split()
+    return int(child)
+
+
+class Client:
+    """A second client, which saves what it reads."""
+
+    def __init__(self, url: str, path: Path) -> None:
+        self._path = path
+        source = url.replace("http://", "rerun+http://") + "/proxy"
+        options = "--save", path, "--port", "0", "--bind", "127.0.0.1", source
+        self.process = subprocess.Popen([rerun(), *options], stderr=subprocess.DEVNULL)
+
+    def columns(self, entity: str) -> dict[str, list[Any]]:
+        """Return the rows of an entity so far, by the names of their columns."""
+        found: dict[str, list[Any]] = {}
+        for chunk in self._chunks():
+            if chunk.entity_path == entity:
+                for name, rows in chunk.to_record_batch().to_pydict().items():
+                    found.setdefault(name, []).extend(rows)
+        return found
+
+    def _chunks(self) -> list[Any]:
+        from rerun.chunk import RrdReader
+
+        chunks: list[Any] | None = None
+
+        def read() -> bool:
+            nonlocal chunks
+            # The file may end within a message.
+            with suppress(RuntimeError, ValueError), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                chunks = [*RrdReader(self._path).stream()] if self._path.exists() else []
+            return chunks is not None
+
+        wait_until(read, "a complete file")
+        return chunks or []
+
+
+@contextmanager
+def client(node: Process, folder: Path) -> Iterator[Client]:
+    one = Client(url_of(node), folder / "read.rrd")
+    try:
+        yield one
+    finally:
+        one.process.kill()
+        one.process.wait()
+
+
+@pytest.fixture(scope="module")
+def peer() -> Iterator[Peer]:
+    with testing.peer() as other:
+        yield other
+
+
+def values_of(peer: Peer) -> Callable[[], dict[str, str]]:
+    """Return a function that returns the values of the last report of the node."""
+    peer.listen("/diagnostics", DiagnosticArray, 10)
+    reports = peer.received["/diagnostics"]
+
+    def values() -> dict[str, str]:
+        found = [one for report in reports for one in report.status if one.name == "rerun_viewer"]
+        return {pair.key: pair.value for pair in found[-1].values} if found else {}
+
+    return values
+
+
+def milliseconds() -> DiagnosticArray:
+    pairs = [KeyValue(key="ms smooth", value="2.5"), KeyValue(key="mean ms smooth", value="1.5")]
+    return DiagnosticArray(status=[DiagnosticStatus(name="filters", values=pairs)])
+
+
+def test_a_second_client_reads_what_was_published(peer, tmp_path):
+    odometry, pose, path = Odometry(), PoseStamped(), PathMessage()
+    for message in (odometry, pose, path):
+        message.header.frame_id = "odom"
+    odometry.header.stamp.sec = 6
+    odometry.pose.pose.position.x = 3.5
+    odometry.pose.pose.orientation.w = pose.pose.orientation.w = 1.0
+    path.poses = [pose, pose]
+    with viewer() as node, client(node, tmp_path) as reader:
+        peer.publish("/odometry", odometry, 10)
+        peer.publish("/grid_map", to_message(slope()))
+        # Topics that appear later are shown, too.
+        peer.publish("/route", path, 10)
+        peer.publish("/diagnostics", milliseconds(), 10)
+        image = "/grid_map/layers/elevation"
+        expected = {
+            image: "Image:buffer",
+            "/grid_map/surface": "Mesh3D:vertex_positions",
+            "/odometry/trail": "Points3D:positions",
+            "/route": "LineStrips3D:strips",
+            "/milliseconds/filters/smooth": "Scalars:scalars",
+        }
+
+        def has_come() -> bool:
+            return all(name in reader.columns(entity) for entity, name in expected.items())
+
+        wait_until(has_come, "all entities", step=lambda: peer.spin(0.1))
+        columns = reader.columns(image)
+        (((data,),),) = [columns["Image:buffer"]]
+        shown = np.array(data, np.uint8).view(np.float32).reshape(4, 6)
+        # x points to the right and y up, while rows and columns of maps count against them.
+        np.testing.assert_array_equal(shown, slope().unwrapped("elevation").T[:, ::-1])
+        (ros_time,), (log_time,) = columns["ros_time"], columns["log_time"]
+        assert ros_time.timestamp() == 5.0
+        assert abs(log_time.timestamp() - time.time()) < 60
+        (place,) = reader.columns("/odometry/trail")["Points3D:positions"]
+        np.testing.assert_allclose(place, [[3.5, 0.0, 0.0]])
+        (scalar,) = reader.columns("/milliseconds/filters/smooth")["Scalars:scalars"]
+        assert scalar == [2.5]
+        assert not reader.columns("/milliseconds/filters/mean ms smooth")
+
+
+def test_bad_messages_are_dropped_and_counted(peer, tmp_path):
+    values = values_of(peer)
+    message = to_message(slope())
+    message.info.resolution = -1.0
+    with viewer(topics="[/bad_map,/words]") as node, client(node, tmp_path) as reader:
+        words = peer.node.create_publisher(String, "/words", 1)
+        peer.publish("/bad_map", message)
+        peer.wait_until(lambda: values().get("messages dropped") == "1", "the report")
+        assert "/bad_map: info.resolution: expected a positive" in values()["last error"]
+        assert "dropped a message of /bad_map: info.resolution" in node.text
+        peer.publish("/bad_map", to_message(slope()))
+        entity = "/bad_map/layers/elevation"
+        wait_until(lambda: reader.columns(entity), "the next", step=lambda: peer.spin(0.1))
+        assert "/words is not shown: its type is std_msgs/msg/String" in node.text
+        # Other topics were not chosen.
+        assert "shows /grid_map" not in node.text
+        peer.node.destroy_publisher(words)
+
+
+def test_newest_of_many_messages_is_shown_at_the_rate(peer, tmp_path):
+    with viewer(topics="[/fast_map]", max_rate=1.0) as node, client(node, tmp_path) as reader:
+        peer.publish("/fast_map", to_message(slope()))
+        entity = "/fast_map/layers/elevation"
+        for k in range(1, 21):
+            peer.publish("/fast_map", to_message(slope(seconds=5 + k)))
+            peer.spin(0.02)
+
+        def times() -> list[float]:
+            return [time.timestamp() for time in reader.columns(entity).get("ros_time", [])]
+
+        wait_until(lambda: 25.0 in times(), "the last", step=lambda: peer.spin(0.1))
+        assert len(times()) <= 5
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
+    values = values_of(peer)
+    size = np.full((200, 200), 1.0, np.float32)
+    large = GridMap((20.0, 20.0), 0.1, layers={f"layer {k}": size for k in range(8)})
+    message = to_message(large)
+    process = start_node(MODULE, "--ros-args", "-p", "port:=0", "-p", "topics:=[/large]")
+    try:
+        url_of(process)
+        peer.publish("/large", message)
+        program = program_of(process)
+        os.kill(program, number)
+        if number == signal.SIGKILL:
+            assert process.wait() == 1
+            complaint = "the program rerun has ended with exit code -9"
+            assert f"{complaint}\n" in process.text
+            return
+
+        def publish() -> None:
+            peer.publish("/large", message)
+            peer.spin(0.05)
+
+        hangs = lambda: "Rerun has taken no data for" in process.text  # noqa: E731
+        wait_until(hangs, "the complaint", step=publish)
+        rss, taken = memory_of(process), lambda: int(values()["messages in"])
+        # It still takes messages, and keeps one of them.
+        before = taken()
+        wait_until(lambda: taken() > before + 15, "messages", step=publish)
+        assert memory_of(process) - rss < 10 * len(message.data) * 4 * size.size
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 0, process.text
+        assert time.monotonic() - begin < 5
+        assert "Traceback" not in process.text
+        wait_until(lambda: not Path(f"/proc/{program}").exists(), "the end of Rerun")
+    finally:
+        process.kill()
+
+
+def memory_of(process: Process) -> int:
+    """Return the memory that a process uses [bytes]."""
+    pages = Path(f"/proc/{process.pid}/statm").read_text().split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+REFUSALS = f"""
+import sys
+from {MODULE} import RerunViewerNode
+from grid_map_ros_py.nodes import run
+for parameter in sys.argv[1:]:
+    print(run(RerunViewerNode, ["node", "--ros-args", "-p", parameter]))
+sys.modules["rerun_cli"] = None
+print(run(RerunViewerNode, ["node"]))
+"""
+
+
+def test_failing_node_ends_with_one_message():
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        complaints = {
+            f"port:={port}": f"the page cannot be served at 127.0.0.1:{port}: [Errno 98]",
+            "port:=65536": "parameter 'port': expected a number from 0 to 65535",
+            "max_drawn_cells:=3": "parameter 'max_drawn_cells': expected 0 (never thin out) or",
+            "color_map:=virdis": "did you mean viridis",
+            "max_rate:=0": "parameter 'max_rate': expected a positive",
+            "exaggeration:=-1": "parameter 'exaggeration': expected a positive",
+            "topics:=['no topic']": "parameter 'topics': expected the name",
+        }
+        process = Process([sys.executable, "-c", REFUSALS, *complaints])
+        assert process.wait() == 0, process.text
+    messages, codes = process.lines[::2], process.lines[1::2]
+    assert codes == ["1\n"] * (len(complaints) + 1)
+    missing = "rerun_viewer needs the package 'rerun_cli', which is not installed: pip install"
+    for message, complaint in zip(messages, [*complaints.values(), missing], strict=True):
+        assert complaint in message
+    assert "or use web_viewer" in messages[-1]
