@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Settings of all tests of this package."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,3 +15,13 @@ from grid_map_core_py import GridMap
 def terrain() -> GridMap:
     values = np.arange(8 * 5, dtype=np.float32).reshape(8, 5)
     return GridMap((8, 5), 1.0, (0.5, 0.0), {"elevation": values, "variance": 0.1}, frame_id="map")
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[Any]:
+    """Client of two processes; it computes within its `as_current()` only."""
+    from distributed import Client, LocalCluster
+
+    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
+    with LocalCluster(2, **options) as cluster, Client(cluster, set_as_default=False) as client:
+        yield client

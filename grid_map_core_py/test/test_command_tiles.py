@@ -173,7 +173,7 @@ def test_workers_are_processes_that_end_with_the_program():
     assert (run.returncode, error) == (0, "grid-map: 60 x 45 cells in b.zarr\n")
     assert json.loads(output.splitlines()[-1])["tiles"] == 15 * 12
     assert_maps_equal(load("b.zarr"), a_map())
-    with subprocess.Popen([*line, "--force"], **pipes) as run:
+    with subprocess.Popen([*line, "--force", "--workers", "1"], **pipes) as run:
         assert run.stdout is not None
         run.stdout.readline()
         workers = children(run.pid)

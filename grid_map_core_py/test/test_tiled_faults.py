@@ -48,15 +48,6 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return files(folder / "out.zarr")
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    from distributed import Client, LocalCluster
-
-    options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 60}
-    with LocalCluster(2, **options) as cluster, Client(cluster, set_as_default=False) as client:
-        yield client
-
-
 @pytest.fixture
 def target(tmp_path: Path) -> Iterator[Path]:
     """Path of a store; in the end there is only the store, or what resume needs."""

@@ -562,13 +562,10 @@ def test_bits_of_values_round_trip():
     assert back.view(np.uint32).tobytes() == values[0, :, ::-1].T.view(np.uint32).tobytes()
 
 
-def test_map_is_computed_by_cluster():
-    distributed = pytest.importorskip("distributed")
-    site = a_site()
-    with distributed.Client(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=60
-    ):
-        site.to_geotiff("out.tif")
+@pytest.mark.needs("distributed")
+def test_map_is_computed_by_cluster_in_another_folder(cluster):
+    with cluster.as_current():
+        a_site().to_geotiff("out.tif")
     assert_maps_equal(load_geotiff("out.tif"), load_geotiff("in.tif"))
 
 

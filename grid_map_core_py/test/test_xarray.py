@@ -425,14 +425,9 @@ def test_layers_that_are_only_read_are_read_alone():
 
 
 @pytest.mark.needs("dask", "distributed")
-def test_processes_compute_each_tile_once(tmp_path):
-    from distributed import Client, LocalCluster
-
+def test_processes_compute_each_tile_once(cluster, tmp_path):
     site, grid_map = tiled(terrain((30, 20)), (8, 7), tmp_path)
-    with (
-        LocalCluster(1, threads_per_worker=2, dashboard_address=":0") as cluster,
-        Client(cluster),
-    ):
+    with cluster.as_current():
         assert GridMap.from_xarray(site.to_xarray().compute()) == grid_map
         x, y = grid_map.geometry.axes_in_map_order()
         points = np.stack(np.meshgrid(x, y), -1).reshape(-1, 2)

@@ -3,7 +3,7 @@
 """Tiled maps into GeoTIFF files, window by window; overviews are built afterwards."""
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from importlib import import_module
 from os import PathLike
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .._unfinished import unfinished
-from ..arrays._checks import Layer, Size, select_layers
+from ..arrays._checks import Layer, Size
 from ..errors import GridMapError
 from ..files._atomic import new_file
 from ..files._geotiff import check_crs, raster_profile, raster_tags
@@ -32,18 +32,17 @@ _BLOCK = 512
 def to_geotiff(
     site: TiledMap,
     path: str | PathLike[str],
+    names: Sequence[str],
+    progress: Progress | None,
     *,
-    cog: bool = True,
-    layers: Iterable[str] | None = None,
-    compress: bool = True,
-    overwrite: bool = False,
-    progress: Progress | None = None,
+    cog: bool,
+    compress: bool,
+    overwrite: bool,
 ) -> None:
     """Write a tiled map into a GeoTIFF file; see `TiledMap.to_geotiff`."""
     target = Path(path)
     check_ending(target, ".tif", ".tiff")
     package_for(target, "GeoTIFF", "rasterio")
-    names = select_layers(site.layers, layers)
     check_crs(site.crs)
     with storage_errors(target, "written"):
         if not names:

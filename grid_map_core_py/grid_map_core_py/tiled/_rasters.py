@@ -35,7 +35,7 @@ from ..files._shared import StoredMap, storage_errors
 from ..limits import check_bytes
 from ..map._geometry import GridGeometry
 from ._earth import moved_map
-from ._source import Tiles, Window, shape, within
+from ._source import Tiles, Window, common, shape, within
 from ._tiled_map import TiledMap
 
 _LARGEST_SHIFT = 1e-3
@@ -110,6 +110,12 @@ class RasterSource:
     crs: str
     virtual: bool
 
+    def __getstate__(self) -> dict[str, Any]:
+        # Processes of a cluster may have another working directory.
+        path = str if self.virtual else os.path.abspath
+        parts = tuple(part._replace(path=path(part.path)) for part in self.parts)
+        return {**self.__dict__, "parts": parts}
+
     def describe(self) -> str:
         files = [(f"{Path(part.path).absolute()}", *part[1:]) for part in self.parts]
         return f"{files} in {self.crs}"
@@ -122,7 +128,7 @@ class RasterSource:
         bands = [self.layers.index(name) + 1 for name in names]
         done: list[Window] = []
         for part in self._touched(window):
-            place = _common(part.place, window)
+            place = common(part.place, window)
             if not done and place != window:
                 _clear(layers)
             images = [to_north_up(layer[within(place, window)]) for layer in layers]
@@ -420,7 +426,7 @@ def _project(raster: Any, bands: Sequence[int], pixels: Window, images: Sequence
     for block in Tiles(raster.shape, (_BLOCK, _BLOCK)).touching(pixels):
         # Single bands would project all of them each time.
         values = raster.read([*bands], window=rectangle.from_slices(*block))
-        part = _common(block, pixels)
+        part = common(block, pixels)
         for band, image, found in zip(bands, images, values, strict=True):
             scale_pixels(raster, band, found)
             image[within(part, pixels)] = found[within(part, block)]
@@ -450,15 +456,8 @@ def _check_blocks(raster: Any, pixels: Window, part: _Part) -> None:
 # --- windows --------------------------------------------------------------------------------------
 
 
-def _common(one: Window, other: Window) -> Window:
-    rows, columns = (
-        slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
-    )
-    return rows, columns
-
-
 def _overlap(one: Window, other: Window) -> bool:
-    return min(shape(_common(one, other))) > 0
+    return min(shape(common(one, other))) > 0
 
 
 def _clear(layers: Iterable[Layer]) -> None:

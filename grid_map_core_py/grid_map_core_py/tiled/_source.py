@@ -95,6 +95,14 @@ def within(window: Window, outer: Window) -> Window:
     return rows, columns
 
 
+def common(one: Window, other: Window) -> Window:
+    """Return the cells that are in two windows; slices end before they start if there are none."""
+    rows, columns = (
+        slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
+    )
+    return rows, columns
+
+
 def shape(window: Window) -> Size:
     """Return the numbers of rows and columns of a window."""
     return window[0].stop - window[0].start, window[1].stop - window[1].start

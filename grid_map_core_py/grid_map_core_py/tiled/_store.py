@@ -12,7 +12,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -59,16 +59,15 @@ _TRIES, _PAUSE = 50, 0.02
 def to_zarr(
     site: TiledMap,
     path: str | PathLike[str],
+    names: Sequence[str],
+    progress: Progress | None,
     *,
-    layers: Iterable[str] | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: Progress | None = None,
+    resume: bool,
+    overwrite: bool,
 ) -> None:
     """Write a tiled map into a Zarr store; see `TiledMap.to_zarr`."""
     target = check_local(path)
     check_ending(target, ".zarr")
-    names = select_layers(site.layers, layers)
     check_names(names)
     part = target.with_name(f"{target.name}.part")
     with store_errors(target, "written"):

@@ -332,14 +332,8 @@ class TiledMap:
         """
         from ._store import to_zarr
 
-        to_zarr(
-            self,
-            path,
-            layers=layers,
-            resume=resume,
-            overwrite=overwrite,
-            progress=progress,
-        )
+        names = select_layers(self.layers, layers)
+        to_zarr(self, path, names, progress, resume=resume, overwrite=overwrite)
 
     def write(
         self,
@@ -405,15 +399,8 @@ class TiledMap:
         """
         from ._raster_files import to_geotiff
 
-        to_geotiff(
-            self,
-            path,
-            cog=cog,
-            layers=layers,
-            compress=compress,
-            overwrite=overwrite,
-            progress=progress,
-        )
+        names, options = select_layers(self.layers, layers), {"cog": cog, "compress": compress}
+        to_geotiff(self, path, names, progress, overwrite=overwrite, **options)
 
     def position_of(self, latitude: ArrayLike, longitude: ArrayLike) -> Positions:
         """Return places on the earth in the frame of the map.

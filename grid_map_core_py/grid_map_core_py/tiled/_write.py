@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Maps into stores that exist: the finite cells of a map replace those of the store."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from ..arrays._checks import Layer, select_layers
 from ..errors import GeometryError, GridMapError, OutOfMapError
 from ..map._grid_map import GridMap
 from ..map._merge import check_frames, lines_under
-from ._source import Tiles, Window, within
+from ._source import Tiles, Window, common, within
 from ._stores import StoreSource
 from ._tiled_map import TiledMap
 from ._zarr import check_local, locked, open_layer, store_errors
@@ -90,11 +90,11 @@ def _merge(
     """Merge a layer into the chunks of the store that it touches, one after the other."""
     path, stored = Path(source.path), source.stored(name)
     array = open_layer(source.path, name)
-    for chunk in _chunks(array.shape, array.chunks, stored.place(window)):
+    for chunk in Tiles(array.shape, array.chunks).touching(stored.place(window)):
         place = stored.window(chunk)
-        common = _common(place, window)
+        shared = common(place, window)
         rows, columns = (
-            line[part] for line, part in zip(lines, within(common, window), strict=True)
+            line[part] for line, part in zip(lines, within(shared, window), strict=True)
         )
         values = layer[rows[:, None], columns]
         finite = np.isfinite(values)
@@ -102,18 +102,6 @@ def _merge(
             continue
         with store_errors(path / name, "written"):
             cells = array[chunk]
-            view = stored.in_map_order(cells)[within(common, place)]
+            view = stored.in_map_order(cells)[within(shared, place)]
             np.copyto(view, values, where=finite)
             array[chunk] = cells
-
-
-def _chunks(shape: tuple[int, int], chunks: tuple[int, int], place: Window) -> Iterator[Window]:
-    """Yield the chunks of an array that have cells of a rectangle of it."""
-    return Tiles(shape, chunks).touching(place)
-
-
-def _common(one: Window, other: Window) -> Window:
-    rows, columns = (
-        slice(max(a.start, b.start), min(a.stop, b.stop)) for a, b in zip(one, other, strict=True)
-    )
-    return rows, columns
