@@ -26,6 +26,7 @@ IMAGES = ROOT / "docs" / "images"
         ),
         ("make_demo_pictures.py", "demos", "docs/demos/{}.md", 80_000, 800_000),
         ("make_drawings.py", "conventions", "docs/conventions.md", 20_000, 60_000),
+        ("make_picture_pictures.py", "pictures", "docs/pictures.md", 300_000, 1_000_000),
         ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),
         ("make_hero_picture.py", "", "README.md", 300_000, 300_000),
     ],
@@ -41,7 +42,8 @@ def test_pictures_are_small_shown_and_drawn_by_their_script(
         if path.suffix == ".svg":
             assert path.read_text() == (tmp_path / path.name).read_text()
         else:
-            assert path.read_bytes().startswith(b"\x89PNG")
+            kind = b"GIF89a" if path.suffix == ".gif" else b"\x89PNG"
+            assert path.read_bytes().startswith(kind)
         link = f"images/{folder}/{path.name}" if folder else f"images/{path.name}"
         assert f"{link})" in (ROOT / page.format(path.stem)).read_text()
     sizes = [path.stat().st_size for path in stored]

@@ -276,7 +276,16 @@ def draw(
 ) -> None:
     """Draw a layer between two values."""
     lower, upper = limits
-    plot(grid_map, layer, ax, lower=lower, upper=upper, color_map=color_map, color_bar=False)
+    plot(
+        grid_map,
+        layer,
+        ax,
+        lower=lower,
+        upper=upper,
+        color_map=color_map,
+        color_bar=False,
+        scale_bar=False,
+    )
     ax.set_title(title, fontsize=9)
     ax.set(xlabel="", ylabel="")
     ax.tick_params(labelsize=7)

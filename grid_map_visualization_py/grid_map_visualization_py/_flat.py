@@ -159,8 +159,10 @@ class Flat:
 
     def explain(self, axes: Any, bar: Any, *, has_holes: bool) -> None:
         """Draw the color bar, and say how cells without a value look."""
+        if not self.color_bar:
+            return
         drawn = None
-        if self.color_bar and self.coloring.mode == "intensity":
+        if self.coloring.mode == "intensity":
             label = self.label or self.coloring.layer
             drawn = axes.figure.colorbar(bar, ax=axes, label=label, shrink=0.85)
         if has_holes:

@@ -21,7 +21,10 @@ def outputs() -> dict[str, dict[str, Any]]:
     client = pytest.importorskip("nbclient")
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     assert not any(cell.get("outputs") for cell in notebook.cells)
-    client.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+    with pytest.MonkeyPatch.context() as patch:
+        # The kernel sets its own.
+        patch.delenv("MPLBACKEND", raising=False)
+        client.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
     shown = {cell.source: cell.outputs for cell in notebook.cells if cell.cell_type == "code"}
     assert all(len(found) <= 1 for found in shown.values())
     return {source: found[0].data for source, found in shown.items() if found}

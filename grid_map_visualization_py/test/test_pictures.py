@@ -279,7 +279,7 @@ def legends(axes: Axes) -> list[str]:
 @pytest.mark.parametrize("options", [{}, {"color_bar": False}, {"color_mode": "color"}])
 def test_holes_are_hatched_and_in_the_legend(corner_map, options):
     axes = plot(corner_map, "a", flat_axes(), **options)
-    assert legends(axes) == ["no value"]
+    assert legends(axes) == (["no value"] if options.get("color_bar", True) else [])
     assert axes.patches[0].get_hatch()
     axes = plot(corner_map, "ground", flat_axes(), **options)
     assert (legends(axes), [*axes.patches]) == ([], [])
@@ -319,6 +319,20 @@ def test_maps_with_a_reference_system_show_north(corner_map):
 
 
 # --- other kinds of maps, and larger ones ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("style", "options", "shown"),
+    [
+        ("flat", {}, "images"),
+        ("relief", {}, "images"),
+        ("surface", {"projection": "3d"}, "collections"),
+    ],
+)
+def test_maps_plot_themselves(corner_map, style, options, shown):
+    axes = flat_axes(**options)
+    assert corner_map.plot("a", axes, style=style, title="A map") is axes
+    assert (len(getattr(axes, shown)), axes.get_title()) == (1, "A map")
 
 
 @pytest.mark.needs("xarray")
