@@ -52,6 +52,7 @@ setup(
     tests_require=["pytest"],
     extras_require={
         "pictures": ["matplotlib>=3.6"],
+        "rerun": ["matplotlib>=3.6", "rerun-sdk>=0.41"],
         "test": ["pytest"],
         "web_viewer": ["viser>=1.1"],
     },
@@ -69,6 +70,7 @@ setup(
             "plot = grid_map_visualization_py._commands.plot",
             "view = grid_map_visualization_py._commands.view",
         ],
+        "grid_map_core_py.formats": ["rrd = grid_map_visualization_py._formats:RRD"],
         "grid_map_core_py.plots": [
             "flat = grid_map_visualization_py.pictures:plot",
             "surface = grid_map_visualization_py.pictures:plot_3d",

@@ -50,7 +50,10 @@ TILED = {
 }
 """Modules of the extras `tiled` and `geo`, and of their tests."""
 
-OPTIONAL = {"llvmlite", "nav2_msgs", "numba", "octomap_msgs", "rasterio", "viser"} | TILED
+OPTIONAL = {
+    *("llvmlite", "nav2_msgs", "numba", "octomap_msgs"),
+    *("rasterio", "rerun", "rerun_cli", "viser"),
+} | TILED
 """Optional modules, imported on use; if one is missing, an error names the remedy."""
 
 

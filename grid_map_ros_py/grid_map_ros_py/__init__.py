@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from grid_map_core_py.errors import MissingPackageError as MissingPackageError
 
     from .bags import (
+        BagMessage as BagMessage,
         BagReader as BagReader,
         BagRecord as BagRecord,
         BagTopic as BagTopic,
         BagWriter as BagWriter,
         bag_maps as bag_maps,
+        bag_messages as bag_messages,
         bag_topics as bag_topics,
         load_from_bag as load_from_bag,
         save_to_bag as save_to_bag,
@@ -65,7 +67,8 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _OFFERED = {
-    "bags": "BagReader BagRecord BagTopic BagWriter bag_maps bag_topics load_from_bag save_to_bag",
+    "bags": "BagMessage BagReader BagRecord BagTopic BagWriter bag_maps bag_messages bag_topics "
+    "load_from_bag save_to_bag",
     "errors": "BagError MessageError MissingPackageError",
     "messages": "ReceivedMap add_color_layer_from_image add_layer_from_image from_costmap "
     "from_grid_cells from_image from_message from_occupancy_grid from_octomap from_point_cloud "

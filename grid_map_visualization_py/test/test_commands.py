@@ -2,12 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """`grid-map plot` and `grid-map view`."""
 
-import re
 import subprocess
 import sys
 from pathlib import Path
-from urllib.error import HTTPError
-from urllib.request import Request, urlopen
 
 import cv2
 import numpy as np
@@ -17,7 +14,6 @@ from grid_map_core_py import GridMap
 from grid_map_core_py.files import save_npz
 from grid_map_ros_py import save_to_bag
 from grid_map_ros_py.bags import BagWriter
-from grid_map_ros_py.testing import Process, running, wait_until
 
 
 @pytest.fixture
@@ -142,30 +138,3 @@ def test_error_without_matplotlib_says_how_to_install_it(command):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "needs the package 'matplotlib', which is not installed: " in done.stderr
-
-
-@pytest.mark.usefixtures("command")
-def test_the_page_is_served_until_an_interrupt():
-    viser = pytest.importorskip("viser")
-    connect = pytest.importorskip("websockets.sync.client").connect
-    words = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
-    words += ["--allowed-hosts", "viewer.robot", "--allowed-hosts", "other.robot"]
-    with running(Process(words)) as process:
-        wait_until(lambda: process.lines, "the address")
-        with urlopen(process.lines[0].strip()) as answer:
-            assert answer.status == 200
-            assert b"<html" in answer.read()
-        for host in "viewer.robot", "other.robot":
-            with urlopen(Request(process.lines[0].strip(), headers={"Host": host})) as answer:
-                assert answer.status == 200
-        with pytest.raises(HTTPError, match="403"):
-            urlopen(Request(process.lines[0].strip(), headers={"Host": "evil.example"}))
-        address = process.lines[0].strip().replace("http", "ws")
-        with connect(address, subprotocols=[f"viser-v{viser.__version__}"]) as socket:
-            for _ in range(50):
-                socket.send(b"")
-            line = re.compile(
-                r"^grid-map: warning: ignored a message of a browser: .*truncated", re.MULTILINE
-            )
-            wait_until(lambda: re.search(r"and \d+ more like this", process.text), "a number")
-        assert len(line.findall(process.text)) < 10

@@ -35,6 +35,14 @@ def run(options: argparse.Namespace) -> int:
             site = replace(site, frame_id=options.frame)
         write_tiles(site, destination, options, quiet=options.quiet, as_json=options.json)
         return 0
+    if options.frame is None and destination.takes_all(options):
+        destination.write_all(options)
+    else:
+        _convert_maps(options, destination)
+    return 0
+
+
+def _convert_maps(options: argparse.Namespace, destination: Destination) -> None:
     with (
         open_records(options, destination, options.layers) as records,
         ProgressBar(quiet=options.quiet or len(records) < 2) as progress,
@@ -57,4 +65,3 @@ def run(options: argparse.Namespace) -> int:
 
         count = destination.write(maps())
     destination.tell(count)
-    return 0

@@ -31,6 +31,7 @@ PACKAGES = {
     "mcap": ("bags in MCAP files", "pip install mcap"),
     "matplotlib": ("pictures and color maps", "apt install python3-matplotlib"),
     "viser": ("maps in the browser", "pip install viser"),
+    "rerun": ("recordings in Rerun", "pip install rerun-sdk"),
     "rasterio": ("GeoTIFF", "pip install rasterio"),
     "pyproj": ("latitudes and longitudes", "pip install pyproj"),
     "xarray": ("datasets of xarray", "pip install xarray"),

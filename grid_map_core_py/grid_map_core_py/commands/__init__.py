@@ -29,6 +29,7 @@ from ._maps import (
     open_recording as open_recording,
     open_records as open_records,
     read_map as read_map,
+    source_format as source_format,
 )
 from ._output import (
     CommandError as CommandError,
@@ -45,7 +46,9 @@ from ._output import (
 )
 from ._signals import die_with_parent as die_with_parent, on_end as on_end
 from ._tiles import (
+    add_rectangle as add_rectangle,
     add_tiles as add_tiles,
+    read_rectangle as read_rectangle,
     tiled_source as tiled_source,
     write_tiles as write_tiles,
 )

@@ -261,6 +261,7 @@ class Destination:
         self.path: str = options.destination
         self.usual_topic = usual_topic
         source, source_given = _choose(options)
+        self._holds_many = source.open_maps is not None
         try:
             self.format, self._given = _choose(options, source_given)
         except UsageError:
@@ -279,6 +280,22 @@ class Destination:
     def takes_many(self) -> bool:
         """True for a bag, which holds any number of maps."""
         return self.format.save_maps is not None
+
+    def takes_all(self, options: argparse.Namespace) -> bool:
+        """Return whether all messages of a bag go there: no topic, map or layer is chosen."""
+        chosen = (options.topic, options.index, options.layers)
+        is_whole = all(one is None for one in chosen)
+        return self.format.save_all is not None and self._holds_many and is_whole
+
+    def write_all(self, options: argparse.Namespace) -> None:
+        """Write all messages of the source, and print their number.
+
+        Raises:
+            GridMapError, OSError: they cannot be read or written.
+        """
+        given = {"recover": True} if options.recover else {}
+        count = self.format.save_all(options.source, self.path, **given)  # type: ignore[misc]
+        message(f"{count} messages in {self.path}")
 
     def write(self, maps: Iterable[TimedMap]) -> int:
         """Write maps, and return their number; each is written before the next is asked for.

@@ -5,17 +5,18 @@
 import argparse
 import logging
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._unfinished import unfinished
 from ..errors import required
-from ._maps import Destination, describe, source_format
+from ._maps import Destination, describe, read_map, source_format
 from ._output import CommandError, ProgressBar, UsageError, message
 
 if TYPE_CHECKING:
+    from ..map import GridMap
     from ..tiled import TiledMap
 
 _TILED = ("zarr", "geotiff")
@@ -43,6 +44,50 @@ def add_tiles(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--chunks", type=int, metavar="CELLS", help=about)
     about = "GeoTIFF: cloud-optimized, with overviews"
     group.add_argument("--cog", action="store_true", help=about)
+
+
+def add_rectangle(parser: argparse.ArgumentParser, *, required: bool = False) -> None:
+    """Add the rectangle of a map to read, which may be larger than memory."""
+    group = parser.add_argument_group("rectangle")
+    about = "its center [m] in the frame of the map"
+    group.add_argument("--position", type=float, nargs=2, metavar=("X", "Y"), help=about)
+    about = "its center on the earth [degrees], for maps with a reference system"
+    group.add_argument("--lat", type=float, help=about)
+    group.add_argument("--lon", type=float, help=about)
+    about = "its sides along x and y [m]"
+    group.add_argument(
+        "--length", type=float, nargs=2, metavar=("A", "B"), required=required, help=about
+    )
+
+
+def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = None) -> "GridMap":
+    """Return the rectangle that the arguments of `add_rectangle` name.
+
+    The chunks under it are read, for maps in stores and rasters.
+
+    Raises:
+        UsageError: its place or its sides are missing, or the place is given twice.
+        CommandError: its place is on the earth, and the map has no reference system.
+        GridMapError: the map cannot be read.
+    """
+    on_earth = [options.lat, options.lon]
+    given = [value is not None for value in (options.position, *on_earth)]
+    if given not in ([True, False, False], [False, True, True]):
+        raise UsageError("expected --position X Y, or --lat and --lon")
+    if options.length is None:
+        raise UsageError("expected --length A B")
+    position = options.position
+    if source_format(options) not in _TILED:
+        if position is None:
+            raise CommandError(f"{options.source}: --lat and --lon are for {' and '.join(_TILED)}")
+        return read_map(options, layers).get_submap(position, options.length)
+    from ..tiled import open_map
+
+    site = open_map(options.source)
+    if position is None:
+        earth: Any = site
+        position = earth.position_of(*on_earth)
+    return site.submap(position, options.length, layers)
 
 
 def tiled_source(

@@ -59,6 +59,9 @@ class Format:
             attribute `topic`. If it has an attribute `lost` that is true, commands print it.
         save_maps: for formats of many maps: `save_maps(path, maps, **options)` writes pairs of
             time [ns] (or None) and map, one at a time, and returns their number.
+        save_all: for formats that hold more than maps: `save_all(source, path, **options)` writes
+            all that a file of many maps holds, such as a bag with its clouds and poses, and returns
+            the number of messages.
     """
 
     name: str
@@ -71,6 +74,7 @@ class Format:
     describe: Callable[..., dict[str, Any]] | None = None
     open_maps: Callable[..., AbstractContextManager[Sequence[MapRecord]]] | None = None
     save_maps: Callable[..., int] | None = None
+    save_all: Callable[..., int] | None = None
 
 
 def options_of(function: Callable[..., object] | None, given: int = 1) -> tuple[str, ...]:
@@ -141,7 +145,7 @@ def formats() -> dict[str, Format]:
     warning.
     """
     known = {one.name: one for one in _BUILT_IN}
-    for entry in entry_points(group=GROUP):
+    for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
         try:
             known.setdefault(entry.name, entry.load())
         # Any error of a plug-in leaves the other formats usable.

@@ -4,11 +4,13 @@
 
 from ._bag import (
     STORAGES as STORAGES,
+    BagMessage as BagMessage,
     BagReader as BagReader,
     BagRecord as BagRecord,
     BagTopic as BagTopic,
     BagWriter as BagWriter,
     bag_maps as bag_maps,
+    bag_messages as bag_messages,
     bag_topics as bag_topics,
     load_from_bag as load_from_bag,
     save_to_bag as save_to_bag,

@@ -476,6 +476,52 @@ class BagFiles:
         return self._open[1]
 
 
+class BagMessage(NamedTuple):
+    """A recorded message of any type.
+
+    Attributes:
+        topic: its topic.
+        type: its type, such as `nav_msgs/msg/Odometry`.
+        time: time of the recording [ns].
+        data: the message in CDR, which `grid_map_ros_py.messages.view` reads.
+        place: name of the message in errors.
+    """
+
+    topic: str
+    type: str
+    time: int
+    data: bytes
+    place: str
+
+
+def bag_messages(
+    path: str | PathLike[str], types: Iterable[str] | None = None, *, recover: bool = False
+) -> Iterator[BagMessage]:
+    """Yield the messages of a bag in time order, each read when it is asked for.
+
+    Args:
+        path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
+        types: types of messages to read; None means all. Topics that are not in CDR are left out.
+        recover: as for `load_from_bag`.
+
+    Raises:
+        BagError: the bag is damaged or missing.
+        MissingPackageError: the package `mcap` is needed and not installed.
+    """
+    wanted = None if types is None else {*types}
+    with BagFiles(path, recover=recover) as files:
+        topics = {
+            name: kind.type
+            for name, kind in files.topics.items()
+            if kind.encoding == "cdr" and (wanted is None or kind.type in wanted)
+        }
+        counts = dict.fromkeys(topics, 0)
+        for entry, file, topic in files.entries(topics):
+            place = f"{files.paths[file]}: message {counts[topic]} on {topic}"
+            counts[topic] += 1
+            yield BagMessage(topic, topics[topic], entry.time, files.read(file, entry), place)
+
+
 class BagReader(BagFiles):
     """Sequence of the map messages (`BagRecord`) on one topic of a bag, in time order.
 

@@ -1,86 +1,172 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""Show a map in the browser, until Ctrl-C."""
+"""Show a map, or all messages of a bag, in Rerun in the browser, until Ctrl-C."""
 
 import argparse
 import time
 import webbrowser
-from types import SimpleNamespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grid_map_core_py.commands import (
+    CommandError,
     UsageError,
+    add_rectangle,
     add_source,
     complete_layers,
     completed,
     message,
     on_end,
     read_map,
+    read_rectangle,
+    source_format,
+    tiled_source,
 )
 
 from .plot import complete_color_maps, usual_layer
 
+if TYPE_CHECKING:
+    from grid_map_core_py import GridMap
+    from grid_map_core_py.tiled import TiledMap
+
+    from .._rerun.scene import Scene
+
+_SIDE = 1000
+"""Rows and columns that are shown of a map that is too large for memory."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `run` to a parser."""
-    add_source(parser)
+    add_source(parser, "all, with the other messages of the bag")
+    add_rectangle(parser)
     add = parser.add_argument
     text = "layer of the heights (elevation, or the first layer)"
-    completed(add("--layer", help=text), complete_layers)
-    text = "layer of the colors (layer of the heights)"
+    completed(add("--layer", default="", help=text), complete_layers)
+    text = "layer of the colors at first (layer of the heights)"
     completed(add("--color-layer", default="", help=text), complete_layers)
     text = "color map of Matplotlib (%(default)s)"
     completed(add("--color-map", default="viridis", help=text), complete_color_maps)
-    add("--max-drawn-cells", type=int, default=150_000, help="thin out larger maps; 0 for never")
+    add("--lower", type=float, help="value at the lower end of the colors (the smallest)")
+    add("--upper", type=float, help="value at the upper end of the colors (the largest)")
+    text = "factor that scales the heights (%(default)s)"
+    add("--exaggeration", type=float, default=1.0, help=text)
+    text = "thin out the surface of larger maps; 0 for never"
+    add("--max-drawn-cells", type=int, default=150_000, help=text)
     page = parser.add_argument_group("page")
     text = "address to serve at (%(default)s: this machine only)"
     page.add_argument("--host", default="127.0.0.1", help=text)
     text = "port of the page (%(default)s); 0 selects a free port"
-    page.add_argument("--port", type=int, default=8080, help=text)
+    page.add_argument("--port", type=int, default=9876, help=text)
     text = "name of this machine in browsers, besides its usual ones; may be repeated"
     page.add_argument("--allowed-hosts", metavar="NAME", action="append", default=[], help=text)
+    text = "largest size of what the page shows [MB]; the rest of a bag is left out (%(default)s)"
+    page.add_argument("--most-shown", type=int, metavar="MB", default=1000, help=text)
     page.add_argument("--open", action="store_true", help="also open a browser")
 
 
 def run(options: argparse.Namespace) -> int:
     """Serve the page until a signal ends it."""
-    from grid_map_ros_py import ReceivedMap, to_serialized_message
-    from grid_map_ros_py.nodes import LogThrottle
-
-    from .._viewer.page import Page
-    from .._viewer.viewer import Viewer
-    from ..surface import check_max_drawn_cells
+    from .._rerun.scene import Scene, Style
+    from .._rerun.server import Server
 
     if not 0 <= options.port < 2**16:
         raise UsageError(f"--port: expected a number from 0 to 65535, got {options.port}")
-    check_max_drawn_cells(options.max_drawn_cells)
+    if options.most_shown < 1:
+        raise UsageError(f"--most-shown: expected a positive number, got {options.most_shown}")
+    style = Style(
+        height_layer=options.layer,
+        color_layer=options.color_layer,
+        color_map=options.color_map,
+        lower=options.lower,
+        upper=options.upper,
+        exaggeration=options.exaggeration,
+        max_drawn_cells=options.max_drawn_cells,
+    )
     came: list[int] = []
     on_end(lambda number, _: came.append(number))
-    grid_map = read_map(options)
-    layers = options.layer or usual_layer(grid_map), options.color_layer
-    for name in filter(None, layers):
-        grid_map[name]  # raises if the layer does not exist
-    page = Page(options.host, options.port, *layers, options.color_map, options.allowed_hosts)
-    if page.is_public:
-        message(f"warning: anyone who can reach {page.url} sees the map")
-    try:
-        viewer = Viewer(page, options.max_drawn_cells)
-        # The viewer expects messages, as received from topics.
-        viewer.receive(ReceivedMap(to_serialized_message(grid_map)))
-        print(page.url, flush=True)
+    grid_map = None if _is_whole_bag(options) else _read(options)
+    # A quarter more for the indexes of Rerun.
+    limit = f"{options.most_shown + options.most_shown // 4 + 100}MB"
+    where = {"allowed_hosts": options.allowed_hosts, "memory_limit": limit}
+    with Server(options.host, options.port, **where) as server:
+        if server.is_public:
+            message(f"warning: anyone who can reach {server.page_url} sees the map")
+        scene = Scene(server.recording, style)
+        print(server.page_url, flush=True)
         if options.open:
-            webbrowser.open(page.url)
-        log = LogThrottle(SimpleNamespace(warning=lambda text: message(f"warning: {text}")))
-        told = ""
-        # The user's choices on the page take effect within 0.05 s.
-        while not came:
+            webbrowser.open(server.page_url)
+        if grid_map is None:
+            _show_bag(options, scene, lambda: not came and not server.problem)
+        else:
+            scene.log_map(Path(options.source).stem, grid_map)
+            scene.send_layout()
+        server.recording.flush()
+        while not came and not server.problem:
             time.sleep(0.05)
-            problem = viewer.update()
-            if problem and problem != told:
-                message(f"error: {problem}")
-            told = problem
-            for refusal in page.take_refusals():
-                log.warning(refusal)
-            log.flush()
-    finally:
-        page.close()
+        if server.problem:
+            raise CommandError(server.problem)
     return 0
+
+
+def _is_whole_bag(options: argparse.Namespace) -> bool:
+    """Return whether all messages of a bag are shown, after checking that it has some."""
+    if source_format(options) != "bag" or options.index is not None:
+        return False
+    from grid_map_ros_py import bag_topics
+
+    from .._rerun.scene import SHOWN_TYPES
+
+    topics = [one for one in bag_topics(options.source, recover=bool(options.recover)) if one.count]
+    others = [f"{one.name} ({one.type})" for one in topics if one.type not in SHOWN_TYPES]
+    if len(others) == len(topics):
+        raise CommandError(f"{options.source}: expected messages that are shown, got {others}")
+    if options.topic and options.topic not in [one.name for one in topics]:
+        names = ", ".join(one.name for one in topics)
+        raise CommandError(f"{options.source}: no topic {options.topic!r}; topics: {names}")
+    if others:
+        message(f"not shown: {', '.join(others)}")
+    return True
+
+
+def _read(options: argparse.Namespace) -> "GridMap":
+    """Return the map, or a part of it, with the layers that the arguments name."""
+    if any(value is not None for value in (options.position, options.lat, options.length)):
+        grid_map = read_rectangle(options)
+    else:
+        site = tiled_source(options)
+        grid_map = read_map(options) if site is None else _thinned(site, options)
+    for name in (options.layer or usual_layer(grid_map), options.color_layer):
+        if name:
+            grid_map[name]  # raises if the layer does not exist
+    return grid_map
+
+
+def _thinned(site: "TiledMap", options: argparse.Namespace) -> "GridMap":
+    """Return every n-th cell of a map that is too large for memory."""
+    layers = {options.layer or usual_layer(site), options.color_layer} - {""}
+    grid_map = site.thinned(-(-max(site.size) // _SIDE), layers)
+    step = round(grid_map.resolution / site.resolution)
+    message(f"one of {step} x {step} cells is shown; --position and --length show a part")
+    return grid_map
+
+
+def _show_bag(options: argparse.Namespace, scene: "Scene", is_wanted: Callable[[], bool]) -> None:
+    """Show the messages of a bag, until there is no more memory for them."""
+    from .._rerun.recording import log_bag
+
+    most = 1_000_000 * options.most_shown
+
+    def goes_on(time: int) -> bool:
+        scene.send_layout()
+        if scene.size <= most:
+            return is_wanted()
+        megabytes = f"{options.most_shown} MB are full (--most-shown)"
+        message(f"messages after {time / 1e9:.3f} s are left out: {megabytes}")
+        return False
+
+    recover = bool(options.recover)
+    with_maps = {"topic": options.topic, "recover": recover, "tell": message}
+    log_bag(scene, options.source, **with_maps, goes_on=goes_on)
+    if options.layer and not scene.surfaces:
+        message(f"warning: no map has the layer {options.layer!r}, so there is no surface")

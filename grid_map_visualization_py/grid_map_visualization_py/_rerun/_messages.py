@@ -245,3 +245,6 @@ SHOWN: dict[str, Callable[[Any, Any, int], Iterator[Placed]]] = {
     "visualization_msgs/msg/MarkerArray": _markers,
 }
 """Functions that turn messages into what is logged, by type."""
+
+POSES = frozenset(kind for kind, function in SHOWN.items() if function is _pose)
+"""Types of single poses, which leave a trail."""

@@ -39,7 +39,7 @@ from grid_map_ros_py.messages import view
 
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 from ..surface import Mesh, Surface, check_max_drawn_cells
-from ._messages import SHOWN, Placed
+from ._messages import POSES, SHOWN, Placed
 
 GRID_MAP_TYPE = "grid_map_msgs/msg/GridMap"
 
@@ -53,6 +53,12 @@ _LARGEST_IMAGE = 4096
 """Rows and columns of an image that graphics can hold everywhere."""
 
 _VIEW = "view"
+
+_CURVES = (
+    *((31, 119, 180), (255, 127, 14), (44, 160, 44), (214, 39, 40)),
+    *((148, 103, 189), (140, 86, 75), (227, 119, 194), (23, 190, 207)),
+)
+"""Colors of the curves of layers."""
 
 
 def rerun(module: str = "rerun") -> Any:
@@ -112,11 +118,16 @@ class Scene:
     Args:
         recording: an `rr.RecordingStream`.
         style: how maps are drawn.
+
+    Attributes:
+        size: bytes that were written.
+        surfaces: number of surfaces that were written.
     """
 
     def __init__(self, recording: Any, style: Style | None = None) -> None:
         self._rr, self._rrb = rerun(), rerun("rerun.blueprint")
         self._recording, self._style = recording, style or Style()
+        self.size = self.surfaces = 0
         self._maps: dict[str, list[str]] = {}
         self._present: dict[str, set[str]] = {}
         self._messages: dict[str, str] = {}
@@ -215,6 +226,11 @@ class Scene:
             auto_views=False,
         )
 
+    def send_layout(self) -> None:
+        """Send the layout to the viewer if it has changed."""
+        if self.changed:
+            self._recording.send_blueprint(self.layout())
+
     # --- parts of the recording -------------------------------------------------------------------
 
     def _set_times(self, ros_time: int, log_time: int | None) -> None:
@@ -223,7 +239,9 @@ class Scene:
             self._recording.set_time(name, timestamp=np.datetime64(time, "ns"))
 
     def _log(self, parts: list[str], *archetypes: Any, static: bool = False) -> None:
-        self._recording.log(_path(*parts), *archetypes, static=static)
+        batches = [batch for one in archetypes for batch in one.as_component_batches()]
+        self.size += sum(batch.as_arrow_array().nbytes for batch in batches)
+        self._recording.log(_path(*parts), batches, static=static)
 
     def _log_surface(
         self,
@@ -252,6 +270,7 @@ class Scene:
             self._log(path, rr.Clear(recursive=False))
             return
         valid = surface.valid.ravel()
+        self.surfaces += 1
         self._log(
             path,
             rr.CoordinateFrame(frame),
@@ -287,8 +306,25 @@ class Scene:
         opaque = np.where(np.isnan(image), np.uint8(0), np.uint8(255))
         picture = np.dstack([coloring(image), opaque])
         path = [*parts, "layers", layer]
-        self._log([*path, "color"], rr.Image(picture, "RGBA", magnification_filter="nearest"))
-        self._log(path, rr.Image(image, "L", opacity=0.0, draw_order=1.0))
+        # Rerun takes an array with a side of 1 for one without that side.
+        size = {"width": image.shape[1], "height": image.shape[0]}
+        colors = rr.Image(
+            **size,
+            bytes=picture.tobytes(),
+            color_model="RGBA",
+            datatype="U8",
+            magnification_filter="nearest",
+        )
+        self._log([*path, "color"], colors)
+        values_over_it = rr.Image(
+            **size,
+            bytes=image.tobytes(),
+            color_model="L",
+            datatype="F32",
+            opacity=0.0,
+            draw_order=1.0,
+        )
+        self._log(path, values_over_it)
         count = number_of_finites(values)
         missing = 100.0 * (1.0 - count / values.size)
         self._log([*parts, "missing", layer], rr.Scalars(missing))
@@ -297,7 +333,9 @@ class Scene:
         if count:
             three = [one(values) for one in (min_of_finites, mean_of_finites, max_of_finites)]
             names = [f"{layer} {name}" for name in ("min", "mean", "max")]
-            self._log([*parts, "range", layer], rr.Scalars(three), rr.SeriesLines(names=names))
+            color = _CURVES[self._maps["/".join(parts)].index(layer) % len(_CURVES)]
+            lines = rr.SeriesLines(names=names, colors=[color] * 3, widths=[1.0, 2.5, 1.0])
+            self._log([*parts, "range", layer], rr.Scalars(three), lines)
         else:
             self._log([*parts, "range", layer], rr.Clear(recursive=False))
         self._log_legend([*parts, "legend", layer], layer, coloring, coloring.bounds(values))
@@ -386,7 +424,7 @@ class Scene:
             target = next(iter(self._origins), _NO_FRAME)
         else:
             _, center, reach = self._first
-            position = center + reach * np.array([-0.5, -0.6, 0.5])
+            position = center + reach * np.array([-0.5, -0.9, 0.7])
             eye["eye_controls"] = rrb.EyeControls3D(
                 position=position, look_target=center, eye_up=[0.0, 0.0, 1.0]
             )
@@ -394,11 +432,25 @@ class Scene:
             origin="/",
             name=name,
             contents=[*surfaces, *others],
-            overrides=overrides,
+            overrides={**overrides, **self._trails()},
             spatial_information=rrb.SpatialInformation(target, show_axes=True),
             line_grid=rrb.LineGrid3D(visible=True, spacing=1.0),
             **eye,
         )
+
+    def _trails(self) -> dict[str, Any]:
+        """Return overrides that show where poses were until now."""
+        rrb, datatypes = self._rrb, rerun("rerun.encodings")
+        past = datatypes.VisibleTimeRange(
+            "ros_time",
+            start=datatypes.TimeRangeBoundary.infinite(),
+            end=datatypes.TimeRangeBoundary.cursor_relative(),
+        )
+        return {
+            _path(*_parts(topic), "trail"): rrb.VisibleTimeRanges(past)
+            for topic, kind in self._messages.items()
+            if kind in POSES
+        }
 
     def _colored_by(self, layer: str) -> dict[str, Any]:
         """Return overrides that color the surfaces by a layer."""
