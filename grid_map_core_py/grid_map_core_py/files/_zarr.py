@@ -6,13 +6,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..map._grid_map import GridMap
 from ._shared import map_facts
-
-if TYPE_CHECKING:
-    from ..tiled import TiledMap
 
 _FILES = (".zgroup", "zarr.json")
 
@@ -35,7 +32,9 @@ def load_zarr(path: str | PathLike[str], layers: Iterable[str] | None = None) ->
         LimitError: the map has more cells than the limits allow.
         GridMapError: the store cannot be read.
     """
-    return _opened(path).to_map(layers)
+    from ..tiled import open_map
+
+    return open_map(path).to_map(layers)
 
 
 def save_zarr(
@@ -59,7 +58,9 @@ def save_zarr(
 
 def describe_zarr(path: str | PathLike[str]) -> dict[str, Any]:
     """Return what a store tells about its map; no layer is read."""
-    site = _opened(path)
+    from ..tiled import open_map
+
+    site = open_map(path)
     empty = GridMap.from_geometry(site.geometry, frame_id=site.frame_id, timestamp=site.timestamp)
     names = {"layers": [*site.layers], "basic_layers": [*site.basic_layers]}
     crs = {"crs": _short(site.crs)} if site.crs else {}
@@ -75,9 +76,3 @@ def _short(crs: str) -> str:
 
         return ":".join(CRS.from_user_input(crs).to_authority() or [crs])
     return crs
-
-
-def _opened(path: str | PathLike[str]) -> "TiledMap":
-    from ..tiled import open_map
-
-    return open_map(path)

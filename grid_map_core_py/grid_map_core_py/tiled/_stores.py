@@ -63,19 +63,18 @@ class StoreSource:
         except GridMapError as error:
             raise self._located(error, source, window, names) from error
 
-    def stored(self, name: str) -> "StoredLayer":
-        """Return how a layer lies in the store.
+    def opened_to_write(self, name: str) -> tuple[DatasetSource, bool]:
+        """Return the layers as xarray reads them, and whether x is the first dimension of one.
 
         Raises:
             GridMapError: its values are encoded, so that floats cannot be written.
         """
         source = self._opened()
         variable = source.dataset[name].variable
-        encoding = variable.encoding
-        if {"scale_factor", "add_offset"} & {*encoding} or variable.dtype.kind != "f":
+        if {"scale_factor", "add_offset"} & {*variable.encoding} or variable.dtype.kind != "f":
             expected = "a layer of floats to write to"
             raise GridMapError(f"{self.path}: {name}: expected {expected}, got scaled integers")
-        return StoredLayer(source.ascends, self.size, variable.dims == DIMENSIONS)
+        return source, variable.dims == DIMENSIONS
 
     def _opened(self) -> DatasetSource:
         source: DatasetSource = _open(self.path, _stamp(self.path)).source  # type: ignore[assignment]
@@ -98,39 +97,6 @@ class StoreSource:
                     text = str(found).replace(f"{self.path}: ", "")
                     return GridMapError(f"{self.path}: {name}, chunk of {tile_name(tile)}: {text}")
         return error
-
-
-@dataclass(frozen=True)
-class StoredLayer:
-    """How a layer lies in an array of a store.
-
-    Args:
-        ascends: whether x and y ascend.
-        size: rows and columns of the map.
-        rows_first: whether x is the first dimension of the array.
-    """
-
-    ascends: tuple[bool, bool]
-    size: Size
-    rows_first: bool
-
-    def place(self, window: Window) -> Window:
-        """Return a rectangle of cells of the map as one of the array."""
-        rows, columns = (
-            slice(size - part.stop, size - part.start) if ascends else part
-            for part, size, ascends in zip(window, self.size, self.ascends, strict=True)
-        )
-        return (rows, columns) if self.rows_first else (columns, rows)
-
-    def window(self, place: Window) -> Window:
-        """Return a rectangle of the array as one of cells of the map."""
-        found = self.place(place if self.rows_first else place[::-1])
-        return found if self.rows_first else found[::-1]
-
-    def in_map_order(self, cells: Any) -> Any:
-        """Return a view (rows, cols) of cells of the array."""
-        cells = cells if self.rows_first else cells.T
-        return cells[tuple(slice(None, None, -1 if ascends else None) for ascends in self.ascends)]
 
 
 def open_store(name: str, chunks: int | None) -> TiledMap:

@@ -88,10 +88,14 @@ def _merge(
     source: StoreSource, name: str, window: Window, lines: list[NDArray[Any]], layer: Layer
 ) -> None:
     """Merge a layer into the chunks of the store that it touches, one after the other."""
-    path, stored = Path(source.path), source.stored(name)
-    array = open_layer(source.path, name)
-    for chunk in Tiles(array.shape, array.chunks).touching(stored.place(window)):
-        place = stored.window(chunk)
+    path, array = Path(source.path), open_layer(source.path, name)
+    stored, rows_first = source.opened_to_write(name)
+
+    def in_order(place: Window) -> Window:
+        return place if rows_first else place[::-1]
+
+    for chunk in Tiles(array.shape, array.chunks).touching(in_order(stored.mirrored(window))):
+        place = stored.mirrored(in_order(chunk))
         shared = common(place, window)
         rows, columns = (
             line[part] for line, part in zip(lines, within(shared, window), strict=True)
@@ -102,6 +106,6 @@ def _merge(
             continue
         with store_errors(path / name, "written"):
             cells = array[chunk]
-            view = stored.in_map_order(cells)[within(shared, place)]
+            view = stored.turned(cells if rows_first else cells.T)[within(shared, place)]
             np.copyto(view, values, where=finite)
             array[chunk] = cells

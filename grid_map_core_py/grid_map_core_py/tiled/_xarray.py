@@ -172,22 +172,29 @@ class DatasetSource:
 
     def read(self, window: Window, names: Sequence[str]) -> list[Layer]:
         stored = self.stored(window)
-        step = tuple(slice(None, None, -1 if ascends else None) for ascends in self.ascends)
         with storage_errors(Path(self.name), "read"):
             variables = self.dataset.variables
             parts = [variables[name].isel(stored).transpose(*DIMENSIONS) for name in names]
             return [
-                as_layer(values[step], shape(window), name)
+                as_layer(self.turned(values), shape(window), name)
                 for name, values in zip(names, _computed(parts), strict=True)
             ]
 
     def stored(self, window: Window) -> dict[str, slice]:
         """Return a window in the order of the dataset, for `isel`."""
-        slices = (
+        return dict(zip(DIMENSIONS, self.mirrored(window), strict=True))
+
+    def mirrored(self, window: Window) -> Window:
+        """Return a window of the map as one of the dataset (x, y), or the other way around."""
+        rows, columns = (
             slice(size - part.stop, size - part.start) if ascends else part
             for part, size, ascends in zip(window, self.size, self.ascends, strict=True)
         )
-        return dict(zip(DIMENSIONS, slices, strict=True))
+        return rows, columns
+
+    def turned(self, cells: Any) -> Any:
+        """Return a view of cells (x, y) of the dataset in the order of the map."""
+        return cells[tuple(slice(None, None, -1 if ascends else None) for ascends in self.ascends)]
 
 
 def _computed(variables: Sequence["xarray.Variable"]) -> list[Any]:
