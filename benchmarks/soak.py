@@ -31,7 +31,8 @@ The exit code is 1 if a node ends or a request fails, or if one of these is miss
 - A node takes `--share` of what is sent, unless the processors are busy for more than 90 % of the
   time, by the median of all seconds. Nodes that take less are printed then.
 
-There is no octomap_to_grid_map without octomap_msgs, and no web_viewer without viser. Start it
+There is no octomap_to_grid_map without octomap_msgs, no web_viewer without viser, and no
+rerun_viewer without Rerun. Start it
 where the workspace is set up (`. tools/env.sh`).
 """
 
@@ -104,7 +105,9 @@ STALLS = (signal.SIGSTOP, signal.SIGCONT, signal.SIGUSR1, 0)
 BUSY = 0.9
 """Part of the time of all processors from which on nodes may miss messages."""
 
-OCTOMAP_MSGS, VISER = (find_spec(name) is not None for name in ("octomap_msgs", "viser"))
+OCTOMAP_MSGS, VISER, RERUN = (
+    find_spec(name) is not None for name in ("octomap_msgs", "viser", "rerun_cli")
+)
 
 
 # --- sources --------------------------------------------------------------------------------------
@@ -358,6 +361,9 @@ def subjects(folder: Path) -> list[Subject]:
     if VISER:
         coarse = {"grid_map_topic": MAPS, "port": 0, "max_drawn_cells": 20_000, "update_rate": 5.0}
         rows.append((f"{viewing}.web_viewer", coarse, MAPS, ""))
+    if RERUN:
+        coarse = {"topics": [MAPS], "port": 0, "max_drawn_cells": 20_000, "max_rate": 1.0}
+        rows.append((f"{viewing}.rerun_viewer", {**coarse, "memory_limit": "100MB"}, MAPS, ""))
     visualization = f"{viewing}.grid_map_visualization"
     near = {
         "input_sources": {

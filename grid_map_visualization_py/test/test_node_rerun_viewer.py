@@ -21,6 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
 from std_msgs.msg import String
+from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share
 from test_rerun_server import rerun
 
 from grid_map_core_py import GridMap
@@ -30,6 +31,12 @@ from grid_map_ros_py.testing import Peer, Process, running, start_node, wait_unt
 pytestmark = pytest.mark.needs("rerun")
 
 MODULE = "grid_map_visualization_py._executables.rerun_viewer"
+
+VIRIDIS, COOLWARM = (
+    [(0x44, 0x01, 0x54), (0xFD, 0xE7, 0x25)],
+    [(0x3B, 0x4C, 0xC0), (0xB4, 0x04, 0x26)],
+)
+"""Colors at the ends of these color maps."""
 
 
 def slope(height: float = 0.0, seconds: int = 5) -> GridMap:
@@ -245,6 +252,29 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         wait_until(lambda: not Path(f"/proc/{program}").exists(), "the end of Rerun")
     finally:
         process.kill()
+
+
+def test_page_in_a_browser_shows_maps_also_after_a_restart(peer):
+    playwright = pytest.importorskip("playwright.sync_api")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        tab = browser.new_page(viewport={"width": 500, "height": 400})
+        tab.set_default_timeout(60_000)
+        for color_map, ends in (("viridis", VIRIDIS), ("coolwarm", COOLWARM)):
+            with viewer(port=port, topics="[/seen_map]", color_map=color_map) as node:
+                if color_map == "viridis":
+                    tab.goto(f"{url_of(node)}/?renderer=webgl")
+
+                def shows(colors: tuple[Any, ...] = ends) -> bool:
+                    peer.publish("/seen_map", to_message(slope()))
+                    picture = decoded(tab.screenshot())
+                    return all(share(picture, color) > 0.002 for color in colors)
+
+                step = lambda: tab.wait_for_timeout(200)  # noqa: E731
+                wait_until(shows, f"the colors of {color_map}", step=step, timeout=60)
+        browser.close()
 
 
 def memory_of(process: Process) -> int:

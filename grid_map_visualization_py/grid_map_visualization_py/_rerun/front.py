@@ -10,6 +10,7 @@ the address that it came from, and nothing from elsewhere.
 import asyncio
 import io
 import re
+import secrets
 import socket
 import threading
 from asyncio import StreamReader as Reader, StreamWriter as Writer
@@ -32,6 +33,20 @@ FOREIGN_LINKS = re.compile(rb"<link\b[^>]*\bhttps?://[^>]*>")
 
 PROGRAMS = b"PRI * HTTP/2.0\r\n\r\n"
 """Beginning of a connection of a program, such as Rerun's own viewer, which no browser can send."""
+
+WATCH = """<script>
+(async () => {
+  for (let first; ; await new Promise((resolve) => setTimeout(resolve, 1000))) {
+    try {
+      const instance = await (await fetch("/instance")).text();
+      first ??= instance;
+      if (instance !== first) location.reload();
+    } catch {}
+  }
+})();
+</script>
+"""
+"""Part of the page that loads it again after a restart; Rerun's page would stand still."""
 
 DATA = "/rerun."
 """Beginning of the paths of the data."""
@@ -68,7 +83,7 @@ class Front:
         self, listener: socket.socket, names: Container[str], data: Address, page: Address
     ) -> None:
         self._names, self._data, self._page = names, data, page
-        self._open = 0
+        self._open, self._instance = 0, secrets.token_hex(8)
         self._loop, self._end = asyncio.new_event_loop(), asyncio.Event()
         self._thread = threading.Thread(target=self._run, args=[listener], daemon=True)
         self._thread.start()
@@ -112,6 +127,8 @@ class Front:
             writer.write(_reply("403 Forbidden", text.encode(), "text/plain"))
         elif target.startswith(DATA):
             await _pass_on(_request(method, target, headers), reader, writer, self._data)
+        elif target == "/instance":
+            writer.write(_reply("200 OK", self._instance.encode(), "text/plain"))
         elif urlsplit(target).path == "/":
             writer.write(await self._index(target, headers["Host"]))
         else:
@@ -129,8 +146,9 @@ class Front:
         writer.write(b"GET / HTTP/1.0\r\n\r\n")
         _, _, page = (await reader.read(-1)).partition(b"\r\n\r\n")
         writer.close()
+        page = FOREIGN_LINKS.sub(b"", page).replace(b"</head>", WATCH.encode() + b"</head>")
         policy = f"Content-Security-Policy: {POLICY}"
-        return _reply("200 OK", FOREIGN_LINKS.sub(b"", page), "text/html; charset=utf-8", policy)
+        return _reply("200 OK", page, "text/html; charset=utf-8", policy)
 
 
 def _reply(status: str, body: bytes, kind: str, *headers: str) -> bytes:
