@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import cv2
@@ -21,13 +22,32 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from grid_map_core_py import GridMap
+from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import testing, to_message
+from grid_map_ros_py.nodes import has_tf, map_qos
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
 from grid_map_visualization_py._viewer.glb import on_screen
 
 MODULE = "grid_map_visualization_py._executables.web_viewer"
 TALKATIVE = f"""
 import sys
+from types import ModuleType, SimpleNamespace
+
+# tf2 is no package of Python. The robot is at (2, 1, 0.5) and looks towards +y.
+tf2 = sys.modules["tf2_ros"] = ModuleType("tf2_ros")
+tf2.__spec__, tf2.TransformException = SimpleNamespace(), LookupError
+tf2.Buffer, tf2.TransformListener = SimpleNamespace, lambda buffer, node: setattr(
+    buffer, "lookup_transform", look_up
+)
+def look_up(target, source, time):
+    from geometry_msgs.msg import TransformStamped
+    if (target, source) != ("base", "odom"):
+        raise LookupError
+    found = TransformStamped()
+    move, turn = found.transform.translation, found.transform.rotation
+    move.x, move.y, move.z, turn.z, turn.w = -1.0, 2.0, -0.5, -(0.5**0.5), 0.5**0.5
+    return found
+
 import {MODULE} as module
 from grid_map_ros_py import ReceivedMap
 decode = ReceivedMap.decode
@@ -65,7 +85,7 @@ PATIENCE = 60.0
 
 def slope(**layers: np.ndarray | float) -> GridMap:
     """Return 21 x 21 cells around (1, 2) that rise by 0.2 m per meter of x, with more layers."""
-    grid_map = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), frame_id="odom")
+    grid_map = GridMap((2.1, 2.1), 0.1, (1.0, 2.0), frame_id="odom", timestamp=12_340_000_000)
     x, y = np.meshgrid(*grid_map.axes(), indexing="ij")
     grid_map["elevation"] = 0.2 * x
     for name, values in {"x": x, "y": y, "side": y > 2.05, **layers}.items():
@@ -122,6 +142,19 @@ class Browser:
         box = self.tab.locator("canvas").first.bounding_box()
         self.tab.mouse.click(box["x"] + across * box["width"], box["y"] + down * box["height"])
 
+    def legend_title(self) -> str:
+        return self.tab.locator("b").inner_text()
+
+    def open_folders(self) -> None:
+        for name in ("Surface", "Color", "Overlays"):
+            self.tab.get_by_text(name, exact=True).click()
+
+    def exaggerate(self, steps: int) -> None:
+        """Move the slider to this number of steps of 0.5 above 1."""
+        slider = self.tab.get_by_role("slider").first
+        for key in ("Home", *["ArrowRight"] * steps):
+            slider.press(key)
+
     def values(self) -> dict[str, str]:
         """Return the rows of all tables on the page by name; the first of equal names."""
         cells = self.tab.locator("td").all_inner_texts()[::-1]
@@ -170,7 +203,8 @@ def url_of(node: Process) -> str:
 
 @pytest.fixture(scope="module")
 def node() -> Iterator[Process]:
-    with running(start_viewer(port=0, color_layer="side", max_drawn_cells=MAX_CELLS)) as process:
+    settings = {"color_layer": "side", "max_drawn_cells": MAX_CELLS, "robot_frame": "base"}
+    with running(start_viewer(port=0, **settings)) as process:
         yield process
 
 
@@ -191,6 +225,7 @@ def tab(chromium: object, node: Process, publish: Callable[..., None]) -> Browse
     assert "decoded" not in node.text
     browser = Browser(chromium.new_page(viewport=VIEWPORT))
     browser.tab.goto(url)
+    browser.open_folders()
     browser.control("Shaded").set_checked(False)
     return browser
 
@@ -203,9 +238,24 @@ def page(tab: Browser) -> Iterator[Browser]:
     assert tab.errors == []
 
 
+@pytest.fixture(scope="module")
+def beside(chromium: object, node: Process, tab: Browser) -> Iterator[Browser]:
+    """Another browser with the same page."""
+    tab.wait_for_colors(*VIRIDIS)
+    browser = Browser(chromium.new_page(viewport={"width": 1280, "height": 720}))
+    browser.tab.goto(url_of(node))
+    browser.wait_for_colors(*VIRIDIS)
+    yield browser
+    assert browser.errors == []
+
+
 def test_page_shows_the_map_and_decodes_only_shown_layers(page, node):
     values = page.values()
     assert (values["Frame"], values["Cells"]) == ("odom", "21 x 21")
+    assert values["Time"] == "12.340 s"
+    # In the year 2000 or later, by the clock of the system.
+    assert float(values["Age"].removesuffix(" s")) > 9e8
+    assert page.legend_title() == "side"
     page.tab.screenshot(path=PICTURES / "web_viewer.png")
     assert "decoded elevation side\n" in node.lines
     assert not [line for line in node.lines if line.startswith("decoded e") and " x" in line]
@@ -260,10 +310,19 @@ def test_bound_typed_at_once_replaces_automatic_bounds(page):
     page.control("Automatic bounds").check()
 
 
-def test_click_shows_the_values_of_the_cell(page, node):
-    # The view is at the middle of the map.
-    page.click(0.5, 0.5)
-    page.wait_for(lambda: page.values().get("cell") == "10, 10", "the readout")
+@pytest.mark.parametrize("steps", [0, 4])
+def test_click_shows_values_of_the_cell_at_any_exaggeration(page, node, steps):
+    before = page.picture()
+    page.exaggerate(steps)
+    if steps:
+        page.wait_for(lambda: differs(page.picture(), before), "larger heights")
+
+    def is_in_the_middle() -> bool:
+        # The view rises with the middle of the map.
+        page.click(0.5, 0.5)
+        return page.values().get("cell") == "10, 10"
+
+    page.wait_for(is_in_the_middle, "the readout")
     values = page.values()
     assert float(values["x"].removesuffix(" m")) == pytest.approx(1.0, abs=0.02)
     assert float(values["elevation"]) == pytest.approx(0.2, abs=1e-5)
@@ -280,8 +339,110 @@ def test_click_shows_the_values_of_the_cell(page, node):
     center = 2.0 - 0.1 * row, 3.0 - 0.1 * column
     assert (x, y) == pytest.approx(center, abs=0.051)
     assert float(values["elevation"]) == pytest.approx(0.2 * center[0], abs=1e-5)
-    page.click(0.02, 0.98)
+    page.click(0.98, 0.98)
     page.tab.get_by_text("There is no map at this place").wait_for()
+    page.exaggerate(0)
+
+
+def is_red(picture: np.ndarray) -> np.ndarray:
+    """Return where the x axes of frames are."""
+    red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
+    return (red > 100) & (green < 60) & (blue < 60)
+
+
+def test_origin_and_robot_are_seen_from_above(beside):
+    beside.tab.get_by_role("button", name="Top view").click()
+
+    def axes() -> list[tuple[int, ...]]:
+        """Return left, top, width and height of the x axes, from left to right."""
+        mask = is_red(beside.picture()).astype(np.uint8)
+        _, _, found, _ = cv2.connectedComponentsWithStats(mask)
+        return sorted(tuple(row[:4]) for row in found[1:].tolist() if row[4] > 50)
+
+    beside.wait_for(lambda: len(axes()) == 2 and axes()[0][3] < 10, "the view from above")
+    origin, robot = axes()
+    # That of the origin points to the right; that of the robot, which is turned, upwards.
+    assert origin[2] > 3 * origin[3]
+    assert robot[3] > 3 * robot[2]
+    box = beside.tab.locator("canvas").first.bounding_box()
+    focal = 0.5 * box["height"] / math.tan(math.radians(37.5))
+    camera = np.array([1.0, 2.0, 0.2 + math.hypot(2.1, 2.1) * math.sqrt(0.86)])
+    places = [(0, 0, 0), origin[:2]], [(2, 1, 0.5), (robot[0], robot[1] + robot[3])]
+    for place, (left, top) in places:
+        x, y, z = place - camera
+        expected = 0.5 * box["width"] - focal * x / z, 0.5 * box["height"] + focal * y / z - 190
+        np.testing.assert_allclose((left, top), expected, atol=12)
+    beside.click(0.5, 0.5)
+    beside.wait_for(lambda: beside.values().get("cell") == "10, 10", "the middle")
+    for right, up in ((1, 0), (0, 1)):
+        beside.click(0.5 + 0.05 * right, 0.5 - 0.05 * up)
+        expected = 10 - right, 10 - up
+
+        def is_beside(expected: tuple[int, int] = expected) -> bool:
+            row, column = map(int, beside.values()["cell"].split(", "))
+            return (row < 10, column < 10) == (expected[0] < 10, expected[1] < 10)
+
+        beside.wait_for(is_beside, "a cell to the right, and one above")
+
+
+def test_axes_and_frames_are_switched_in_all_browsers(page, beside):
+    before = beside.picture()
+    assert is_red(before).any()
+    page.control("Axes").uncheck()
+    beside.wait_for(lambda: differs(beside.picture(), before), "no axes")
+    page.control("Frames").uncheck()
+    beside.wait_for(lambda: not is_red(beside.picture()).any(), "no frames")
+    bare = beside.picture()
+    page.control("Frames").check()
+    beside.wait_for(lambda: is_red(beside.picture()).any(), "frames")
+    assert not differs(beside.picture(), bare)
+    page.control("Axes").check()
+    beside.wait_for(lambda: differs(beside.picture(), bare), "axes")
+
+
+def test_dark_page_is_dark(page, beside):
+    def light_of_background() -> float:
+        return float(beside.picture()[:100, -100:].mean())
+
+    page.control("Dark").check()
+    beside.wait_for(lambda: light_of_background() < 50, "a dark background")
+    page.control("Dark").uncheck()
+    beside.wait_for(lambda: light_of_background() > 200, "a light background")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (900, 640)])
+def test_long_cell_list_leaves_the_legend_in_sight(beside, publish, width, height):
+    beside.tab.set_viewport_size({"width": width, "height": height})
+    publish(slope(**{f"layer {k}": float(k) for k in range(60)}))
+    beside.click(0.6, 0.5)
+    beside.wait_for(lambda: beside.values().get("layer 59") == "59", "the cell")
+    table = beside.tab.locator("table")
+    shown = beside.tab.locator("b"), table.last.locator("td").first, table.first
+
+    def are_in_sight() -> bool:
+        boxes = [one.bounding_box() for one in shown]
+        ends = [box and (box["x"] + box["width"], box["y"] + box["height"]) for box in boxes]
+        return all(end and end[0] <= width and end[1] <= height for end in ends)
+
+    # The list rises from the lower border.
+    beside.wait_for(are_in_sight, "legend and lists")
+    publish(slope())
+
+
+def test_topic_is_chosen_on_the_page(page, node, peer):
+    other = slope()
+    other.frame_id = "other"
+    peer.listen("/filtered", GridMapMessage)
+    publisher = peer.node.create_publisher(GridMapMessage, "/filtered", map_qos())
+    publisher.publish(to_message(other))
+    page.control("Topic").click()
+    page.tab.get_by_role("option", name="/filtered", exact=True).click()
+    page.wait_for(lambda: page.values().get("Frame") == "other", "the other map")
+    assert "shows /filtered in the browser" in node.text
+    peer.wait_until(lambda: not peer.node.count_subscribers("/grid_map"), "no subscriber")
+    page.choose("Topic", "/grid_map")
+    page.wait_for(lambda: page.values().get("Frame") == "odom", "the first map")
+    peer.node.destroy_publisher(publisher)
 
 
 def test_view_follows_a_map_that_left_it(page, publish):
@@ -303,7 +464,7 @@ def test_view_follows_a_map_that_left_it(page, publish):
 
 def test_overlays_and_history_are_shown(page, publish):
     publish(slope(normal_x=0.0, normal_y=0.0, normal_z=1.0))
-    history = page.tab.get_by_role("slider").nth(1)
+    history = page.tab.get_by_role("slider").nth(2)
     # When the next change is seen, the node knows this one.
     history.press("ArrowRight")
     for switch in (
@@ -346,6 +507,7 @@ def test_the_choice_of_layers_follows_the_maps(page, publish):
     assert page.control("Layer").input_value() == "rough"
     publish(slope())
     page.wait_for(lambda: page.control("Layer").input_value() == "elevation", "another layer")
+    page.wait_for(lambda: page.legend_title() == "elevation [m]", "the unit")
     page.choose("Layer", "side")
     page.wait_for_colors(*VIRIDIS)
 
@@ -384,10 +546,10 @@ def test_page_shows_the_next_map_after_memory_ran_out(page, node, publish, peer)
 def test_a_paused_page_keeps_its_map(page, publish):
     page.control("Pause").check()
     # A slow machine may look at the page once a second only.
-    old, young = re.compile(r"(\d\d+|[5-9]) s, paused"), re.compile(r"[0-4] s, paused")
-    page.wait_for(lambda: old.fullmatch(page.values()["Age"]), "the pause")
+    old, young = re.compile(r"(\d\d+|[3-9]) s ago, paused"), re.compile(r"[0-2] s ago, paused")
+    page.wait_for(lambda: old.fullmatch(page.values()["Last map"]), "the pause")
     publish(GridMap((2.1, 2.1), 0.1, layers={"elevation": 0.0, "side": 0.0}, frame_id="later"))
-    page.wait_for(lambda: young.fullmatch(page.values()["Age"]), "the map")
+    page.wait_for(lambda: young.fullmatch(page.values()["Last map"]), "the map")
     assert page.values()["Frame"] == "odom"
     page.control("Pause").uncheck()
     page.wait_for(lambda: page.values()["Frame"] == "later", "the latest map")
@@ -404,11 +566,15 @@ def test_a_screenshot_is_downloaded(page):
 
 
 def test_page_says_that_a_large_map_is_thinned(page, publish):
-    publish(GridMap((40.0, 20.0), 0.1, layers={"elevation": 1.0, "side": 0.0}))
+    large = GridMap((40.0, 20.0), 0.1, layers={"elevation": 1.0, "side": 0.0})
+    large["side"][100, 50:52] = 7.25
+    publish(large)
     thinned = re.compile(r"(\d+) x (\d+) of 400 x 200")
     page.wait_for(lambda: thinned.match(page.values()["Cells"]), "the large map")
     rows, columns = thinned.match(page.values()["Cells"]).groups()
     assert 1000 < int(rows) * int(columns) <= MAX_CELLS
+    # Between the cells that are shown.
+    assert page.tab.get_by_text("7.25", exact=True).is_visible()
     publish(slope())
 
 
@@ -518,12 +684,26 @@ IMPOSSIBLE = {
     "Layer": ["no", "ELEVATION"],
 }
 
-MOST_AT_ONCE = 150
+MOST_AT_ONCE = 149
 """Messages that a page may send without a break."""
 
 
+def connect_as_a_page(url: str, **options: object) -> Any:
+    """Connect as a page would; only this function and the next know how pages and the node talk."""
+    import viser
+    from msgspec import msgpack
+    from websockets.sync.client import connect
+
+    protocols = [f"viser-v{viser.__version__}"]
+    address = url.replace("http", "ws")
+    options = {"max_queue": None, **options}
+    socket = connect(address, subprotocols=protocols, max_size=None, **options)
+    socket.send(msgpack.encode(CAMERA))
+    return socket
+
+
 def send_as_a_page(url: str, attacks: Callable[[dict[str, str]], list[object]]) -> int:
-    """Send messages as a page would; only this function knows how pages and the node talk.
+    """Send messages as a page would.
 
     Args:
         url: address of the page.
@@ -532,16 +712,12 @@ def send_as_a_page(url: str, attacks: Callable[[dict[str, str]], list[object]]) 
     Returns:
         Number of messages.
     """
-    import viser
     import zstandard
     from msgspec import msgpack
     from websockets.exceptions import ConnectionClosed
-    from websockets.sync.client import connect
 
-    address, controls = url.replace("http", "ws"), {}
-    options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "max_queue": None}
-    with connect(address, **options) as socket:
-        socket.send(msgpack.encode(CAMERA))
+    controls = {}
+    with connect_as_a_page(url) as socket:
         while "Vector length" not in controls:
             data = zstandard.ZstdDecompressor().decompressobj().decompress(socket.recv(30)[16:])
             for message in msgpack.decode(data)["messages"]:
@@ -550,10 +726,23 @@ def send_as_a_page(url: str, attacks: Callable[[dict[str, str]], list[object]]) 
     messages = attacks(controls)
     # Of more messages at once, those that still wait would be lost with their connection.
     for begin in range(0, len(messages), MOST_AT_ONCE):
-        with connect(address, **options) as socket, suppress(ConnectionClosed):
-            for message in (CAMERA, *messages[begin : begin + MOST_AT_ONCE]):
+        with connect_as_a_page(url) as socket, suppress(ConnectionClosed):
+            for message in messages[begin : begin + MOST_AT_ONCE]:
                 socket.send(message if isinstance(message, bytes) else msgpack.encode(message))
     return len(messages)
+
+
+def test_stalled_page_delays_no_other(page, node, publish):
+    # It reads nothing after its first messages, while more than 4 MB are sent.
+    with connect_as_a_page(url_of(node), max_queue=1):
+        large = GridMap((7.0, 7.0), 0.1, layers={"side": 0.0})
+        random = np.random.default_rng(1)
+        for k in range(20):
+            large["elevation"] = 0.1 * random.random((70, 70))
+            large.frame_id = f"map {k}"
+            publish(large)
+            page.wait_for(lambda name=large.frame_id: page.values()["Frame"] == name, "the map")
+    publish(slope())
 
 
 def damaged_controls(controls: dict[str, str]) -> list[object]:
@@ -632,6 +821,7 @@ def test_page_continues_after_node_and_publisher_restart(chromium):
             second.publish(topic, to_message(slope()))
             is_new = lambda: browser.control("Color map").input_value() == "coolwarm"  # noqa: E731
             browser.wait_for(is_new, "the page of the second node")
+            browser.open_folders()
             browser.control("Shaded").set_checked(False)
             browser.wait_for_colors(*COOLWARM)
         with testing.peer() as third:
@@ -665,6 +855,8 @@ def test_failing_node_ends_with_one_message():
             "update_rate:=0": "parameter 'update_rate': expected a positive",
             "grid_map_topic:='no topic'": "parameter 'grid_map_topic': expected the name",
         }
+        if not has_tf():
+            complaints["robot_frame:=base"] = "robot_frame needs the package 'tf2_ros'"
         process = Process([sys.executable, "-c", REFUSALS, *complaints])
         assert process.wait() == 0, process.text
     messages, codes = process.lines[::2], process.lines[1::2]

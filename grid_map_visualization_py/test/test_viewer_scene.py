@@ -34,6 +34,7 @@ from grid_map_visualization_py._viewer.page import (
     vector_prefixes,
 )
 from grid_map_visualization_py._viewer.scene import Settings, View, hit, make_scene
+from grid_map_visualization_py._viewer.surroundings import axes_around
 from grid_map_visualization_py._viewer.texts import legend, readout, status
 from grid_map_visualization_py._viewer.viewer import Viewer, rate_of
 from grid_map_visualization_py.colors import Coloring
@@ -193,12 +194,13 @@ def test_the_legend_has_the_values_of_the_colors(hill):
     coloring = Coloring("intensity", "elevation", "gray", upper=3.0)
     scene = make_scene(hill, Settings(height_layer="elevation", coloring=coloring))
     assert scene.bounds == (pytest.approx(0.1), 3.0)
-    text = legend(coloring, scene.bounds)
+    text = legend(coloring, scene.bounds, "<b> [m]")
+    assert ">&lt;b&gt; [m]<" in text
     assert ">0.1<" in text
     assert ">3<" in text
     black, *_, white = legend_colors(text)
     assert (black, white) == ((0, 0, 0), tuple(on_screen(np.full(3, 255, np.uint8)).tolist()))
-    inverted = legend(Coloring(color_map="gray", invert=True), scene.bounds)
+    inverted = legend(Coloring(color_map="gray", invert=True), scene.bounds, "")
     assert legend_colors(inverted) == legend_colors(text)[::-1]
     # A layer that was selected before has no effect.
     flat = Settings(height_layer="elevation", coloring=Coloring("flat", layer="gone"))
@@ -240,6 +242,34 @@ def test_view_excludes_distant_maps_and_other_scales(shift, scale, is_lost):
     after = View(place + shift + scale * offset, place + shift)
     assert before.loses(after) == is_lost
     assert before.is_like(after) == (not any(shift) and scale == 1.0)
+
+
+# --- axes -----------------------------------------------------------------------------------------
+
+
+@given(
+    st.floats(-1e5, 1e5),
+    st.floats(0.01, 1e4),
+    st.floats(0.01, 1e4),
+    st.floats(0.0, 1e3),
+    st.floats(1, 20),
+)
+def test_axes_enclose_the_map_with_few_round_ticks(start, length, width, height, exaggeration):
+    low = np.array([start, -start, 0.1 * start])
+    high = low + [length, width, height]
+    axes = axes_around(low, high, exaggeration)
+    first, last, steps = np.array(axes.low), np.array(axes.high), np.array(axes.steps)
+    assert (first * steps <= low + 1e-9 * abs(low)).all()
+    assert (last * steps >= high - 1e-9 * abs(high)).all()
+    assert ((last - first >= 1) & (last - first <= 7)).all()
+    digits = {f"{step:e}"[:8] for step in axes.steps}
+    assert digits <= {"1.000000", "2.000000", "5.000000"}
+    lines = axes.lines() + axes.corner
+    np.testing.assert_allclose(lines.min(axis=(0, 1)), first * steps, atol=1e-3)
+    texts = [text for text, _, _ in axes.labels()]
+    assert len(texts) == (last - first + 1).sum() + 3
+    assert {"x [m]", "y [m]", "z [m]"} <= {*texts}
+    assert float(texts[1]) == pytest.approx((first[0] + 1) * steps[0])
 
 
 # --- the pointer ----------------------------------------------------------------------------------
@@ -297,17 +327,22 @@ def test_the_readout_names_the_cell_and_all_its_values(hill):
 
 def test_names_from_messages_are_no_html():
     grid_map = GridMap((0.2, 0.2), 0.1, layers={"<b>": 1.0}, frame_id="<i>")
-    texts = readout(grid_map, np.zeros(2)) + status(grid_map, (2, 2), 1.0, 0.0)
+    texts = readout(grid_map, np.zeros(2)) + status(grid_map, (2, 2), 1.0, 0.0, 0)
     assert "&lt;b&gt;" in texts
     assert "&lt;i&gt;" in texts
     assert not {"<b>", "<i>"} & {texts[k : k + 3] for k in range(len(texts))}
 
 
-def test_the_status_says_how_many_cells_are_shown(hill):
-    assert ">5 x 3<" in status(hill, (5, 3), 10.04, 0.2)
-    text = status(hill, (3, 2), 10.04, 70.2, is_paused=True)
-    for value in ("3 x 2 of 5 x 3", "0.1 m", "10.0 Hz", "70 s, paused"):
+def test_the_status_tells_cells_and_times(hill):
+    text = status(hill, (5, 3), 10.04, 0.2, 10**18)
+    for value in ("5 x 3", "0.1 m", "10.0 Hz", "0 s ago", "(none)", "(unknown)"):
         assert f">{value}<" in text
+    # In a simulation, and on a day.
+    for stamp, shown in ((1_500_000_000, "1.500 s"), (10**18 * 2, "2033-05-18 03:33:20.0 UTC")):
+        hill.timestamp = stamp
+        text = status(hill, (3, 2), 10.04, 70.2, stamp + 2_540_000_000, is_paused=True)
+        for value in ("3 x 2 of 5 x 3", "70 s ago, paused", shown, "2.5 s"):
+            assert f">{value}<" in text
 
 
 def test_only_addresses_of_this_machine_need_no_warning():

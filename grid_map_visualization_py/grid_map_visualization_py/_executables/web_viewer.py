@@ -2,13 +2,19 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `web_viewer`: serves a page that shows a map in the browser."""
 
+import time
+
+import numpy as np
 from rclpy.node import Node
 
+from grid_map_core_py.errors import GridMapError, MissingPackageError
 from grid_map_ros_py import ReceivedMap
 from grid_map_ros_py.nodes import (
     ConfiguredNode,
     LogThrottle,
     MapSubscription,
+    TfPoses,
+    has_tf,
     health_of,
     read_parameter,
     return_memory,
@@ -20,30 +26,46 @@ from .._viewer.viewer import Viewer
 from ..colors import DEFAULT_COLOR_MAP
 from ..surface import check_max_drawn_cells
 
+MAP_TYPE = "grid_map_msgs/msg/GridMap"
+
+LOOK_PERIOD = 1.0
+"""Time between two looks at which topics exist [s]."""
+
 
 class WebViewerNode(ConfiguredNode):
-    """Passes maps from a topic to the page."""
+    """Passes maps from the topic that is chosen on the page to it."""
 
     def __init__(self) -> None:
         super().__init__("web_viewer")
         return_memory()
-        topic = self.read_topic("grid_map_topic", "/grid_map", "topic of the maps")
+        about = "topic of the maps at first; the page offers all others"
+        topic = self.resolve_topic_name(self.read_topic("grid_map_topic", "/grid_map", about))
         about = "limit of the cells, to which larger maps are thinned out; 0 for no limit"
         max_drawn_cells = self.read("max_drawn_cells", 150_000, about)
         check_max_drawn_cells(max_drawn_cells)
         about = "largest rate at which the page is updated [Hz]"
         period = 1 / self.read_positive("update_rate", 20.0, about)
-        self._page = self._serve_page()
-        self._viewer = Viewer(self._page, max_drawn_cells, health_of(self).drop_used)
+        self._robot_frame = self.read("robot_frame", "", "frame of the robot in tf; empty for none")
+        if self._robot_frame and not has_tf():
+            remedy = "install tf2_ros_py of your ROS distribution, or leave it empty"
+            raise MissingPackageError("tf2_ros", "robot_frame", remedy)
+        self._page = self._serve_page(topic)
+        clock = lambda: self.get_clock().now().nanoseconds  # noqa: E731
+        self._viewer = Viewer(self._page, max_drawn_cells, health_of(self).drop_used, clock)
         self._log = LogThrottle(self.get_logger())
-        self._has_map = False
-        self._maps = MapSubscription(self, topic, self._receive)
+        self._poses = TfPoses(self, self._robot_frame) if self._robot_frame else None
+        self._next_look = 0.0
+        self._subscribe(topic)
         steady_timer(self, period, self._update)
+
+    def _subscribe(self, topic: str) -> None:
+        self._topic, self._has_map = topic, False
+        self._maps = MapSubscription(self, topic, self._receive)
         # The address stands alone on its line, so that it is easy to find and to copy.
         text = f"shows {self._maps.topic_name} in the browser at\n{self._page.url}"
         self.get_logger().info(text)
 
-    def _serve_page(self) -> Page:
+    def _serve_page(self, topic: str) -> Page:
         about = "address of the page; `127.0.0.1` is reachable from this machine only"
         host = self.read("host", "127.0.0.1", about)
         port = self.read_number("port", 8080, 0, 65535, "port of the page; 0 for any free one")
@@ -57,10 +79,10 @@ class WebViewerNode(ConfiguredNode):
             "`host` and the name of the machine, with or without `.local`"
         )
         names = read_parameter(self, "allowed_hosts", list[str], [], description=about)
-        page = Page(host, port, height_layer, color_layer, color_map, names)
+        page = Page(host, port, height_layer, color_layer, color_map, names, topic)
         if page.is_public:
             self.get_logger().warning(
-                f"anyone who can reach {page.url} sees the map and can change the settings"
+                f"anyone who can reach {page.url} sees all maps and can change the settings"
             )
         return page
 
@@ -78,11 +100,38 @@ class WebViewerNode(ConfiguredNode):
         self._has_map = True
 
     def _update(self) -> None:
+        if self._page.is_watched:
+            self._follow_choice()
+            self._draw_robot()
         problem = health_of(self).problem = self._viewer.update()
         if problem:
             self._log.error(problem)
         for refusal in self._page.take_refusals():
             self._log.warning(refusal)
+
+    def _follow_choice(self) -> None:
+        """Offer the topics of maps, and subscribe to the chosen one."""
+        if time.monotonic() >= self._next_look:
+            self._next_look = time.monotonic() + LOOK_PERIOD
+            topics = self.get_topic_names_and_types()
+            self._page.offer_topics(name for name, types in topics if MAP_TYPE in types)
+        if self._page.topic != self._topic:
+            self._maps.destroy()
+            self._viewer.clear()
+            self._subscribe(self._page.topic)
+
+    def _draw_robot(self) -> None:
+        frame_id = self._viewer.frame_id
+        if self._poses is None or not frame_id:
+            return
+        try:
+            # The frame of the map may change, that of the robot does not.
+            to_robot = self._poses.frame_at(frame_id, 0)
+        except GridMapError as error:
+            self._log.warning(f"no pose of the robot: {error}")
+            to_robot = None
+        pose = None if to_robot is None else np.linalg.inv(to_robot)
+        self._page.draw_frame("robot", self._robot_frame, pose)
 
 
 if __name__ == "__main__":

@@ -5,18 +5,20 @@
 All browsers share the controls; each has its own view.
 """
 
+import asyncio
 import gc
 import io
 import ipaddress
 import socket
 from collections import deque
-from collections.abc import Container, Sequence
-from contextlib import redirect_stdout, suppress
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from itertools import count
 from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, required
@@ -24,6 +26,7 @@ from grid_map_core_py.errors import GridMapError, required
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
 from .gate import Gate
 from .scene import Scene, Settings, View
+from .surroundings import Surroundings, axes_around
 from .texts import as_note, legend
 
 FIRST_COLOR_MAPS = ("viridis", "turbo", "terrain", "BrBG", "coolwarm", "gray")
@@ -35,7 +38,11 @@ MODES: dict[str, Any] = {"layer": "intensity", "packed color layer": "color", "o
 LARGEST_VALUE, LARGEST_SCALE = 3e38, 1e9
 """Largest bound of the colors, which is a float32, and length of vectors, on either side of 0."""
 
+MOST_EXAGGERATED = 20.0
+"""Largest factor on the drawn heights."""
+
 NO_LAYER = "(no map yet)"
+NO_TOPIC = "(no topic)"
 NO_VECTORS = "(none)"
 GRID_COLOR, VECTOR_COLOR, MARKER_COLOR = (0, 0, 0), (0, 160, 0), (255, 0, 200)
 
@@ -64,6 +71,7 @@ class Page:
         color_map: color map at first.
         allowed_hosts: names under which browsers may open the page, besides IP addresses,
             `localhost`, `host` and the name of this machine, with or without `.local`.
+        topic: topic of the maps at first.
 
     Attributes:
         url: address of the page.
@@ -83,6 +91,7 @@ class Page:
         color_layer: str = "",
         color_map: str = DEFAULT_COLOR_MAP,
         allowed_hosts: Sequence[str] = (),
+        topic: str = NO_TOPIC,
     ) -> None:
         mode: Any = "color" if color_layer.endswith("color") else "intensity"
         coloring = Coloring(mode, color_layer, color_map)
@@ -91,18 +100,25 @@ class Page:
         self._server, self._gate = _serve(host, port, {name.lower() for name in names})
         # A browser leaves cycles of references, which hold megabytes of messages.
         self._server.on_client_disconnect(lambda _: gc.collect())
+        self._server._websock_server.get_message_buffer().message_event = _Wakeup()
         self.url = url_of(host, self._server.get_port())
         self.is_public = not is_loopback(host)
+        self._surroundings = Surroundings(self._server.scene)
         self._shown: list[Any] = []
+        # The parts of each map by the name of its node.
+        self._parts: dict[str, list[Any]] = {}
+        self._exaggeration, self._base = 1.0, 0.0
         self._loading: Any = None
         self._replaces = False
         self._clicks: deque[tuple[Positions, Positions]] = deque(maxlen=1)
         self._photographed: set[int] = set()
         self._marker: Any = None
+        self._marked: Positions | None = None
+        self._scene: Scene | None = None
         self._view: View | None = None
         self._aim: View | None = None
         self._prepare_scene()
-        self._make_controls(Settings(height_layer=height_layer, coloring=coloring))
+        self._make_controls(Settings(height_layer=height_layer, coloring=coloring), topic)
 
     @property
     def is_watched(self) -> bool:
@@ -111,6 +127,11 @@ class Page:
     @property
     def is_paused(self) -> bool:
         return bool(self._paused.value)
+
+    @property
+    def topic(self) -> str:
+        """Topic that the user has chosen."""
+        return str(self._topic.value)
 
     def take_refusals(self) -> list[str]:
         """Return why messages of browsers were refused since the last call."""
@@ -132,6 +153,10 @@ class Page:
         if chosen["vectors"] == NO_VECTORS:
             chosen["vectors"] = ""
         return Settings(coloring=Coloring(**colors), **chosen)
+
+    def offer_topics(self, topics: Iterable[str]) -> None:
+        """Offer these topics in the list, besides the chosen one."""
+        _offer(self._topic, tuple(sorted({self.topic, *topics})), self.topic)
 
     def offer(self, layers: tuple[str, ...]) -> None:
         """Offer these layers in the lists; chosen ones that are missing are replaced."""
@@ -157,13 +182,18 @@ class Page:
             if self._loading is not None:
                 self._loading.remove()
             self._loading = self._add(scene, settings)
-        coloring = settings.coloring
-        self._legend.content = legend(coloring, scene.bounds) if scene.bounds else ""
+        layer = settings.coloring.layer or settings.height_layer
+        # Heights have a known unit, other layers none.
+        title = f"{layer} [m]" if layer == settings.height_layer else layer
+        text = legend(settings.coloring, scene.bounds, title) if scene.bounds else ""
+        self._legend.content = text
+        self._scene = scene
         self._look(scene.view)
 
     def turn(self, history: int) -> None:
-        """Show the loaded scene, and keep at most `history` maps."""
+        """Show the loaded scene with its axes, and keep at most `history` maps; 0 clears all."""
         with self._server.atomic():
+            self._exaggerate(self._base)
             if self._loading is not None:
                 if self._replaces and self._shown:
                     self._shown.pop().remove()
@@ -172,22 +202,45 @@ class Page:
                 self._loading = None
             while len(self._shown) > history:
                 self._shown.pop(0).remove()
+            if not history:
+                self.mark(None)
+                self._scene, self._legend.content = None, ""
+            axes = None
+            if self._scene is not None and self._has_axes.value:
+                axes = axes_around(*self._scene.box, self._exaggeration)
+            self._surroundings.draw_axes(axes, self._exaggeration, self._base)
+
+    def draw_frame(self, name: str, label: str, pose: npt.NDArray[np.floating] | None) -> None:
+        """Draw a frame of coordinates; see `Surroundings.draw_frame`."""
+        if self._view is None:
+            return
+        if not self._has_frames.value:
+            pose = None
+        if pose is not None:
+            pose = pose.copy()
+            pose[:3, 3] = self._lifted(pose[:3, 3])
+        self._surroundings.draw_frame(name, label, pose, self._view.reach)
 
     def take_click(self) -> tuple[Positions, Positions] | None:
         """Return start and direction of the ray of the last click, and forget it."""
-        return self._clicks.pop() if self._clicks else None
+        if not self._clicks:
+            return None
+        start, direction = self._clicks.pop()
+        base, flat = np.array([0.0, 0.0, self._base]), np.array([1.0, 1.0, 1 / self._exaggeration])
+        return base + (start - base) * flat, direction * flat
 
     def mark(self, point: Positions | None) -> None:
         """Move the marker to a point (3,); None removes it."""
         if self._marker is not None:
             self._marker.remove()
             self._marker = None
+        self._marked = point
         if point is not None and self._view is not None:
             self._marker = self._server.scene.add_icosphere(
                 "/marker",
                 radius=0.008 * self._view.reach,
                 color=MARKER_COLOR,
-                position=point,
+                position=self._lifted(point),
                 **SHADOWLESS,
             )
 
@@ -210,9 +263,12 @@ class Page:
         taken = {frame.name for frame in self._shown}
         name = next(name for name in map("/maps/{}".format, count()) if name not in taken)
         add, mesh = self._server.scene, scene.mesh
-        frame = add.add_frame(name, show_axes=False, visible=False, position=mesh.origin)
+        place = self._lifted(mesh.origin)
+        frame = add.add_frame(name, show_axes=False, visible=False, position=place)
+        parts = self._parts[name] = []
+        scale: Any = {"scale": (1.0, 1.0, self._exaggeration)}
         if scene.glb is not None:
-            add.add_glb(f"{name}/surface", scene.glb, **SHADOWLESS)
+            parts.append(add.add_glb(f"{name}/surface", scene.glb, **SHADOWLESS, **scale))
         # Widths and sizes are relative to the distance between cells.
         width = 0.05 * scene.spacing
         for part, lines, color in (
@@ -220,43 +276,84 @@ class Page:
             ("vectors", scene.vectors, VECTOR_COLOR),
         ):
             if len(lines):
-                add.add_line_segments(f"{name}/{part}", lines, color, thickness=width)
+                options: Any = {"thickness": width, **scale}
+                parts.append(add.add_line_segments(f"{name}/{part}", lines, color, **options))
         if settings.points and len(mesh.vertices):
-            add.add_point_cloud(
+            points = add.add_point_cloud(
                 f"{name}/points",
                 mesh.vertices,
                 mesh.colors,
                 point_size=0.3 * scene.spacing,
                 point_shape="circle",
                 precision="float32",
+                **scale,
             )
+            parts.append(points)
         return frame
+
+    def _lifted(self, points: npt.NDArray[np.floating]) -> Positions:
+        """Return points (..., 3) as they are drawn, with exaggerated heights above the base."""
+        lifted = np.array(points, np.float64)
+        lifted[..., 2] = self._base + self._exaggeration * (lifted[..., 2] - self._base)
+        return lifted
+
+    def _exaggerate(self, base: float) -> None:
+        """Draw all heights above a base [m] with the chosen factor."""
+        before = self._exaggeration, self._base
+        self._exaggeration, self._base = float(self._factor.value), base
+        if before == (self._exaggeration, base):
+            return
+        for frame in (*self._shown, *filter(None, [self._loading])):
+            frame.position = self._lifted(np.append(frame.position[:2], 0.0))
+            for part in self._parts[frame.name]:
+                part.scale = (1.0, 1.0, self._exaggeration)
+        self.mark(self._marked)
 
     def _look(self, view: View) -> None:
         """Set the view of new browsers and of the button that resets the view.
 
         Browsers that would lose sight of the map move to the view at once, and keep their angle.
         """
+        is_lost = self._aim is None or self._aim.loses(view)
+        if is_lost:
+            # The middle of the map stays in the middle of the view with any factor.
+            self._exaggerate(float(view.target[2]))
+        view = View(self._lifted(view.target) + view.offset, self._lifted(view.target))
         if self._view is None or not view.is_like(self._view):
             self._view = view
             camera = self._server.initial_camera
             _set_clipping(camera, view)
             camera.look_at, camera.position = view.target, view.start
-        if self._aim is not None and not self._aim.loses(view):
+        if not is_lost:
             return
         for client in self._server.get_clients().values():
-            try:
-                self._move(client, view)
-            except Exception as error:  # A browser may have no view that can be moved.
-                self._gate.note("a view stays", error)
+            with self._noting("a view stays"):
+                offset = view.offset
+                if self._aim is not None:
+                    factor = view.reach / self._aim.reach
+                    offset = factor * (client.camera.position - client.camera.look_at)
+                self._move(client, view, offset)
         self._aim = view
 
-    def _move(self, client: Any, view: View) -> None:
-        """Move the view of a browser."""
-        camera, offset = client.camera, view.offset
-        if self._aim is not None:
-            factor = view.reach / self._aim.reach
-            offset = factor * (camera.position - camera.look_at)
+    @contextmanager
+    def _noting(self, what: str) -> Iterator[None]:
+        """Note errors, because what a browser sends may be no view and no picture."""
+        try:
+            yield
+        except Exception as error:
+            self._gate.note(what, error)
+
+    def _look_from_above(self, event: Any) -> None:
+        """Move the view of a browser above the map, with x to the right and y upwards."""
+        if self._view is not None:
+            # The direction upwards on the screen is undefined exactly above.
+            offset = self._view.reach * np.array([0.0, -1e-3, 1.0])
+            with self._noting("a view stays"):
+                self._move(event.client, self._view, offset)
+
+    def _move(self, client: Any, view: View, offset: Positions) -> None:
+        """Move the view of a browser to an offset from its target."""
+        camera = client.camera
         with client.atomic():
             _set_clipping(camera, view)
             # Setting the position also moves the target.
@@ -270,7 +367,7 @@ class Page:
         if client.client_id in self._photographed:
             return
         self._photographed.add(client.client_id)
-        try:
+        with self._noting("no screenshot"):
             camera = client.camera
             size = camera.image_height, camera.image_width
             picture = client.get_render(*size, transport_format="png", timeout=60.0)
@@ -279,10 +376,7 @@ class Page:
             on_white = picture[..., 2::-1] * opacity + 255 * (1 - opacity)
             _, data = cv2.imencode(".png", on_white.round().astype(np.uint8))
             client.send_file_download("grid_map.png", data.tobytes(), save_immediately=True)
-        except Exception as error:  # What a browser sends may be no such picture.
-            self._gate.note("no screenshot", error)
-        finally:
-            self._photographed.discard(client.client_id)
+        self._photographed.discard(client.client_id)
 
     def _prepare_scene(self) -> None:
         scene = self._server.scene
@@ -296,27 +390,38 @@ class Page:
 
     def _remember_click(self, event: Any) -> None:
         self._clicks.append((np.array(event.ray_origin), np.array(event.ray_direction)))
+        self._cell.expand()
 
     def _use_bounds(self, _: Any) -> None:
         # A browser sends the last change within 50 ms only, and so loses that automatic bounds
         # were switched off if a bound is typed at once.
         self._automatic.value = False
 
-    def _make_controls(self, first: Settings) -> None:
+    def _use_theme(self, _: Any = None) -> None:
+        dark: Any = {"dark_mode": self._dark.value}
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, **dark)
+
+    def _make_controls(self, first: Settings, topic: str) -> None:
         gui, coloring = self._server.gui, first.coloring
 
         def number(label: str, value: float, most: float) -> Any:
             return gui.add_number(label, value, min=-most, max=most, step=0.01)
 
-        gui.configure_theme(show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
+        self._topic = gui.add_dropdown("Topic", (topic,))
         self._status = gui.add_html(as_note("No map has come yet."))
+        self._legend = gui.add_html("")
+        self._factor = gui.add_slider("Exaggeration", 1.0, MOST_EXAGGERATED, 0.5, 1.0)
         self._paused = gui.add_checkbox("Pause", False)
-        screenshot = gui.add_button("Screenshot")
+        above, screenshot = gui.add_button("Top view"), gui.add_button("Screenshot")
+        above.on_click(self._look_from_above)
         screenshot.on_click(self._take_screenshot)
-        with gui.add_folder("Cell"):
+        self._cell = gui.add_panel()
+        with self._cell.add_tab("Cell"):
             self._readout = gui.add_html(as_note("Click on the map."))
-        with gui.add_folder("Surface"):
+        self._cell.float(x=15, y=-15, width=240)
+        self._cell.minimize()
+        with gui.add_folder("Surface", expand_by_default=False):
             # By the names of the fields of `Settings`.
             self._style = {
                 "height_layer": gui.add_dropdown("Height", (first.height_layer or NO_LAYER,)),
@@ -326,7 +431,7 @@ class Page:
                 "shaded": gui.add_checkbox("Shaded", first.shaded),
                 "history": gui.add_slider("History", 1, 10, 1, first.history),
             }
-        with gui.add_folder("Color"):
+        with gui.add_folder("Color", expand_by_default=False):
             mode = next(name for name, mode in MODES.items() if mode == coloring.mode)
             names = dict.fromkeys((*FIRST_COLOR_MAPS, *color_map_names()))
             # By the names of the fields of `Coloring`.
@@ -346,15 +451,20 @@ class Page:
             }
             for name in ("lower", "upper"):
                 self._colors[name].on_update(self._use_bounds)
-            self._legend = gui.add_html("")
-        with gui.add_folder("Overlays"):
+        with gui.add_folder("Overlays", expand_by_default=False):
+            self._has_axes = gui.add_checkbox("Axes", True)
+            self._has_frames = gui.add_checkbox("Frames", True)
+            self._dark = gui.add_checkbox("Dark", False)
+            self._dark.on_update(self._use_theme)
             self._style |= {
                 "points": gui.add_checkbox("Points", first.points),
                 "vectors": gui.add_dropdown("Vectors", (NO_VECTORS,)),
                 "vector_scale": number("Vector length", first.vector_scale, LARGEST_SCALE),
             }
-        controls = *self._style.values(), *self._colors.values()
-        for control in (*controls, self._paused, self._automatic, screenshot):
+        self._use_theme()
+        controls = [*self._style.values(), *self._colors.values(), self._automatic, self._paused]
+        controls += [self._topic, self._factor, self._has_axes, self._has_frames, self._dark]
+        for control in (*controls, above, screenshot):
             self._gate.controls[control._impl.uuid] = control
 
 
@@ -409,6 +519,33 @@ def _serve(host: str, port: int, names: Container[str]) -> tuple[Any, Gate]:
     finally:
         websockets.serve = gate.serve
     return server, gate
+
+
+class _Wakeup(asyncio.Event):
+    """Event that other threads may set, if they ask its own thread to set it as well.
+
+    viser does both with each message, and would fail if a browser begins to wait meanwhile.
+    """
+
+    _is_asked = False
+
+    def set(self) -> None:
+        """Wake those who wait, or only change `is_set` in another thread."""
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            self._is_asked = True
+        else:
+            super().set()
+
+    def is_set(self) -> bool:
+        """Return whether somebody has set the event."""
+        return self._is_asked or super().is_set()
+
+    def clear(self) -> None:
+        """Let those who come wait."""
+        self._is_asked = False
+        super().clear()
 
 
 def _offer(dropdown: Any, options: tuple[str, ...], preferred: str) -> None:

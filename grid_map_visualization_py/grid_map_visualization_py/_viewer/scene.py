@@ -96,7 +96,8 @@ class Scene:
         glb: the surface as a GLB file; None without a face.
         grid_lines: (N, 2, 3) ends of lines between neighboring cells; empty unless requested.
         vectors: (N, 2, 3) ends of the vectors; empty unless requested.
-        bounds: values at the ends of the color map; None without a color map.
+        bounds: values at the ends of the color map, of the whole map; None without a color map.
+        box: lowest and highest corners (3,) of the map [m], map frame.
         size: number of rows and columns of shown cells.
         spacing: mean distance between neighboring shown cells [m].
         view: the whole map from behind and above.
@@ -107,6 +108,7 @@ class Scene:
     grid_lines: Points
     vectors: Points
     bounds: tuple[float, float] | None
+    box: tuple[Positions, Positions]
     size: Size
     spacing: float
     view: View
@@ -136,15 +138,18 @@ def make_scene(grid_map: GridMap, settings: Settings, max_drawn_cells: int = 0) 
         vectors = _vectors(surface, mesh, settings)
     bounds = None
     if coloring.mode == "intensity":
-        bounds = coloring.bounds(surface.values(coloring.layer or settings.height_layer))
+        bounds = surface.bounds(coloring)
     glb = None
     if len(mesh.faces):
         glb = to_glb(mesh, shaded=settings.shaded, opacity=settings.opacity)
     heights = mesh.vertices[:, 2] if len(mesh.vertices) else np.zeros(1)
-    target = mesh.origin + [0.0, 0.0, 0.5 * (float(heights.min()) + float(heights.max()))]
+    half = 0.5 * np.asarray(grid_map.length)
+    low = np.append(grid_map.position - half, float(heights.min()))
+    high = np.append(grid_map.position + half, float(heights.max()))
+    target = 0.5 * (low + high)
     offset = float(np.hypot(*grid_map.length)) * np.array([-0.5, -0.5, 0.6])
     view = View(target + offset, target)
-    return Scene(mesh, glb, lines, vectors, bounds, (rows, columns), spacing, view)
+    return Scene(mesh, glb, lines, vectors, bounds, (low, high), (rows, columns), spacing, view)
 
 
 def _grid_lines(surface: Surface, mesh: Mesh) -> Points:

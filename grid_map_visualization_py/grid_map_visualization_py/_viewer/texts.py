@@ -5,6 +5,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from datetime import UTC, datetime
 from html import escape
 
 import numpy as np
@@ -16,6 +17,9 @@ from ..colors import Coloring
 from .glb import on_screen
 
 TEXT = "font-size:0.8em;padding:0 1em"
+
+FIRST_DATE = 1e9
+"""Smallest time that counts from 1970 [s]; smaller ones are those of simulations."""
 
 
 def as_table(rows: Iterable[tuple[str, str]]) -> str:
@@ -33,7 +37,13 @@ def as_note(text: str) -> str:
 
 
 def status(
-    grid_map: GridMap, shown: Size, rate: float, age: float, *, is_paused: bool = False
+    grid_map: GridMap,
+    shown: Size,
+    rate: float,
+    silence: float,
+    now: int,
+    *,
+    is_paused: bool = False,
 ) -> str:
     """Return the table about the map as a whole.
 
@@ -41,9 +51,11 @@ def status(
         grid_map: the map.
         shown: number of rows and columns of shown cells.
         rate: maps per second.
-        age: seconds since the last map.
+        silence: time since the last map came [s].
+        now: ROS time [ns].
         is_paused: new maps are not shown.
     """
+    stamp = grid_map.timestamp
     cells = "{} x {}".format(*grid_map.size)
     thinned = "{} x {} of {}".format(*shown, cells)
     return as_table(
@@ -51,20 +63,33 @@ def status(
             ("Frame", grid_map.frame_id or "(none)"),
             ("Cells", cells if shown == grid_map.size else thinned),
             ("Resolution", f"{grid_map.resolution:g} m"),
+            ("Time", _time(1e-9 * stamp) if stamp else "(none)"),
+            ("Age", _age(1e-9 * (now - stamp)) if stamp else "(unknown)"),
             ("Rate", f"{rate:.1f} Hz"),
-            ("Age", f"{age:.0f} s{', paused' if is_paused else ''}"),
+            ("Last map", f"{silence:.0f} s ago{', paused' if is_paused else ''}"),
         ]
     )
 
 
-def legend(coloring: Coloring, bounds: tuple[float, float]) -> str:
-    """Return a color bar with the values at its ends, in the colors of the lit surface."""
+def _age(seconds: float) -> str:
+    return f"{seconds:.{1 if abs(seconds) < 10 else 0}f} s"
+
+
+def _time(seconds: float) -> str:
+    if seconds < FIRST_DATE:
+        return f"{seconds:.3f} s"
+    date = datetime.fromtimestamp(seconds, UTC)
+    return f"{date:%Y-%m-%d %H:%M:%S}.{date.microsecond // 100_000} UTC"
+
+
+def legend(coloring: Coloring, bounds: tuple[float, float], title: str) -> str:
+    """Return a color bar with a title and the values at its ends, in the lit surface's colors."""
     # The browser interpolates between 16 colors.
     colors = replace(coloring, lower=0.0, upper=1.0)(np.linspace(0, 1, 16, dtype=np.float32))
     stops = ",".join("rgb({},{},{})".format(*color) for color in on_screen(colors).tolist())
     lower, upper = (f"{bound:.4g}" for bound in bounds)
     return (
-        f"<div style='{TEXT}'>"
+        f"<div style='{TEXT}'><b>{escape(title)}</b>"
         f"<div style='height:1em;background:linear-gradient(to right,{stops})'></div>"
         f"<div style='display:flex;justify-content:space-between'><span>{lower}</span>"
         f"<span>{upper}</span></div></div>"
@@ -84,7 +109,8 @@ def readout(grid_map: GridMap, position: Positions) -> str:
     row, column = grid_map.get_index(position)
     # A list of pairs, because layers may also be called x, y or cell.
     values = [(layer, _text(layer, grid_map[layer][row, column])) for layer in grid_map.layers]
-    return as_table([*place, ("cell", f"{row}, {column}"), *values])
+    table = as_table([*place, ("cell", f"{row}, {column}"), *values])
+    return f"<div style='max-height:40vh;overflow:auto'>{table}</div>"
 
 
 def _text(layer: str, value: np.float32) -> str:

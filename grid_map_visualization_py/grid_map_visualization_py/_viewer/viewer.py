@@ -6,6 +6,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
+import numpy as np
+
 from grid_map_core_py import GridMap
 from grid_map_core_py.arrays import Positions
 from grid_map_ros_py import ReceivedMap
@@ -34,14 +36,19 @@ class Viewer:
         page: the page.
         max_drawn_cells: limit of the cells, as for `Surface`.
         drop: called with the reason if memory runs out while a new map is drawn.
+        clock: returns the ROS time [ns].
     """
 
     def __init__(
-        self, page: Page, max_drawn_cells: int, drop: Callable[[str], object] = lambda _: None
+        self,
+        page: Page,
+        max_drawn_cells: int,
+        drop: Callable[[str], object] = lambda _: None,
+        clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._page = page
         self._max_drawn_cells = max_drawn_cells
-        self._drop = drop
+        self._drop, self._clock = drop, clock
         self._arrivals: deque[float] = deque(maxlen=200)
         self._latest: ReceivedMap | None = None
         self._shown: ReceivedMap | None = None
@@ -49,6 +56,20 @@ class Viewer:
         self._drawn: tuple[ReceivedMap, GridMap, Scene] | None = None
         self._selected: Positions | None = None
         self._problem = self._refusal = ""
+
+    @property
+    def frame_id(self) -> str:
+        """Frame of the shown map; empty if there is none."""
+        return self._drawn[1].frame_id if self._drawn else ""
+
+    def clear(self) -> None:
+        """Forget all maps, because another topic was chosen."""
+        self._arrivals.clear()
+        self._latest = self._shown = self._settings = self._drawn = self._selected = None
+        self._problem = self._refusal = ""
+        self._page.turn(0)
+        self._page.tell(as_note("No map has come yet."))
+        self._page.tell_values(as_note("Click on the map."))
 
     def receive(self, received: ReceivedMap) -> None:
         """Accept a map, which is shown at the next `update`.
@@ -85,8 +106,10 @@ class Viewer:
             elif self._drawn is not None:
                 _, grid_map, scene = self._drawn
                 now = time.monotonic()
-                rate, age = rate_of(self._arrivals, now), now - self._arrivals[-1]
-                page.tell(status(grid_map, scene.size, rate, age, is_paused=page.is_paused))
+                heard = rate_of(self._arrivals, now), now - self._arrivals[-1]
+                paused = {"is_paused": page.is_paused}
+                page.tell(status(grid_map, scene.size, *heard, self._clock(), **paused))
+                page.draw_frame("origin", grid_map.frame_id, np.eye(4))
         return self._problem
 
     def _draw_if_due(self) -> None:
