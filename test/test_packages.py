@@ -22,11 +22,13 @@ from grid_map_visualization_py._registry import BUILT_IN as VISUALIZATIONS
 from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, run
 
 ROSDEP_KEYS = {
+    "PIL": "python3-matplotlib",  # matplotlib depends on Pillow
     "contourpy": "python3-matplotlib",  # matplotlib depends on contourpy
     "cv2": "python3-opencv",
     "hypothesis": "python3-hypothesis",
     "lark": "python3-lark-parser",
     "matplotlib": "python3-matplotlib",
+    "mpl_toolkits": "python3-matplotlib",
     "msgspec": "viser",  # viser depends on msgspec, websockets and zstandard
     "numpy": "python3-numpy",
     "pytest": "python3-pytest",
