@@ -680,6 +680,7 @@ class Soak:
         """End sources and viewer, and add up what they have sent."""
         self._viewer.send_signal(signal.SIGCONT)
         wait_until(lambda: self._sources[-1].lines, "the last source")
+        self._pause(False)
         for process in (self._sources[-1], self._viewer):
             process.send_signal(signal.SIGINT)
         for process in (*self._sources, self._viewer):

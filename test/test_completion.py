@@ -56,7 +56,10 @@ COMMANDS = "info inspect convert submap doctor filter play plot record topics vi
         ("grid-map inspect site.npz --layer ", "elevation variance color"),
         ("grid-map plot survey map.png --topic /other --layer he", "height"),
         ("grid-map inspect survey --topic ", "/one /other"),
-        ("grid-map convert site.npz --to ", "bag npz images geotiff height_image map_server zarr"),
+        (
+            "grid-map convert site.npz --to ",
+            "bag npz images geotiff height_image map_server rrd zarr",
+        ),
         ("grid-map ", f"{COMMANDS} --version -h --help"),
         ("grid-map plot site.npz --color-map vir", "viridis"),
         ("grid-map inspect broken.npz --layer ", ""),

@@ -210,7 +210,10 @@ def pytest_pycollect_makemodule(module_path, parent):
 """
 """Plug-in that imports the modules of tests while it collects, as launch_testing of ROS does."""
 
-NO_KEYS = {"argcomplete", "mcap", "playwright", "pypcd4", "rasterio", "rosbags", "trimesh"}
+NO_KEYS = {
+    *("argcomplete", "imageio_ffmpeg", "ipykernel", "mcap", "nbclient", "nbformat", "playwright"),
+    *("pypcd4", "rasterio", "rerun_notebook", "rosbags", "trimesh"),
+}
 
 WITHOUT_KEYS = NO_KEYS | TILED
 """Modules that rosdep does not know, so that a machine with ROS lacks them."""

@@ -24,7 +24,7 @@ IMAGES = ROOT / "docs" / "images"
             300_000,
             600_000,
         ),
-        ("make_demo_pictures.py", "demos", "docs/demos/{}.md", 80_000, 800_000),
+        ("make_demo_pictures.py", "demos", "docs/demos/{}.md", 150_000, 1_000_000),
         ("make_drawings.py", "conventions", "docs/conventions.md", 20_000, 60_000),
         ("make_picture_pictures.py", "pictures", "docs/pictures.md", 300_000, 1_000_000),
         ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),

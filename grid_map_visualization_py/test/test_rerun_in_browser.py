@@ -113,16 +113,15 @@ def likeness(picture: np.ndarray, box: np.ndarray) -> float:
 
 @pytest.fixture
 def page(tmp_path, monkeypatch) -> Iterator[Page]:
-    from playwright.sync_api import sync_playwright
-
+    playwright = pytest.importorskip("playwright.sync_api")
     monkeypatch.chdir(tmp_path)
     write_bag()
     command = [sys.executable, "-m", "grid_map_core_py", "view", "survey", "--port", "0"]
     process = Process(command)
     try:
         wait_until(lambda: process.lines, "the address")
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        with playwright.sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
             tab = browser.new_page(viewport=VIEWPORT)
             address = f"{process.lines[0].strip()}/?renderer=webgl&theme=light"
             tab.goto(address, timeout=1e3 * PATIENCE)

@@ -22,14 +22,12 @@ print(rerun_notebook.ESM_MOD)
 
 
 def test_notebook_shows_maps_and_bags(tmp_path):
-    import nbformat
-    from nbclient import NotebookClient
-
+    nbformat, client = map(pytest.importorskip, ("nbformat", "nbclient"))
     write_survey(tmp_path / "survey")
     cells = [nbformat.v4.new_code_cell(source) for source in (MAP, BAG)]
     notebook = nbformat.v4.new_notebook(cells=cells)
     resources = {"metadata": {"path": str(tmp_path)}}
-    NotebookClient(notebook, timeout=100, resources=resources).execute()
+    client.NotebookClient(notebook, timeout=100, resources=resources).execute()
     widgets = notebook.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"]
     viewers = [one["state"] for one in widgets.values() if "_width" in one["state"]]
     assert {one["_width"] for one in viewers} >= {700}
