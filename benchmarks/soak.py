@@ -714,6 +714,8 @@ class Soak:
             taken, sent = subject.counts[0], self.sent.get(subject.source, 0)
             if self._is_busy and taken < self._share * sent:
                 yield f"noted: {subject.name} took {100 * taken / sent:.0f} % of what was sent"
+            if not subject.samples:
+                yield f"noted: {subject.name}: no pause was long enough to measure memory"
             if subject.blocked > self._gap:
                 text = f"{subject.blocked:.1f} s without a map while a viewer was frozen"
                 yield f"noted: {subject.name}: {text}"
@@ -752,7 +754,7 @@ class Soak:
         for subject in self.subjects:
             for index, unit in enumerate(("MB", "files")):
                 values = {time: sample[index] for time, sample in subject.samples.items()}
-                if (more := growth(values)) > limit * values[min(values)]:
+                if values and (more := growth(values)) > limit * values[min(values)]:
                     yield f"{subject.name}: {more:.1f} {unit} more than {values[min(values)]:.1f}"
 
     def table(self) -> str:

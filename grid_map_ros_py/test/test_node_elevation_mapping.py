@@ -252,7 +252,8 @@ def test_services_change_ask_save_and_load_the_map(robot: Robot, tmp_path: Path)
         part = robot.call("get_raw_submap", length_x=0.5, length_y=0.5, layers=["elevation"]).map
         assert from_message(part).size == (6, 6)
         assert robot.call("get_raw_submap", frame_id="base").map.layers == []
-        assert "frame_id: expected 'odom', that of the map, got 'base'" in node.text
+        reason = "frame_id: expected 'odom', that of the map, got 'base'"
+        wait_until(lambda: reason in node.text, "the reason in the log")
 
         # Only the service publishes the filtered map.
         assert robot.peer.received[FILTERED] == robot.peer.received[FILTERED][:1]
