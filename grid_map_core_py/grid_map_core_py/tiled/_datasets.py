@@ -160,7 +160,7 @@ def layers_of(dataset: "xarray.Dataset") -> tuple[str, ...]:
         if variable.dtype.kind not in "biuf":
             raise GridMapError(f"layer {name!r}: expected numbers, got {variable.dtype}")
         layers.append(name)
-    # Stores are read in the order of the alphabet.
+    # Stores are read in any order.
     order = [*dataset.attrs.get("layers", ()), *layers]
     return tuple(sorted(layers, key=order.index))
 

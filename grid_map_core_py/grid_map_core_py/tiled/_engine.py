@@ -13,7 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextvars import copy_context
 from functools import lru_cache
 from operator import length_hint
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from ..arrays._freed_memory import keep_memory
 from ..errors import GridMapError, required
@@ -138,7 +138,7 @@ def _on_cluster(
             if not running:
                 return
             future, result = next(ready)
-            seconds, results = _checked(future, result, client)
+            seconds, results = _checked(result, client)
             finished = running.pop(future)
             future.release()
             yield from zip(finished, results, strict=True)
@@ -161,13 +161,24 @@ def _threads_of(client: Any) -> int:
     return max(1, sum(threads.values()))
 
 
-def _checked(future: Any, result: Any, client: Any) -> Any:
-    """Return the result of a future, or raise its error."""
+class _Results(NamedTuple):
+    """Results of the parts of a task."""
+
+    seconds: float
+    """Time that the worker took."""
+    values: list[Any]
+
+
+def _checked(result: Any, client: Any) -> _Results:
+    """Return what a task has returned, or raise its error.
+
+    The state of the future says less: a result counts even if its worker died after it was fetched.
+    """
     from distributed import KilledWorker
 
-    if future.status == "finished":
+    if isinstance(result, _Results):
         return result
-    if future.status != "error":
+    if not isinstance(result, tuple):
         raise _lost(client)
     error = result[1]
     if isinstance(error, KilledWorker):
@@ -189,9 +200,9 @@ def _unpacked(pickled: bytes) -> Any:
     return pickle.loads(pickled)
 
 
-def _call_each(pickled: bytes, group: Sequence[Any]) -> tuple[float, list[Any]]:
-    """Return the time that a worker takes for some parts [s], and their results."""
+def _call_each(pickled: bytes, group: Sequence[Any]) -> _Results:
+    """Compute some parts on a worker."""
     keep_memory()
     function, begin = _unpacked(pickled), time.perf_counter()
     results = [function(part) for part in group]
-    return time.perf_counter() - begin, results
+    return _Results(time.perf_counter() - begin, results)

@@ -39,7 +39,7 @@ def to_lazy_dataset(site: TiledMap, layers: Iterable[str] | None = None) -> "xar
     site.source.prepare()
     make = _lone_layers if getattr(site.source, "reads_layers_alone", False) else _joint_layers
     basic = [name for name in site.basic_layers if name in names]
-    about = attributes(site.geometry, site.frame_id, site.timestamp, basic)
+    about = attributes(site.geometry, names, site.frame_id, site.timestamp, basic)
     dataset = dataset_of(site.geometry, make(site, names), about, site.crs)
     remember(dataset, site)
     return dataset

@@ -57,10 +57,16 @@ def coordinates(geometry: GridGeometry) -> dict[str, Any]:
 
 
 def attributes(
-    geometry: GridGeometry, frame_id: str, timestamp: int, basic_layers: Sequence[str]
+    geometry: GridGeometry,
+    layers: Iterable[str],
+    frame_id: str,
+    timestamp: int,
+    basic_layers: Sequence[str],
 ) -> dict[str, Any]:
     """Return the attributes of the dataset of a map."""
     return {
+        # Stores do not keep the order of variables.
+        "layers": [*layers],
         "frame_id": frame_id,
         "timestamp": timestamp,
         "basic_layers": [*basic_layers],
@@ -74,7 +80,7 @@ def to_dataset(grid_map: GridMap, crs: str = "") -> "xarray.Dataset":
     """Return the dataset of a map; see `GridMap.to_xarray`."""
     layers = {name: grid_map.unwrapped(name) for name in grid_map}
     about = grid_map.frame_id, grid_map.timestamp, grid_map.basic_layers
-    return dataset_of(grid_map.geometry, layers, attributes(grid_map.geometry, *about), crs)
+    return dataset_of(grid_map.geometry, layers, attributes(grid_map.geometry, layers, *about), crs)
 
 
 def dataset_of(

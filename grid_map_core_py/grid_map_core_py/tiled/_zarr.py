@@ -107,8 +107,7 @@ def create_group(
     if crs:
         array = _create_array(group, CRS_VARIABLE, (), "<i4", ())
         array.attrs.put(grid_mapping(crs) | {"_ARRAY_DIMENSIONS": []})
-    about = attributes(geometry, frame_id, timestamp, basic_layers)
-    group.attrs.put(about | {"layers": [*names]})
+    group.attrs.put(attributes(geometry, names, frame_id, timestamp, basic_layers))
     return group
 
 
