@@ -40,9 +40,11 @@ test-fast: build  ## Run the tests of core and filters that start no node, in le
 # Only the built workspace has the command `filter`.
 test-oldest:  ## Run the tests of core and filters with the oldest supported NumPy and OpenCV
 	@tools/workspace oldest
-	@for package in grid_map_core_py grid_map_filters_py; do \
-	    (cd $$package && env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) PATH=$(CURDIR)/.venv-oldest/bin:$$PATH \
-	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES) --ignore-glob='*/test_command_*.py') || exit 1; \
+	@tests() { env -u LD_LIBRARY_PATH PYTHONPATH=$(SOURCES) PATH="$(CURDIR)/.venv-oldest/bin:$$PATH" \
+	        $(CURDIR)/.venv-oldest/bin/python -m pytest $(NO_NODES) --ignore-glob='*/test_command_*.py' "$$@"; }; \
+	retry() { [ "$${GRID_MAP_RETRIES:-0}" != 0 ] && echo "RERUN of the tests that failed" && tests --last-failed; }; \
+	for package in grid_map_core_py grid_map_filters_py; do \
+	    (cd $$package && { tests || retry; }) || exit 1; \
 	done
 
 explore:  ## Try the property tests with new random examples (`make test` repeats the same ones)
