@@ -6,9 +6,7 @@ ROS launch has no wheels, so the tests read the XML themselves. Elements, attrib
 substitutions that the demos do not use fail an assertion instead of being skipped.
 """
 
-import os
 import re
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,7 @@ from visualization_msgs.msg import Marker
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import from_message
-from grid_map_ros_py.testing import Process, peer, running_node, wait_until
+from grid_map_ros_py.testing import Process, peer, running_node
 
 WORKSPACE = Path(__file__).parents[2]
 PACKAGE = WORKSPACE / "grid_map_demos_py"
@@ -57,7 +55,7 @@ def published(
     count: int = 1,
     until: Callable[[Process], bool] = lambda _: True,
 ) -> tuple[list[GridMap], str]:
-    """Return the maps that a demo publishes, and its output; it must live for some seconds.
+    """Return the maps that a demo publishes, and its output.
 
     Args:
         demo: module of the node without `_node`.
@@ -71,28 +69,7 @@ def published(
         with running_node(f"grid_map_demos_py.{demo}_node", *parameters(*pairs)) as process:
             other.expect(topic, count)
             other.wait_until(lambda: until(process), "the condition")
-            lives(process)
         return [from_message(message) for message in other.received[topic]], process.text
-
-
-def lives(process: Process, seconds: float = 3.0) -> None:
-    """Wait until a process has run for a time [s]; fail if it ends earlier.
-
-    The time counts from the start of the process.
-    """
-
-    def is_old_enough() -> bool:
-        assert process.is_running, process.text
-        return age(process) >= seconds
-
-    wait_until(is_old_enough, f"{seconds:g} s of life")
-
-
-def age(process: Process) -> float:
-    """Return the seconds since the start of a running process (proc_pid_stat(5), field 22)."""
-    fields_after_name = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
-    started = int(fields_after_name[22 - 3]) / os.sysconf("SC_CLK_TCK")
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
 
 
 def parameters(*pairs: str) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from demos import lives, parameters, published
+from demos import parameters, published
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
@@ -37,13 +37,11 @@ def test_terrain_image_becomes_a_map_of_heights_and_colors():
         other.listen("/image", Image)
         other.listen("/grid_map", GridMapMessage)
         with (
-            running_node(module("image_publisher"), *parameters("publish_rate:=2.0")) as publisher,
-            running_node(module("image_to_gridmap_demo")) as demo,
+            running_node(module("image_publisher"), *parameters("publish_rate:=2.0")),
+            running_node(module("image_to_gridmap_demo")),
         ):
             message = other.expect("/image", 2)
             grid_map = from_message(other.expect("/grid_map"))
-            lives(publisher)
-            lives(demo)
         stamps = [from_stamp(image.header.stamp) for image in other.received["/image"]]
     assert (message.encoding, message.header.frame_id) == ("bgra8", "map")
     np.testing.assert_array_equal(to_pixels(message)[0], terrain)
@@ -229,7 +227,6 @@ def test_demo_waits_for_a_valid_map_and_requires_the_layer(tmp_path):
         try:
             other.publish("/grid_map", broken)
             other.wait_until(lambda: "dropped a message" in demo.text, "a warning")
-            lives(demo)
             other.publish("/grid_map", to_message(GridMap((1.0, 1.0), 0.5, layers=["slope"])))
             assert demo.wait() == 1
         finally:

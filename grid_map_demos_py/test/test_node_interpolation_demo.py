@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import parameters
 
 from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.map import GridGeometry
@@ -87,7 +87,6 @@ def published(*arguments: str) -> tuple[list[GridMap], str]:
             other.listen(topic, GridMapMessage)
         with running_node(f"grid_map_demos_py.{MODULE}", *arguments) as demo:
             maps = [from_message(other.expect(topic)) for topic in TOPICS]
-            lives(demo)
     return maps, demo.text
 
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import parameters
 from geometry_msgs.msg import PolygonStamped
 
 from grid_map_core_py import Polygon
@@ -100,7 +100,6 @@ def test_iterators_demo_limits_its_rate():
             before = len(other.received["/grid_map"])
             first = from_message(other.expect("/grid_map", before + 1))
             last = from_message(other.expect("/grid_map", before + 30))
-            lives(demo)
     assert (last.layers, last.size, last.frame_id) == (("type",), (20, 20), "map")
     # Cells come column after column.
     filled = last["type"].ravel("F") == 1.0

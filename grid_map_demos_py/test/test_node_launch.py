@@ -5,16 +5,18 @@
 import math
 import os
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import pytest
 from ament_index_python.packages import get_package_prefix
-from demos import LAUNCH_FILES, MESSAGES, launched_nodes, lives, rviz_displays
+from demos import LAUNCH_FILES, MESSAGES, launched_nodes, rviz_displays
 
 from grid_map_ros_py.nodes import map_qos
-from grid_map_ros_py.testing import Process, environment, peer, reserve_domain
+from grid_map_ros_py.testing import Process, environment, peer, reserve_domain, wait_until
 
 RARE = {"/polygon"}
 """Topics with one message every half a minute, too rare to wait for."""
@@ -33,6 +35,26 @@ def command(node: Element) -> list[str]:
     words = [word for option in options for word in option]
     path = f"{get_package_prefix(package)}/lib/{package}/{executable}"
     return [path, *node.get("args", "").split(), "--ros-args", *words]
+
+
+def lives(process: Process, seconds: float = 3.0) -> None:
+    """Wait until a process has run for a time [s]; fail if it ends earlier.
+
+    The time counts from the start of the process.
+    """
+
+    def is_old_enough() -> bool:
+        assert process.is_running, process.text
+        return age(process) >= seconds
+
+    wait_until(is_old_enough, f"{seconds:g} s of life")
+
+
+def age(process: Process) -> float:
+    """Return the seconds since the start of a running process (proc_pid_stat(5), field 22)."""
+    fields_after_name = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    started = int(fields_after_name[22 - 3]) / os.sysconf("SC_CLK_TCK")
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - started
 
 
 @contextmanager

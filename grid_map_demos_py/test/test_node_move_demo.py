@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from demos import lives, parameters
+from demos import parameters
 
 from grid_map_core_py import GridMap
 from grid_map_demos_py.move_demo_node import make_map, place
@@ -35,10 +35,9 @@ def test_move_keeps_data_in_place_and_position_moves_it():
     with peer() as other:
         messages = other.received.setdefault("/grid_map", [])
         other.listen("/grid_map", GridMapMessage)
-        with running_node(f"grid_map_demos_py.{MODULE}", *given) as demo:
+        with running_node(f"grid_map_demos_py.{MODULE}", *given):
             other.wait_until(lambda: sum(map(has_lost, messages)) > 5, "a map that has moved")
             other.wait_until(lambda: sum(map(is_carried, messages)) > 5, "a map that was carried")
-            lives(demo)
     carried = from_message(next(filter(is_carried, messages)))
     assert (carried.size, carried.resolution, carried.frame_id) == ((70, 70), 0.01, "map")
     for message in filter(is_carried, messages):

@@ -6,6 +6,7 @@ All processes that one test process starts share a ROS domain with its peers onl
 """
 
 import atexit
+import json
 import os
 import signal
 import socket
@@ -35,6 +36,7 @@ __all__ = [
     "Process",
     "environment",
     "peer",
+    "refusals",
     "reserve_domain",
     "reserved_domain",
     "running",
@@ -54,6 +56,19 @@ OTHER_WAS_FASTER = "open_and_lock_file failed"
 
 TIMEOUT = 30.0
 """Seconds to wait for anything before a test fails."""
+
+REFUSALS = """
+import json, sys
+from pkgutil import resolve_name
+from grid_map_ros_py.nodes import _health
+_health.PATIENCE = 0.0  # Nothing hears why they end.
+starts, missing = json.loads(sys.argv[1])
+sys.modules.update(dict.fromkeys(missing))
+for main, words in starts:
+    sys.argv[1:] = words
+    print("exit code", resolve_name(main)(), flush=True)
+"""
+"""Program that calls the `main` of nodes."""
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
@@ -195,6 +210,29 @@ def running(process: Process) -> Iterator[Process]:
         assert "Traceback" not in process.text, process.text
     finally:
         process.kill()
+
+
+def refusals(
+    starts: Sequence[tuple[str, Sequence[str]]], *, missing: Sequence[str] = ()
+) -> list[str]:
+    """Return the messages of nodes that refuse to start.
+
+    Each must end with exit code 1 and one line. All start in one process, one after another,
+    because to start Python takes longest.
+
+    Args:
+        starts: the function of each node that returns its exit code, such as
+            "package.module:Class.main", and its arguments.
+        missing: modules that cannot be imported.
+    """
+    given = json.dumps([starts, missing])
+    process = Process([sys.executable, "-c", REFUSALS, given])
+    try:
+        assert process.wait(2 * TIMEOUT) == 0, process.text
+    finally:
+        process.kill()
+    assert process.lines[1::2] == ["exit code 1\n"] * len(starts), process.text
+    return process.lines[::2]
 
 
 class Peer:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodes `grid_map_loader` and `grid_map_saver` as processes."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,12 +12,25 @@ from conftest import arguments
 from grid_map_core_py.testing import assert_maps_equal
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import BagError, from_message, load_from_bag, save_to_bag, to_message
-from grid_map_ros_py.testing import peer, running_node, start_node, wait_until
+from grid_map_ros_py.testing import (
+    Process,
+    peer,
+    running,
+    running_node,
+    start_node,
+    wait_until,
+)
 
 pytestmark = pytest.mark.needs("mcap", "rosbags")
 
 LOADER = "grid_map_ros_py._executables.grid_map_loader"
 SAVER = "grid_map_ros_py._executables.grid_map_saver"
+TALKATIVE = f"""
+import sys
+import {SAVER} as module
+module.LOG_PERIOD = 0.1
+sys.exit(module.GridMapSaverNode.main())
+"""
 
 
 def test_loader_publishes_the_last_map_latched():
@@ -66,7 +80,8 @@ def test_continuous_saver_saves_every_map_and_drops_invalid_messages(tmp_path):
     given = arguments(file_path=bag, continuous=True, compression="zstd")
     wrong = to_message(numbered_map(2))
     wrong.layers = ["elevation"]
-    with running_node(SAVER, *given) as saver, peer() as publisher:
+    process = Process([sys.executable, "-c", TALKATIVE, *given])
+    with running(process) as saver, peer() as publisher:
         publisher.publish(TOPIC, to_message(numbered_map(1)))
         wait_until(lambda: saved(bag) == 1, "the first map")
         publisher.publish(TOPIC, wrong)

@@ -39,6 +39,25 @@ run(Once)
 print(sum(isinstance(living, Executor) for living in gc.get_objects()))
 """
 
+RUN_WITH_FILES = """
+import sys
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
+from grid_map_ros_py.nodes import read_parameter, run
+
+class Being(Node):
+    def __init__(self):
+        super().__init__("being")
+        self.create_timer(read_parameter(self, "delay", float, 0.0), self.live)
+
+    def live(self):
+        print("alive", flush=True)
+        try_shutdown()
+
+for file in sys.argv[1:]:
+    run(Being, ["being", "--ros-args", "--params-file", file])
+"""
+
 CROWDED = """
 from rclpy.node import Node
 from rclpy.utilities import try_shutdown
@@ -186,28 +205,39 @@ def test_given_parameters_that_are_not_used_are_warned_of(start: Start, tmp_path
     )
 
 
-@pytest.mark.parametrize("habit", ["idle", "misconfigured"])
-@pytest.mark.parametrize("section", ["beings", "robot/being", "/*/being", "robot: {being"])
-def test_parameter_file_without_section_for_the_node_is_reported(
-    start: Start, tmp_path: Path, section: str, habit: str
-) -> None:
-    file = tmp_path / "parameters.yaml"
-    file.write_text(f"{section}: {{ros__parameters: {{delay: 0.0}}}}" + "}" * section.count("{"))
-    process = start("living.py", habit, "--ros-args", "--params-file", str(file))
-    name = "/" + section.strip("/").replace(": {", "/")
-    text = f"no section of {file} matches /being; the file has {name}"
-    wait_until(lambda: text in process.text, "a warning")
-    assert process.text.count(text) == 1
+def parameter_files(folder: Path, sections: list[str]) -> list[Path]:
+    """Write a parameter file with each section."""
+    paths = [folder / f"{number}.yaml" for number in range(len(sections))]
+    for path, section in zip(paths, sections, strict=True):
+        ends = "}" * (1 + section.count("{"))
+        path.write_text(f"{section}: {{ros__parameters: {{delay: 0.001}}{ends}")
+    return paths
 
 
-@pytest.mark.parametrize("section", ["being", "/being", "/*", "/**", "/**/being"])
-def test_parameter_file_with_section_for_the_node_is_not_reported(
-    start: Start, tmp_path: Path, section: str
-) -> None:
-    file = tmp_path / "parameters.yaml"
-    file.write_text(f"{section}: {{ros__parameters: {{delay: 0.001}}}}")
-    process = start("living.py", "idle", "--ros-args", "--params-file", str(file))
-    wait_until_alive(process)
+OTHERS = ["beings", "robot/being", "/*/being", "robot: {being"]
+
+
+def test_parameter_files_without_section_for_the_node_are_reported(tmp_path: Path) -> None:
+    files = parameter_files(tmp_path, [*OTHERS, "being", "/being", "/*", "/**", "/**/being"])
+    # One after another in one process, because to start Python takes longest.
+    process = Process([sys.executable, "-c", RUN_WITH_FILES, *map(str, files)])
+    try:
+        assert process.wait() == 0, process.text
+    finally:
+        process.kill()
+    texts = process.text.split("alive\n")
+    for text, file, section in zip(texts, files, OTHERS, strict=False):
+        name = "/" + section.strip("/").replace(": {", "/")
+        warning = f"no section of {file} matches /being; the file has {name}"
+        assert (text.count(warning), text.count("\n")) == (1, 1)
+    assert texts[len(OTHERS) :] == [""] * (len(files) - len(OTHERS) + 1)
+
+
+def test_node_that_fails_reports_its_parameter_file(start: Start, tmp_path: Path) -> None:
+    (file,) = parameter_files(tmp_path, OTHERS[:1])
+    process = start("living.py", "misconfigured", "--ros-args", "--params-file", str(file))
+    assert process.wait() == 1
+    assert process.text.count(f"no section of {file} matches /being; the file has /beings") == 1
 
 
 @pytest.mark.parametrize("wrong", [["--nonsense"], ["--params-file", "/missing.yaml"]])

@@ -7,7 +7,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -281,36 +280,3 @@ def memory_of(process: Process) -> int:
     """Return the memory that a process uses [bytes]."""
     pages = Path(f"/proc/{process.pid}/statm").read_text().split()[1]
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
-
-
-REFUSALS = f"""
-import sys
-from {MODULE} import RerunViewerNode
-from grid_map_ros_py.nodes import run
-for parameter in sys.argv[1:]:
-    print(run(RerunViewerNode, ["node", "--ros-args", "-p", parameter]))
-sys.modules["rerun_cli"] = None
-print(run(RerunViewerNode, ["node"]))
-"""
-
-
-def test_failing_node_ends_with_one_message():
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-        complaints = {
-            f"port:={port}": f"the page cannot be served at 127.0.0.1:{port}: [Errno 98]",
-            "port:=65536": "parameter 'port': expected a number from 0 to 65535",
-            "max_drawn_cells:=3": "parameter 'max_drawn_cells': expected 0 (never thin out) or",
-            "color_map:=virdis": "did you mean viridis",
-            "max_rate:=0": "parameter 'max_rate': expected a positive",
-            "exaggeration:=-1": "parameter 'exaggeration': expected a positive",
-            "topics:=['no topic']": "parameter 'topics': expected the name",
-        }
-        process = Process([sys.executable, "-c", REFUSALS, *complaints])
-        assert process.wait() == 0, process.text
-    messages, codes = process.lines[::2], process.lines[1::2]
-    assert codes == ["1\n"] * (len(complaints) + 1)
-    missing = "rerun_viewer needs the package 'rerun_cli', which is not installed: pip install"
-    for message, complaint in zip(messages, [*complaints.values(), missing], strict=True):
-        assert complaint in message
-    assert "or use web_viewer" in messages[-1]

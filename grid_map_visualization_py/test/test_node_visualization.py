@@ -14,7 +14,7 @@ from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import to_message
 from grid_map_ros_py.nodes import map_qos
-from grid_map_ros_py.testing import Peer, Process, running, running_node, start_node
+from grid_map_ros_py.testing import Peer, Process, running, running_node
 from grid_map_visualization_py import create
 
 MODULE = "grid_map_visualization_py._executables.grid_map_visualization"
@@ -221,31 +221,3 @@ def test_empty_list_of_visualizations_is_no_error(peer, arguments):
     with running_node(MODULE, *arguments(grid_map_visualizations=[])):
         names = peer.node.get_node_names
         peer.wait_until(lambda: "grid_map_visualization" in names(), "the node")
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        (
-            {"grid": {"type": "occupancy_grid", "params": {"layer": "a", "data_mix": 1}}},
-            ["visualization 'grid'", "'occupancy_grid'", "'data_mix'", "data_min"],
-        ),
-        ({"activity_check_rate": 0}, ["activity_check_rate", "positive", "0.0"]),
-        (
-            {"grid_map_visualizations": ["grid", "grid"]},
-            ["'grid_map_visualizations'", "every name once", "['grid', 'grid']"],
-        ),
-        (
-            {"grid_map_visualizations": ["no topic"], "no topic": {"type": "map_region"}},
-            ["'grid_map_visualizations'", "topic", "'no topic'"],
-        ),
-        ({"grid_map_topic": "{terrain}"}, ["'grid_map_topic'", "topic", "'{terrain}'"]),
-    ],
-)
-def test_misconfigured_node_ends_with_exit_code_1_and_one_message(arguments, wrong, words):
-    process = start_node(MODULE, *arguments(**two_outputs(**wrong)))
-    assert process.wait() == 1, process.text
-    assert "Traceback" not in process.text
-    assert len(process.lines) == 1, process.text
-    for word in words:
-        assert word in process.text

@@ -24,7 +24,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from grid_map_core_py import GridMap
 from grid_map_msgs.msg import GridMap as GridMapMessage
 from grid_map_ros_py import testing, to_message
-from grid_map_ros_py.nodes import has_tf, map_qos
+from grid_map_ros_py.nodes import map_qos
 from grid_map_ros_py.testing import Peer, Process, running, wait_until
 from grid_map_visualization_py._viewer.glb import on_screen
 
@@ -835,37 +835,3 @@ def test_page_continues_after_node_and_publisher_restart(chromium):
             third.publish(topic, to_message(grid_map))
             browser.wait_for(lambda: browser.values()["Frame"] == "third", "the map")
         browser.tab.close()
-
-
-REFUSALS = f"""
-import sys
-from {MODULE} import WebViewerNode
-from grid_map_ros_py.nodes import run
-for parameter in sys.argv[1:]:
-    print(run(WebViewerNode, ["node", "--ros-args", "-p", parameter]))
-sys.modules["viser"] = None
-print(run(WebViewerNode, ["node"]))
-"""
-
-
-def test_failing_node_ends_with_one_message():
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-        complaints = {
-            f"port:={port}": f"the page cannot be served at 127.0.0.1:{port}: [Errno 98]",
-            "port:=65536": "parameter 'port': expected a number from 0 to 65535",
-            "max_drawn_cells:=3": "parameter 'max_drawn_cells': expected 0 (never thin out) or",
-            "color_map:=virdis": "did you mean viridis",
-            "host:=192.0.2.1": "the page cannot be served at 192.0.2.1:8080: ",
-            "update_rate:=0": "parameter 'update_rate': expected a positive",
-            "grid_map_topic:='no topic'": "parameter 'grid_map_topic': expected the name",
-        }
-        if not has_tf():
-            complaints["robot_frame:=base"] = "robot_frame needs the package 'tf2_ros'"
-        process = Process([sys.executable, "-c", REFUSALS, *complaints])
-        assert process.wait() == 0, process.text
-    messages, codes = process.lines[::2], process.lines[1::2]
-    assert codes == ["1\n"] * (len(complaints) + 1)
-    missing = "web_viewer needs the package 'viser', which is not installed: install viser"
-    for message, complaint in zip(messages, [*complaints.values(), missing], strict=True):
-        assert complaint in message

@@ -111,7 +111,7 @@ class Holey(Node):
 
     def __init__(self) -> None:
         super().__init__("holey")
-        _spin.TRIM_PERIOD = 0.1
+        _spin._TRIM_PERIOD = 0.1
         self._blocks = [b"%d" % i * 25_000 for i in range(1000, 2000)]
         del self._blocks[::2]
         self._first = own_memory()
