@@ -21,7 +21,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path as PathMessage
 from std_msgs.msg import String
 from test_node_web_viewer import CHROMIUM, FLAGS, decoded, share
-from test_rerun_server import rerun
+from test_rerun_server import rerun, sockets_of
 
 from grid_map_core_py import GridMap
 from grid_map_ros_py import testing, to_message
@@ -49,10 +49,11 @@ def slope(height: float = 0.0, seconds: int = 5) -> GridMap:
 
 
 @contextmanager
-def viewer(**parameters: object) -> Iterator[Process]:
+def viewer(*program: str, **parameters: object) -> Iterator[Process]:
     given = {"port": 0, **parameters}.items()
     words = (word for name, value in given for word in ("-p", f"{name}:={value}"))
-    with running(start_node(MODULE, "--ros-args", *words)) as process:
+    command = [sys.executable, *(program or ("-m", MODULE)), "--ros-args", *words]
+    with running(Process(command)) as process:
         url_of(process)
         yield process
 
@@ -253,27 +254,82 @@ def test_node_goes_on_while_rerun_hangs_and_ends_with_it(peer, number):
         process.kill()
 
 
-def test_page_in_a_browser_shows_maps_also_after_a_restart(peer):
+IMPATIENT = f"""
+import sys
+from grid_map_visualization_py._rerun import front
+import {MODULE} as module
+front.STALL = 4.0
+sys.exit(module.RerunViewerNode.main())
+"""
+"""The node, which waits less long for a page that takes nothing."""
+
+
+@contextmanager
+def frozen(browser: Any) -> Iterator[None]:
+    """Stop the processes that run the pages of a browser."""
+    answer = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
+    pids = [process["id"] for process in answer["processInfo"] if process["type"] == "renderer"]
+    assert pids
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        for pid in pids:
+            os.kill(pid, signal.SIGCONT)
+
+
+def readers_of(node: Process) -> list[object]:
+    """Return the connections of pages; while a page asks for something, it has one more."""
+    found = sockets_of(node.pid)
+    return [one for one in found if one == ("127.0.0.1", "127.0.0.1", "01")]
+
+
+@pytest.mark.timeout(300)
+def test_browser_shows_maps_beside_frozen_one_and_after_restart(peer):
     playwright = pytest.importorskip("playwright.sync_api")
+    noise = GridMap((50.0, 50.0), 0.1, frame_id="odom", timestamp=6 * 10**9)
+    # Rerun compresses what it sends.
+    noise["elevation"] = np.random.default_rng(1).random((500, 500), np.float32)
+    flat = slope(seconds=7)
+    flat["elevation"][:] = 0.0
+
+    def wait_for(tab: Any, grid_map: GridMap, colors: Any, least: float = 0.002) -> None:
+        def shows() -> bool:
+            peer.publish("/seen_map", to_message(grid_map))
+            picture = decoded(tab.screenshot())
+            return all(share(picture, color) > least for color in colors)
+
+        step = lambda: tab.wait_for_timeout(200)  # noqa: E731
+        wait_until(shows, f"the colors {colors}", step=step, timeout=60)
+
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        tab = browser.new_page(viewport={"width": 500, "height": 400})
-        tab.set_default_timeout(60_000)
-        for color_map, ends in (("viridis", VIRIDIS), ("coolwarm", COOLWARM)):
-            with viewer(port=port, topics="[/seen_map]", color_map=color_map) as node:
-                if color_map == "viridis":
-                    tab.goto(f"{url_of(node)}/?renderer=webgl")
+        browsers = [driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS) for _ in "12"]
+        tabs = [browser.new_page(viewport={"width": 500, "height": 400}) for browser in browsers]
+        given = {"port": port, "topics": "[/seen_map]"}
+        flood = {"max_rate": 20.0, "max_drawn_cells": 0, "memory_limit": "20MB"}
+        with viewer("-c", IMPATIENT, **given, **flood) as node:
+            for tab in tabs:
+                tab.set_default_timeout(60_000)
+                tab.goto(f"{url_of(node)}/?renderer=webgl")
+            for tab in tabs:
+                wait_for(tab, slope(), VIRIDIS)
+            wait_until(lambda: len(readers_of(node)) == 2, "two pages")
+            with frozen(browsers[1]):
 
-                def shows(colors: tuple[Any, ...] = ends) -> bool:
-                    peer.publish("/seen_map", to_message(slope()))
-                    picture = decoded(tab.screenshot())
-                    return all(share(picture, color) > 0.002 for color in colors)
+                def publish() -> None:
+                    peer.publish("/seen_map", to_message(noise))
+                    peer.spin(0.1)
 
-                step = lambda: tab.wait_for_timeout(200)  # noqa: E731
-                wait_until(shows, f"the colors of {color_map}", step=step, timeout=60)
-        browser.close()
+                is_alone = lambda: len(readers_of(node)) == 1  # noqa: E731
+                wait_until(is_alone, "the end of the other page", step=publish, timeout=60)
+                wait_for(tabs[0], flat, VIRIDIS[:1], 0.05)
+        with viewer(**given, color_map="coolwarm"):
+            wait_for(tabs[0], slope(seconds=8), COOLWARM)
+        for browser in browsers:
+            browser.close()
 
 
 def memory_of(process: Process) -> int:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-import numpy as np
 import pytest
 from test_node_web_viewer import CHROMIUM, FLAGS
 
@@ -44,19 +43,10 @@ sys.stdin.read()
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with Server(port=0, memory_limit="20MB", allowed_hosts=["robot"]) as one:
-        log(one, 0.0)
+    with Server(port=0, allowed_hosts=["robot"]) as one:
+        one.recording.log_file_from_contents("note.txt", b"A text.")
+        one.recording.flush(timeout_sec=10)
         yield one
-
-
-def log(server: Server, x: float, count: int = 1) -> None:
-    """Log points from x on, and wait until the server has them."""
-    import rerun as rr
-
-    # Rerun compresses what it sends.
-    points = x + np.random.default_rng(1).random((count, 3), np.float32)
-    server.recording.log("points", rr.Points3D(points))
-    server.recording.flush(timeout_sec=10)
 
 
 def ask(server: Server, path: str, method: str = "GET", **headers: str) -> tuple[int, Any, bytes]:
@@ -189,42 +179,6 @@ def test_senseless_requests_end_their_connection_only(server, question):
 def address(server: Server) -> tuple[str, int]:
     parts = urlsplit(server.page_url)
     return parts.hostname, parts.port
-
-
-def reader(server: Server) -> socket.socket:
-    """Return a connection that has asked for the data."""
-    host, port = address(server)
-    connection = socket.create_connection((host, port))
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
-    lines = (
-        *(f"POST {DATA} HTTP/1.1", f"Host: {host}:{port}", f"Content-Length: {len(QUESTION)}"),
-        *("Content-Type: application/grpc-web+proto", "X-Grpc-Web: 1", "", ""),
-    )
-    connection.sendall("\r\n".join(lines).encode() + QUESTION)
-    assert connection.recv(100).startswith(b"HTTP/1.1 200")
-    return connection
-
-
-def test_a_stalled_page_stops_neither_logging_nor_other_pages(server, monkeypatch):
-    monkeypatch.setattr("grid_map_visualization_py._rerun.front.STALL", 1.0)
-    received = 0
-
-    def read() -> None:
-        nonlocal received
-        while block := other.recv(1 << 20):
-            received += len(block)
-
-    count, size = 100, 200_000
-    with reader(server) as stalled, reader(server) as other:
-        thread = threading.Thread(target=read, daemon=True)
-        thread.start()
-        for k in range(count):
-            log(server, float(k), size)
-        wait_until(lambda: received > 12 * count * size, "the data")
-        # Up to its limit, and some for what is on the way.
-        rss = Path(f"/proc/{server._process.pid}/statm").read_text().split()[1]
-        assert int(rss) * os.sysconf("SC_PAGE_SIZE") < 300e6
-        assert stalled.fileno() >= 0
 
 
 def test_server_closes_in_time_while_the_program_hangs():

@@ -211,15 +211,19 @@ class Scene:
             for parts in [_parts(name)]
             for layer in layers
         ]
-        beside = [rrb.Grid(*images, name="layers")] if images else []
+        # Narrower images would cut their titles.
+        is_crowded = len(images) > 6
+        columns = 3 if is_crowded else None
+        beside = [rrb.Grid(*images, grid_columns=columns, name="layers")] if images else []
         curves = self._curve_views()
         if curves:
             beside.append(rrb.Tabs(*curves))
         parts = [self._surface_views()]
         if beside:
-            parts.append(rrb.Vertical(*beside, row_shares=[3, 2][: len(beside)]))
+            shares = [3, 1] if is_crowded else [3, 2]
+            parts.append(rrb.Vertical(*beside, row_shares=shares[: len(beside)]))
         return rrb.Blueprint(
-            rrb.Horizontal(*parts, column_shares=[3, 2][: len(parts)]),
+            rrb.Horizontal(*parts, column_shares=[1, 1] if is_crowded else [3, 2][: len(parts)]),
             rrb.BlueprintPanel(state="collapsed"),
             rrb.SelectionPanel(state="collapsed"),
             rrb.TimePanel(state="collapsed", timeline="ros_time"),
@@ -424,9 +428,12 @@ class Scene:
             target = next(iter(self._origins), _NO_FRAME)
         else:
             _, center, reach = self._first
-            position = center + reach * np.array([-0.5, -0.9, 0.7])
             eye["eye_controls"] = rrb.EyeControls3D(
-                position=position, look_target=center, eye_up=[0.0, 0.0, 1.0]
+                position=center + reach * np.array([-0.4, -0.7, 0.55]),
+                look_target=center,
+                eye_up=[0.0, 0.0, 1.0],
+                # Otherwise a map that moves with a robot leaves the view.
+                tracking_entity=surfaces[0],
             )
         return rrb.Spatial3DView(
             origin="/",
