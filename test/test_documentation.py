@@ -28,7 +28,7 @@ import re
 import shutil
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
 from pkgutil import resolve_name
@@ -46,12 +46,15 @@ from grid_map_core_py._commands.doctor import PACKAGES as PACKAGES_OF_DOCTOR
 from grid_map_core_py.errors import cut
 from grid_map_core_py.files import _clouds, _image_files, _npz, _yaml, formats, options_of
 from grid_map_core_py.plugins import DEEPEST
+from grid_map_demos_py.terrain import load_terrain
 from grid_map_filters_py import FilterChain
 from grid_map_filters_py._registry import BUILT_IN as FILTERS_BUILT_IN
 from grid_map_filters_py.expression import _interpreter
 from grid_map_filters_py.expression._functions import CONSTANTS, FUNCTIONS
+from grid_map_msgs.msg import GridMap as GridMapMessage
+from grid_map_ros_py import to_message
 from grid_map_ros_py._mapping.elevation_parameters import MODELS
-from grid_map_ros_py.nodes import LogThrottle
+from grid_map_ros_py.nodes import LogThrottle, map_qos
 from grid_map_ros_py.testing import (
     Peer,
     Process,
@@ -68,6 +71,7 @@ from scratch import PACKAGES, PYTHON_PACKAGES, ROOT, executables, run
 LANGUAGES = {"bash", "cpp", "python", "text", "xml", "yaml"}
 INDEX = page("docs/index.md")
 TUTORIAL = page("docs/tutorial.md")
+TERRAIN = ROOT / "grid_map_demos_py" / "data" / "jacksboro_fault_dem.npz"
 EXECUTED_TARGETS = {"demo"}
 """Targets of make that are run here; the others would not end, or take minutes."""
 
@@ -149,10 +153,10 @@ def test_page_runs_and_prints_its_announced_output(any_page, tmp_path):
 def test_a_python_program_works(block, tmp_path):
     path = tmp_path / "program.py"
     path.write_text(block.text)
-    # Once its output has arrived, the source is also ready to be interrupted.
-    source = source_of_maps() if block.until else nullcontext()
-    with source, peer() as listener:
+    with peer() as listener:
         known = {*listener.node.get_node_names()}
+        if block.until:
+            publish_maps(listener)
         # rclpy decides how a program ends, unless it uses our `spin`, which has its own tests.
         process = Process([sys.executable, str(path)])
         try:
@@ -263,10 +267,11 @@ def test_commands_publish_until_they_are_interrupted(group):
 def delivers(script: str, topic: str) -> Iterator[None]:
     """Start a command in its own ROS domain; at the end its topic must deliver a message."""
     domain, lock = reserve_domain()
-    # Maps of two sources at once would be mixed up.
-    source = nullcontext() if topic == "/grid_map" else source_of_maps(domain)
     command = ["bash", "-c", f"cd {ROOT} && {script}"]
-    with lock, source, peer(domain) as listener, running(Process(command, environment(domain))):
+    with lock, peer(domain) as listener, running(Process(command, environment(domain))):
+        # Maps of two sources at once would be mixed up.
+        if topic != "/grid_map":
+            publish_maps(listener)
         yield
         listener.wait_until(lambda: topic in offered(listener), f"a publisher of {topic}")
         listener.listen(topic, resolve_name(offered(listener)[topic][0].replace("/", ".")))
@@ -278,12 +283,12 @@ def offered(listener: Peer) -> dict[str, list[str]]:
     return dict(listener.node.get_topic_names_and_types())
 
 
-@contextmanager
-def source_of_maps(domain: int | None = None) -> Iterator[Process]:
-    command = ["tools/run", "grid_map_demos_py", "terrain_publisher"]
-    start = [str(ROOT / command[0]), *command[1:]]
-    with running(Process(start, environment(domain))) as process:
-        yield process
+def publish_maps(listener: Peer) -> None:
+    """Publish a terrain now, and twice a second while the listener waits."""
+    publisher = listener.node.create_publisher(GridMapMessage, "/grid_map", map_qos())
+    message = to_message(load_terrain(TERRAIN))
+    publisher.publish(message)
+    listener.node.create_timer(0.5, lambda: publisher.publish(message))
 
 
 def test_finite_commands_are_make_targets_or_launch_files():

@@ -68,7 +68,9 @@ def site_packages(venv: Path) -> Path:
 
 
 def pip(venv: Path, *arguments: str | Path) -> None:
-    done = run(venv / "bin/pip", "install", "-q", *arguments, environ=fresh_environment())
+    # Without byte code, because these programs import only a small part of the libraries.
+    command = (venv / "bin/pip", "install", "-q", "--no-compile", *arguments)
+    done = run(*command, environ=fresh_environment())
     assert done.returncode == 0, done.stderr
 
 

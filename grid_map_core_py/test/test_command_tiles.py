@@ -161,7 +161,7 @@ def test_submap_is_that_of_the_map(command):
 def test_workers_are_processes_that_end_with_the_program():
     """One process is killed in the middle of the run, and the program in a second run."""
     environ = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    words = "convert site.zarr b.zarr --chunks 4 --workers 2 --memory 1GB --json"
+    words = "convert site.zarr b.zarr --chunks 8 --workers 2 --memory 1GB --json"
     line = [sys.executable, "-m", "grid_map_core_py", *words.split()]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "env": environ}
     with subprocess.Popen(line, **pipes) as run:
@@ -171,7 +171,7 @@ def test_workers_are_processes_that_end_with_the_program():
         os.kill(workers[0], signal.SIGKILL)
         output, error = run.communicate(timeout=60)
     assert (run.returncode, error) == (0, "grid-map: 60 x 45 cells in b.zarr\n")
-    assert json.loads(output.splitlines()[-1])["tiles"] == 15 * 12
+    assert json.loads(output.splitlines()[-1])["tiles"] == 8 * 6
     assert_maps_equal(load("b.zarr"), a_map())
     with subprocess.Popen([*line, "--force", "--workers", "1"], **pipes) as run:
         assert run.stdout is not None
