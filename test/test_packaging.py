@@ -69,7 +69,7 @@ def site_packages(venv: Path) -> Path:
 
 def pip(venv: Path, *arguments: str | Path) -> None:
     # Without byte code, because these programs import only a small part of the libraries.
-    command = (venv / "bin/pip", "install", "-q", "--no-compile", *arguments)
+    command = (venv / "bin/python", "-m", "pip", "install", "-q", "--no-compile", *arguments)
     done = run(*command, environ=fresh_environment())
     assert done.returncode == 0, done.stderr
 
@@ -77,9 +77,10 @@ def pip(venv: Path, *arguments: str | Path) -> None:
 def environment_with(folder: Path, *names: str, base: Path | None = None) -> Path:
     """Make an environment with packages installed with pip from this clone, without ROS.
 
-    It also has what the environment `base` has.
+    It also has what the environment `base` has, pip included.
     """
-    run(BASE_PYTHON, "-m", "venv", folder, environ=fresh_environment())
+    options = ["--without-pip"] if base else []
+    run(BASE_PYTHON, "-m", "venv", *options, folder, environ=fresh_environment())
     if base is not None:
         (site_packages(folder) / "base.pth").write_text(f"{site_packages(base)}\n")
     before = files_of_packages()
