@@ -52,7 +52,7 @@ setup(
     tests_require=["pytest"],
     extras_require={
         "pictures": ["matplotlib>=3.6"],
-        "rerun": ["matplotlib>=3.6", "rerun-sdk>=0.41"],
+        "rerun": ["matplotlib>=3.6", "rerun-sdk>=0.41,<0.42"],
         "test": ["pytest"],
         "web_viewer": ["viser>=1.1"],
     },

@@ -50,7 +50,10 @@ def draw_relief(
     picture = np.ones((height, width, 3))
     step = -(-max(heights.shape) // MAX_SIDE)
     heights, colors = heights[::step, ::step] / step, colors[::step, ::step]
-    if min(heights.shape) >= 2 and np.isfinite(heights).any():
+    # A ground between centers of cells needs two of them.
+    sides = [(0, max(0, 2 - side)) for side in heights.shape]
+    heights, colors = np.pad(heights, sides, "edge"), np.pad(colors, [*sides, (0, 0)], "edge")
+    if np.isfinite(heights).any():
         _, nearest = ndimage.distance_transform_edt(~np.isfinite(heights), return_indices=True)
         _draw(picture, heights[tuple(nearest)], (colors / 255) ** _GAMMA, azimuth, elevation)
     picture = picture.reshape(size[1], _SUPERSAMPLING, size[0], _SUPERSAMPLING, 3).mean(axis=(1, 3))
@@ -85,7 +88,7 @@ def _draw(
 
     sideways = (np.arange(columns) + 0.5 - left) / focal
     directions = forward[:, None] + right[:, None] * sideways
-    steps = min(2 * int(diagonal), 4 * rows)
+    steps = min(max(2 * int(diagonal), 20), 4 * rows)
     depth = np.linspace(depths.min(), depths.max(), steps)
     ground = camera[:, None, None] + depth[:, None] * directions[:, None, :]
     inside = ((ground >= 0) & (ground <= last[:, None, None])).all(axis=0)

@@ -185,7 +185,7 @@ def plot_3d(
         colors_of = mappable(coloring, drawn_map[layer])
         look = {"label": label or layer, "shrink": 0.6, "pad": 0.1}
         bar = axes.figure.colorbar(colors_of, ax=axes, **look)
-    if color_bar and (np.isnan(surface.values(layer)) & surface.valid).any():
+    if color_bar and (~np.isfinite(surface.values(layer)) & surface.valid).any():
         add_legend(axes, bar, _GRAY)
     return axes
 
@@ -255,7 +255,7 @@ def plot_relief(
         place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
         look = {"orientation": "horizontal", "label": label or layer}
         bar = axes.figure.colorbar(mappable(coloring, values), cax=place, **look)
-    if color_bar and np.isnan(values).any():
+    if color_bar and not np.isfinite(values).all():
         add_legend(axes, bar, _GRAY)
     return axes
 

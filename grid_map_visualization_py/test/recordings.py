@@ -70,6 +70,13 @@ def cloud(time: int, points: np.ndarray) -> SimpleNamespace:
     return SimpleNamespace(header=header(time, "lidar"), fields=fields, data=data, **size, **flags)
 
 
+def occupancy_grid(time: int) -> SimpleNamespace:
+    size = {"resolution": 0.1, "width": 3, "height": 2}
+    info = SimpleNamespace(map_load_time=stamp(0), **size, origin=pose(1, 2, 0))
+    cells = np.array([100, 0, -1, 50, 0, 0], np.int8)
+    return SimpleNamespace(header=header(time, "map"), info=info, data=cells)
+
+
 def marker(time: int, kind: int, number: int, action: int = 0) -> SimpleNamespace:
     corners = [vector(), vector(1.0), vector(0.0, 1.0)] if kind in (4, 5, 6, 7, 8, 11) else []
     texture = SimpleNamespace(header=header(0, ""), format="", data=[])
@@ -96,7 +103,7 @@ def marker(time: int, kind: int, number: int, action: int = 0) -> SimpleNamespac
     )
 
 
-MARKERS = (0, 1, 2, 4, 5, 6, 7, 8, 9, 11)
+MARKERS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11)
 """Types of the markers in the survey."""
 
 POINTS = np.array([(0.0, 0.0, 0.0), (np.nan, 0.0, 0.0), (1.0, 2.0, 3.0)])
@@ -133,12 +140,7 @@ def write_survey(path: Path, count: int = 3) -> None:
             path_message = SimpleNamespace(header=header(time, "map"), poses=poses)
             put("/path", "nav_msgs/Path", time, path_message)
             put("/points", "sensor_msgs/PointCloud2", time, cloud(time, POINTS))
-            info = SimpleNamespace(
-                map_load_time=stamp(0), resolution=0.1, width=3, height=2, origin=pose(1, 2, 0)
-            )
-            cells = np.array([100, 0, -1, 50, 0, 0], np.int8)
-            grid = SimpleNamespace(header=header(time, "map"), info=info, data=cells)
-            put("/costmap", "nav_msgs/OccupancyGrid", time, grid)
+            put("/costmap", "nav_msgs/OccupancyGrid", time, occupancy_grid(time))
             shapes = [marker(time, kind, kind) for kind in MARKERS]
             shapes += [marker(time, 1, 99, action=2)]
             array = SimpleNamespace(markers=shapes)

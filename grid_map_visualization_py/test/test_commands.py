@@ -89,7 +89,7 @@ def test_the_ending_decides_the_kind_of_picture(command):
         ("plot site.npz map.bmp", 2, "expected a name that ends in .jpg, .pdf, .png, .svg, .gif"),
         ("plot site.npz site.npz", 2, "expected a name"),
         ("plot site.npz map.png --layer hight", 1, "no layer 'hight'; available: elevation"),
-        ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 1 to 1200"),
+        ("plot site.npz map.png --dpi 5000", 2, "--dpi: expected a number from 10 to 1200"),
         ("plot site.npz map.png --lower -1e-3 --upper -inf", 1, "'upper': expected a finite"),
         ("plot site.npz map.png --exaggeration nan", 1, "'exaggeration'"),
         ("plot site.npz map.png --3d --max-drawn-cells 3", 1, "'max_drawn_cells'"),

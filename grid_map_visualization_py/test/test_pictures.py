@@ -168,7 +168,11 @@ def test_any_map_gives_pictures(size, value):
     grid_map = GridMap(size, 1.0, layers={"a": value})
     plot(grid_map, "a", flat_axes(), hillshade="a").figure.canvas.draw()
     plot_3d(grid_map, "a", flat_axes(projection="3d")).figure.canvas.draw()
-    plot_relief(grid_map, "a", flat_axes(), size=(40, 30)).figure.canvas.draw()
+    relief = plot_relief(grid_map, "a", flat_axes(), size=(40, 30))
+    relief.figure.canvas.draw()
+    block = relief.images[0].get_array()
+    is_explained = any(axes.get_legend() for axes in relief.child_axes)
+    assert ((block < 255).any(), is_explained) == (value == 1.0, value != 1.0)
 
 
 def test_surface_in_three_dimensions_has_the_triangles_of_the_map(corner_map):

@@ -8,13 +8,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import BEGIN, DELAY, MARKERS, STEP, Row, hills, rows_of, write_survey
+from recordings import (
+    BEGIN,
+    DELAY,
+    MARKERS,
+    STEP,
+    Row,
+    cloud,
+    hills,
+    occupancy_grid,
+    rows_of,
+    write_survey,
+)
 
 from grid_map_core_py import GridMap, save
 from grid_map_core_py.commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py import bag_messages, from_serialized_message
+from grid_map_ros_py import MessageError, bag_messages, from_serialized_message
+from grid_map_ros_py.messages import serialize
 from grid_map_visualization_py.rerun import recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
@@ -108,6 +120,8 @@ def test_markers_of_all_shapes_are_shown_and_deleted(recording):
     places = [path for path in recording if path.startswith("/shapes/shapes/")]
     assert {int(path.rsplit("/", 1)[1]) for path in places} == {*MARKERS, 99}
     triangle = recording["/shapes/shapes/11"][0]["Mesh3D:vertex_positions"].reshape(-1, 3)
+    cylinder = recording["/shapes/shapes/3"][0]
+    assert cylinder["Cylinders3D:radii"].tolist() == [np.float32(0.15)]
     assert triangle.tolist() == [[11, -2, 0], [12, -2, 0], [11, -1, 0]]
     assert recording["/shapes/shapes/99"][0]["Clear:is_recursive"].all()
 
@@ -163,7 +177,7 @@ def test_maps_of_any_shape_and_value_are_recorded(cells, value):
         image(rows["/grid_map/layers/elevation"][0], cells), grid_map["elevation"]
     )
     color = rows["/grid_map/layers/elevation/color"][0]["Image:buffer"].reshape(-1, 4)
-    assert (color[:, 3] == (0 if np.isnan(value) else 255)).all()
+    assert (color[:, 3] == (255 if np.isfinite(value) else 0)).all()
     assert ("Mesh3D:vertex_positions" in rows["/grid_map/surface"][0]) == (
         value == 1.5 and min(cells) > 1
     )
@@ -183,6 +197,19 @@ def test_far_maps_keep_the_precision_of_their_cells():
     assert frames[near]["Transform3D:parent_frame"].tolist() == ["utm"]
     assert frames["view"]["Transform3D:parent_frame"].tolist() == [near]
     np.testing.assert_allclose(frames["view"]["Transform3D:scale"], [1, 1, 1 / 3])
+
+
+def test_contradictory_messages_are_named():
+    grid, points = occupancy_grid(BEGIN), cloud(BEGIN, np.zeros((2, 3)))
+    grid.info.width = 4
+    points.fields.pop()
+    kinds = {"nav_msgs/OccupancyGrid": grid, "sensor_msgs/PointCloud2": points}
+    texts = ["4 x 2 cells.*6", "x, y and z.*none named z"]
+    with writing("a.rrd") as scene:
+        for (kind, message), text in zip(kinds.items(), texts, strict=True):
+            data = serialize(message, message_type=kind)
+            with pytest.raises(MessageError, match=text):
+                scene.log_message("/a", kind.replace("/", "/msg/"), data, log_time=BEGIN)
 
 
 def test_damaged_bags_are_one_error_and_no_file(survey):

@@ -57,7 +57,7 @@ def add_source(parser: argparse.ArgumentParser, which: str = "the last one") -> 
     group.add_argument(
         "--index", type=int, help=f"which map, 0 is the first, -1 the last ({which})"
     )
-    about = "read what is there of a damaged MCAP file, such as one that was cut off"
+    about = "leave out damaged messages, and read what is there of an MCAP file that was cut off"
     group.add_argument("--recover", action="store_const", const=True, help=about)
     group = parser.add_argument_group("limits of what a file may cost")
     for limit, meaning in (
@@ -80,8 +80,8 @@ def add_destination(parser: argparse.ArgumentParser) -> None:
     """Add the file to write, and how to write it."""
     parser.add_argument(
         "destination",
-        help="name without ending (a bag), .npz, .tif, .zarr, .png, FOLDER/map.yaml (images of all "
-        "layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
+        help="name without ending (a bag), .npz, .tif, .zarr, .png, .rrd (Rerun), FOLDER/map.yaml "
+        "(images of all layers), NAME.yaml (nav2's map_server), or - for .npz to a pipe",
     )
     group = parser.add_argument_group("writing")
     group.add_argument(

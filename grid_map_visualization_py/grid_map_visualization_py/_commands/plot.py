@@ -159,9 +159,9 @@ def check_style(
     for name, (styles, when) in _STYLES_OF.items():
         if getattr(options, name) is not None and (options.style or "flat") not in styles:
             raise UsageError(f"--{name.replace('_', '-')} goes {when} only")
-    # A picture of 1200 pixels per inch takes half a gigabyte.
-    if not 1 <= options.dpi <= 1200:
-        raise UsageError(f"--dpi: expected a number from 1 to 1200, got {options.dpi:g}")
+    # A picture of 1200 pixels per inch takes half a gigabyte; no letters have less than 10.
+    if not 10 <= options.dpi <= 1200:
+        raise UsageError(f"--dpi: expected a number from 10 to 1200, got {options.dpi:g}")
 
 
 def draw(grid_map: "GridMap | TiledMap", options: argparse.Namespace, picture: Path) -> None:

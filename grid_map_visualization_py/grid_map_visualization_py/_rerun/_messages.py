@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from grid_map_ros_py import from_pose, from_stamp, read_points
+from grid_map_ros_py import MessageError, from_pose, from_stamp, read_points
 from grid_map_ros_py.messages import from_transform
 
 Origin: TypeAlias = npt.NDArray[np.float64]
@@ -80,11 +80,13 @@ def _path(rr: Any, message: Any, _: int) -> Iterator[Placed]:
 
 def _cloud(rr: Any, message: Any, most: int) -> Iterator[Placed]:
     fields = read_points(message)
+    if missing := [axis for axis in "xyz" if axis not in fields]:
+        raise MessageError("fields", "x, y and z", f"none named {missing[0]}")
     points = np.stack([fields[axis] for axis in "xyz"], axis=-1)
     shown = np.flatnonzero(np.isfinite(points).all(axis=-1))
     shown = shown[:: -(-len(shown) // most) if most and len(shown) else 1]
     colors = None
-    if "rgb" in fields:
+    if "rgb" in fields and fields["rgb"].itemsize == 4:
         packed = np.ascontiguousarray(fields["rgb"][shown]).view(np.uint32)
         colors = np.stack([packed >> shift & 255 for shift in (16, 8, 0)], axis=-1)
 
@@ -100,8 +102,11 @@ def _occupancy_grid(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     form = rr.components.ImageFormat(
         width=info.width, height=info.height, color_model="L", channel_datatype="U8"
     )
+    cells = np.asarray(message.data, np.int8)
+    if len(cells) != info.height * info.width:
+        raise MessageError("data", f"{info.width} x {info.height} cells", len(cells))
     # The first row of a picture is the upper one.
-    cells = np.asarray(message.data, np.int8).reshape(info.height, info.width)[::-1]
+    cells = cells.reshape(info.height, info.width)[::-1]
 
     def grid(origin: Origin) -> list[Any]:
         q = info.origin.orientation
@@ -184,6 +189,14 @@ def _sphere(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba
     return rr.Ellipsoids3D(**ball, colors=rgba, fill_mode="solid")
 
 
+def _cylinder(rr: Any, marker: Any, center: Any, _: Any, __: Any, scale: Any, rgba: Any) -> Any:
+    turn = rr.Quaternion(xyzw=_xyzw(marker.pose.orientation))
+    # Those of Rerun are round.
+    shape = {"lengths": scale[2], "radii": scale[:2].mean() / 2}
+    place = {"centers": [center], "quaternions": [turn]}
+    return rr.Cylinders3D(**shape, **place, colors=rgba, fill_mode="solid")
+
+
 def _text(rr: Any, marker: Any, center: Any, _: Any, __: Any, ___: Any, rgba: Any) -> Any:
     return rr.Points3D([center], labels=[marker.text], show_labels=True, colors=rgba)
 
@@ -200,8 +213,14 @@ _SHAPES_OF_POINTS: dict[int, Callable[..., Any]] = {
 }
 """Shapes by the type of the marker: strip, list of lines, cubes, spheres, points, triangles."""
 
-_SHAPES: dict[int, Callable[..., Any]] = {0: _arrow, 1: _cube, 2: _sphere, 9: _text}
-"""Shapes at the pose of the marker: arrow, cube, sphere, text."""
+_SHAPES: dict[int, Callable[..., Any]] = {
+    0: _arrow,
+    1: _cube,
+    2: _sphere,
+    3: _cylinder,
+    9: _text,
+}
+"""Shapes at the pose of the marker: arrow, cube, sphere, cylinder, text."""
 
 
 def _xyzw(q: Any) -> list[float]:

@@ -307,7 +307,7 @@ class Scene:
         )
         # Rows and columns of a map count against x and y.
         image = np.ascontiguousarray(values.T[::step, ::-step])
-        opaque = np.where(np.isnan(image), np.uint8(0), np.uint8(255))
+        opaque = np.where(np.isfinite(image), np.uint8(255), np.uint8(0))
         picture = np.dstack([coloring(image), opaque])
         path = [*parts, "layers", layer]
         # Rerun takes an array with a side of 1 for one without that side.
