@@ -1,6 +1,9 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""The pictures of the documentation are small, shown on their pages, and drawn by their scripts."""
+"""The pictures of the documentation are small, shown on their pages, and drawn by their scripts.
+
+Those of the viewers are not drawn here: other tests look at the same pages in the browser.
+"""
 
 import sys
 from xml.etree import ElementTree
@@ -29,10 +32,6 @@ IMAGES = ROOT / "docs" / "images"
         ("make_picture_pictures.py", "pictures", "docs/pictures.md", 300_000, 1_000_000),
         ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),
         ("make_tutorial_picture.py", "tutorial", "docs/tutorial.md", 300_000, 300_000),
-        pytest.param(
-            *("make_viewer_pictures.py", "viewers", "docs/{}.md", 300_000, 400_000),
-            marks=[pytest.mark.needs("playwright", "rerun", "viser"), pytest.mark.timeout(300)],
-        ),
         ("make_hero_picture.py", "", "README.md", 300_000, 300_000),
     ],
 )

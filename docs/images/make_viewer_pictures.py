@@ -9,6 +9,7 @@ writes `rerun.png` and `web_viewer.png` into the folder, `docs/images/viewers` b
 
 import shutil
 import sys
+import time
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -95,6 +96,8 @@ def web_viewer(tab: Any, terrain: GridMap, folder: Path) -> None:
     module = "grid_map_visualization_py._executables.web_viewer"
     layers = f"height_layer:={HEIGHTS}", "color_layer:=traversability"
     given = "port:=0", "grid_map_topic:=/filtered_map", *layers
+    # The page shows the age of the map.
+    terrain.timestamp = time.time_ns()
     words = [word for one in given for word in ("-p", one)]
     process = Process([sys.executable, "-m", module, "--ros-args", *words])
     try:
