@@ -1,6 +1,6 @@
 # Copyright (c) 2026 grid_map_py contributors
 # SPDX-License-Identifier: BSD-3-Clause
-"""`grid-map plot` and `grid-map view`."""
+"""`grid-map plot`."""
 
 import subprocess
 import sys
@@ -110,8 +110,6 @@ def test_the_ending_decides_the_kind_of_picture(command):
             "nowhere/map.png: cannot be written: there is no folder nowhere",
         ),
         ("plot survey map.png --topic /other", 1, "/grid_map"),
-        ("view site.npz --port 99999", 2, "--port: expected a number from 0 to 65535"),
-        ("view site.npz --layer elevtion", 1, "no layer 'elevtion'; available: elevation, slope"),
     ],
 )
 def test_mistakes_are_one_line(line, code, text, refused):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Recordings of Rerun, read back with Rerun's own reader."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -25,8 +26,14 @@ from grid_map_core_py import GridMap, save
 from grid_map_core_py.commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
+<<<<<<< HEAD
 from grid_map_ros_py import MessageError, bag_messages, from_serialized_message
 from grid_map_ros_py.messages import serialize
+=======
+from grid_map_ros_py import bag_messages, from_serialized_message
+from grid_map_ros_py.bags import BagWriter
+from grid_map_ros_py.testing import wait_until
+>>>>>>> f3f3df0 (Name bad rectangles of grid-map view, thin to --max-cells, and give the reason of a full disk for recordings)
 from grid_map_visualization_py.rerun import recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
@@ -225,6 +232,35 @@ def test_damaged_bags_are_one_error_and_no_file(survey):
     assert done.stderr.count("\n") == 1
     assert sorted(path.name for path in Path().iterdir()) == ["damaged.mcap", "old.rrd"]
     assert Path("old.rrd").read_text() == "old"
+
+
+@pytest.mark.parametrize(("name", "limit"), [("survey", 0), ("hills.npz", 0)])
+def test_full_disk_is_one_error_and_no_file(survey, full_disk, name, limit):
+    save(hills(0), "hills.npz")
+    Path("survey").symlink_to(survey)
+    Path("old.rrd").write_text("old")
+    before = sorted(Path().iterdir())
+    with full_disk(limit):
+        done = convert(name, "old.rrd", "--force")
+    assert done.stderr == "grid-map: error: old.rrd: cannot be written: File too large\n"
+    assert done.returncode == 1
+    assert sorted(Path().iterdir()) == before
+    assert Path("old.rrd").read_text() == "old"
+
+
+@pytest.mark.parametrize("options", [[], ["--topic", "/grid_map"]])
+def test_interrupted_conversion_leaves_nothing(options):
+    """The bag is long, so that the signal comes in the middle."""
+    with BagWriter("long") as bag:
+        for number in range(500):
+            bag.write("/grid_map", hills(number % 4), time=number)
+    command = [sys.executable, "-m", "grid_map_core_py", "convert", "long", "out.rrd", *options]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        wait_until(lambda: [*Path().glob(".out.rrd.*.partial")], "the beginning of the file")
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert process.returncode == -signal.SIGINT
+    assert [path.name for path in Path().iterdir()] == ["long"]
 
 
 def test_chosen_maps_of_a_bag_are_converted_alone(survey):

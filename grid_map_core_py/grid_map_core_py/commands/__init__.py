@@ -48,6 +48,7 @@ from ._signals import die_with_parent as die_with_parent, on_end as on_end
 from ._tiles import (
     add_rectangle as add_rectangle,
     add_tiles as add_tiles,
+    has_rectangle as has_rectangle,
     read_rectangle as read_rectangle,
     tiled_source as tiled_source,
     write_tiles as write_tiles,

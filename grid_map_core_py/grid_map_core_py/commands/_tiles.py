@@ -4,6 +4,7 @@
 
 import argparse
 import logging
+import math
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
 
 _TILED = ("zarr", "geotiff")
 """Formats that are read and written window by window."""
+
+_RECTANGLE = ("position", "lat", "lon", "length")
+"""Options of `add_rectangle`."""
 
 _OPTIONS = ("workers", "memory", "scheduler", "resume")
 """Options of runs on tiles."""
@@ -70,24 +74,31 @@ def read_rectangle(options: argparse.Namespace, layers: Iterable[str] | None = N
         CommandError: its place is on the earth, and the map has no reference system.
         GridMapError: the map cannot be read.
     """
-    on_earth = [options.lat, options.lon]
-    given = [value is not None for value in (options.position, *on_earth)]
-    if given not in ([True, False, False], [False, True, True]):
-        raise UsageError("expected --position X Y, or --lat and --lon")
-    if options.length is None:
-        raise UsageError("expected --length A B")
-    position = options.position
-    if source_format(options) not in _TILED:
+    given = [name for name in _RECTANGLE if getattr(options, name) is not None]
+    if given not in (["position", "length"], ["lat", "lon", "length"]):
+        found = " and ".join(f"--{name}" for name in given)
+        raise UsageError(f"expected --position or --lat and --lon, with --length; got {found}")
+    position, kind = options.position, source_format(options)
+    if kind not in _TILED:
         if position is None:
-            raise CommandError(f"{options.source}: --lat and --lon are for {' and '.join(_TILED)}")
+            text = f"--lat and --lon are for {' and '.join(_TILED)}, and this is {kind}"
+            raise CommandError(f"{options.source}: {text}")
         return read_map(options, layers).get_submap(position, options.length)
     from ..tiled import open_map
 
     site = open_map(options.source)
     if position is None:
         earth: Any = site
-        position = earth.position_of(*on_earth)
+        position = earth.position_of(options.lat, options.lon)
+        if not math.isfinite(position[0]):
+            text = f"expected a place in the reference system, got {options.lat} {options.lon}"
+            raise UsageError(f"--lat and --lon: {text}")
     return site.submap(position, options.length, layers)
+
+
+def has_rectangle(options: argparse.Namespace) -> bool:
+    """Return whether an argument of `add_rectangle` is given."""
+    return any(getattr(options, name) is not None for name in _RECTANGLE)
 
 
 def tiled_source(

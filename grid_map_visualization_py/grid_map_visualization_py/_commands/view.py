@@ -16,6 +16,7 @@ from grid_map_core_py.commands import (
     add_source,
     complete_layers,
     completed,
+    has_rectangle,
     message,
     on_end,
     read_map,
@@ -23,6 +24,7 @@ from grid_map_core_py.commands import (
     source_format,
     tiled_source,
 )
+from grid_map_core_py.limits import current_limits
 
 from .plot import complete_color_maps, usual_layer
 
@@ -113,6 +115,8 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
     """Return whether all messages of a bag are shown, after checking that it has some."""
     if source_format(options) != "bag" or options.index is not None:
         return False
+    if has_rectangle(options):
+        raise UsageError("a rectangle is of one map of a bag: choose it by --index")
     from grid_map_ros_py import bag_topics
 
     from .._rerun.scene import SHOWN_TYPES
@@ -131,7 +135,7 @@ def _is_whole_bag(options: argparse.Namespace) -> bool:
 
 def _read(options: argparse.Namespace) -> "GridMap":
     """Return the map, or a part of it, with the layers that the arguments name."""
-    if any(value is not None for value in (options.position, options.lat, options.length)):
+    if has_rectangle(options):
         grid_map = read_rectangle(options)
     else:
         site = tiled_source(options)
@@ -145,7 +149,11 @@ def _read(options: argparse.Namespace) -> "GridMap":
 def _thinned(site: "TiledMap", options: argparse.Namespace) -> "GridMap":
     """Return every n-th cell of a map that is too large for memory."""
     layers = {options.layer or usual_layer(site), options.color_layer} - {""}
-    grid_map = site.thinned(-(-max(site.size) // _SIDE), layers)
+    rows, columns = site.size
+    step = -(-max(rows, columns) // _SIDE)
+    while -(-rows // step) * -(-columns // step) > current_limits().max_cells:
+        step += 1
+    grid_map = site.thinned(step, layers)
     step = round(grid_map.resolution / site.resolution)
     message(f"one of {step} x {step} cells is shown; --position and --length show a part")
     return grid_map

@@ -5,12 +5,20 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
+from pathlib import Path
+from typing import Any
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
 from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
+
+_PROBE = 1 << 16
+"""Bytes that do not fit on a disk that was full a moment before; the first ones may in part."""
+
+_PERIOD = 2.0
+"""Time between two looks whether Rerun still writes [s]."""
 
 
 @contextmanager
@@ -28,16 +36,45 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
     recording = rerun().RecordingStream("grid_map")
     try:
         with new_file(path) as temporary:
-            recording.save(temporary)
             try:
+                with _writing(temporary):
+                    recording.save(temporary)
                 scene = Scene(recording, style)
                 yield scene
                 scene.send_layout()
-                recording.flush()
+                with _writing(temporary):
+                    _flush(recording, temporary)
             finally:
                 recording.disconnect()
     except OSError as error:
         raise GridMapError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _flush(recording: Any, path: Path) -> None:
+    """Wait until all is written; a call of Rerun may wait forever if its thread ends meanwhile."""
+    size = -1
+    while True:
+        try:
+            recording.flush(timeout_sec=_PERIOD)
+        except RuntimeError:
+            size, before = path.stat().st_size, size
+            if size == before:
+                raise
+        else:
+            return
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn an error of Rerun that stands for one of the file into that, an OSError."""
+    try:
+        yield
+    except RuntimeError as error:
+        # Rerun has stopped to write, and does not always say why; another write does.
+        with path.open("ab", buffering=0) as file:
+            file.write(bytes(_PROBE))
+            file.write(bytes(_PROBE))
+        raise OSError(str(error)) from error
 
 
 def log_bag(
