@@ -26,14 +26,10 @@ from grid_map_core_py import GridMap, save
 from grid_map_core_py.commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
-<<<<<<< HEAD
 from grid_map_ros_py import MessageError, bag_messages, from_serialized_message
-from grid_map_ros_py.messages import serialize
-=======
-from grid_map_ros_py import bag_messages, from_serialized_message
 from grid_map_ros_py.bags import BagWriter
+from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
->>>>>>> f3f3df0 (Name bad rectangles of grid-map view, thin to --max-cells, and give the reason of a full disk for recordings)
 from grid_map_visualization_py.rerun import recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
