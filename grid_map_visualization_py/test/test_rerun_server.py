@@ -81,16 +81,25 @@ def address_of(text: str) -> str:
     return socket.inet_ntop(socket.AF_INET6, words)
 
 
+def environment(home: Path) -> dict[str, str]:
+    """Return the environment of a user with a home of its own.
+
+    Rerun writes nothing where the variable `CI` is set.
+    """
+    variables = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
+    variables.pop("CI", None)
+    return variables
+
+
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
     """A program that serves, with a home of its own; the process of `rerun`; and the address."""
-    home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
     with subprocess.Popen(
         [sys.executable, "-c", MAKE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, **home},
+        env=environment(tmp_path),
     ) as program:
         pid, url = program.stdout.readline().split()
         yield program, int(pid), url
@@ -114,8 +123,7 @@ def test_statistics_are_off_without_touching_the_home(started, tmp_path):
     program.communicate(timeout=10)
     assert list(tmp_path.rglob("*")) == []
     # By itself, the program writes an identifier of the user.
-    home = {"HOME": str(tmp_path), "XDG_CONFIG_HOME": "", "XDG_DATA_HOME": ""}
-    subprocess.run([rerun(), "--version"], env={**os.environ, **home}, check=True)
+    subprocess.run([rerun(), "--version"], env=environment(tmp_path), check=True)
     assert list(tmp_path.rglob("analytics.json"))
 
 
