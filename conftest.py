@@ -124,8 +124,11 @@ def refused(request: pytest.FixtureRequest) -> Callable[[str], tuple[int, str]]:
 
 
 @pytest.fixture
-def full_disk() -> Callable[[int], AbstractContextManager[None]]:
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], AbstractContextManager[None]]:
     """Return a context manager in which files of this process grow to some bytes only."""
+    # Python may leave byte code that is cut off, which breaks later programs.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
 
     @contextmanager
     def limited(size: int) -> Iterator[None]:

@@ -230,7 +230,10 @@ def test_damaged_bags_are_one_error_and_no_file(survey):
     assert Path("old.rrd").read_text() == "old"
 
 
-@pytest.mark.parametrize(("name", "limit"), [("survey", 0), ("hills.npz", 0)])
+FULL = ("survey", 0), ("survey", 100_000), ("hills.npz", 0), ("hills.npz", 30_000)
+
+
+@pytest.mark.parametrize(("name", "limit"), FULL)
 def test_full_disk_is_one_error_and_no_file(survey, full_disk, name, limit):
     save(hills(0), "hills.npz")
     Path("survey").symlink_to(survey)
@@ -242,6 +245,17 @@ def test_full_disk_is_one_error_and_no_file(survey, full_disk, name, limit):
     assert done.returncode == 1
     assert sorted(Path().iterdir()) == before
     assert Path("old.rrd").read_text() == "old"
+
+
+def test_full_disk_ends_a_long_recording_early(full_disk):
+    def write() -> None:
+        with writing("a.rrd") as scene:
+            for number in range(20_000):
+                scene.log_map("/grid_map", hills(0), log_time=number)
+            pytest.fail("It went on.")
+
+    with full_disk(0), pytest.raises(GridMapError, match="File too large"):
+        write()
 
 
 @pytest.mark.parametrize("options", [[], ["--topic", "/grid_map"]])

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Recordings of Rerun in files, and bags in recordings."""
 
+import os
+import shutil
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
@@ -14,11 +17,8 @@ from grid_map_ros_py import BagError, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
-_PROBE = 1 << 16
-"""Bytes that do not fit on a disk that was full a moment before; the first ones may in part."""
-
-_PERIOD = 2.0
-"""Time between two looks whether Rerun still writes [s]."""
+_BLOCK = 1 << 20
+"""Bytes that are read from the pipe at once."""
 
 
 @contextmanager
@@ -33,48 +33,74 @@ def recorded(path: str | PathLike[str], style: Style | None = None) -> Iterator[
         MissingPackageError: Rerun is not installed.
         GridMapError: the file cannot be written.
     """
-    recording = rerun().RecordingStream("grid_map")
     try:
-        with new_file(path) as temporary:
+        with new_file(path) as temporary, _Writer(temporary) as writer:
+            recording = rerun().RecordingStream("grid_map")
+            recording.save(writer.path)
             try:
-                with _writing(temporary):
-                    recording.save(temporary)
-                scene = Scene(recording, style)
+                scene = _SceneInFile(recording, style, writer)
                 yield scene
                 scene.send_layout()
-                with _writing(temporary):
-                    _flush(recording, temporary)
             finally:
                 recording.disconnect()
     except OSError as error:
         raise GridMapError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _flush(recording: Any, path: Path) -> None:
-    """Wait until all is written; a call of Rerun may wait forever if its thread ends meanwhile."""
-    size = -1
-    while True:
-        try:
-            recording.flush(timeout_sec=_PERIOD)
-        except RuntimeError:
-            size, before = path.stat().st_size, size
-            if size == before:
-                raise
-        else:
-            return
+class _Writer:
+    """A thread that writes to a file what comes through a pipe.
+
+    Rerun waits forever for a file that it cannot write, such as on a full disk; this thread reads
+    on in that case, and keeps the error.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self._target = target
+        self._error: OSError | None = None
+        self._source, self._sink = os.pipe()
+        self._thread = threading.Thread(target=self._write, daemon=True)
+
+    @property
+    def path(self) -> str:
+        """The end of the pipe that Rerun opens as its file."""
+        return f"/dev/fd/{self._sink}"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        os.close(self._sink)
+        self._thread.join()
+        if kind is None:
+            self.check()
+
+    def check(self) -> None:
+        """Raise the error of the file, if there is one."""
+        if self._error is not None:
+            raise self._error
+
+    def _write(self) -> None:
+        with os.fdopen(self._source, "rb", buffering=0) as source:
+            try:
+                with self._target.open("wb") as target:
+                    shutil.copyfileobj(source, target, _BLOCK)
+            except OSError as error:
+                self._error = error
+            while source.read(_BLOCK):
+                pass
 
 
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn an error of Rerun that stands for one of the file into that, an OSError."""
-    try:
-        yield
-    except RuntimeError as error:
-        # Rerun has stopped to write, and does not always say why; another write does.
-        with path.open("ab", buffering=0) as file:
-            file.write(bytes(_PROBE))
-            file.write(bytes(_PROBE))
-        raise OSError(str(error)) from error
+class _SceneInFile(Scene):
+    """A scene that ends with the first error of its file."""
+
+    def __init__(self, recording: Any, style: Style | None, writer: _Writer) -> None:
+        super().__init__(recording, style)
+        self._writer = writer
+
+    def _set_times(self, ros_time: int, log_time: int | None) -> None:
+        self._writer.check()
+        super()._set_times(ros_time, log_time)
 
 
 def log_bag(

@@ -17,9 +17,7 @@ are true to scale.
 """
 
 import math
-import os
 import re
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -65,15 +63,7 @@ _CURVES = (
 
 def rerun(module: str = "rerun") -> Any:
     """Return a module of Rerun, or raise `MissingPackageError`."""
-    is_quiet = "RUST_LOG" not in os.environ and "rerun_bindings" not in sys.modules
-    if is_quiet:
-        # Rerun reads it once. Errors of files are exceptions, too, and need no second text.
-        os.environ["RUST_LOG"] = "warn,re_log_encoding=off,re_sdk=off"
-    try:
-        return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
-    finally:
-        if is_quiet:
-            del os.environ["RUST_LOG"]
+    return required(module, "Rerun", "pip install 'grid_map_visualization_py[rerun]'")
 
 
 @dataclass(frozen=True, kw_only=True)
