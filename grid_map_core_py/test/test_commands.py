@@ -26,7 +26,8 @@ def files(tmp_path_factory) -> Path:
     """Return a folder with a map, for reading only."""
     folder = tmp_path_factory.mktemp("files")
     save_npz(a_map(), folder / "site.npz")
-    (folder / "notes.txt").write_text("no map")
+    for name in "notes.txt", "site.rrd":
+        (folder / name).write_text("no map")
     (folder / "chain.yaml").write_text("filters: {}")
     return folder
 
@@ -225,6 +226,7 @@ WRONG = {
     "info nowhere.npz": (1, "nowhere.npz: cannot be read"),
     "info chain.yaml": (1, "chain.yaml: cannot be read: missing parameter 'image'"),
     "info notes.txt": (1, "notes.txt: expected a file or folder of one of the formats npz"),
+    "info site.rrd": (1, "is written, not read; show it by `rerun site.rrd`"),
     "info -": (1, "standard input: cannot be read"),
     "inspect site.npz --index 1": (2, "--index is for"),
     "inspect site.npz --layer none": (1, "no layer 'none'; available: elevation"),

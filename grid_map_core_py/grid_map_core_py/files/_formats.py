@@ -208,6 +208,9 @@ def _unknown(path: Path, usable: Iterable[Format], *, writes: bool) -> GridMapEr
         return MissingPackageError("grid_map_ros_py", f"{path}: a {kind}", remedy)
     if not writes and not path.exists():
         return GridMapError(f"{path}: cannot be read: No such file or directory")
+    if not writes and path.suffix.lower() == ".rrd":
+        text = "a recording of Rerun is written, not read; show it by"
+        return GridMapError(f"{path}: {text} `rerun {path}`")
     known = ", ".join(f"{one.name} ({' '.join(one.endings) or one.description})" for one in usable)
     expected = "a name" if writes else "a file or folder"
     return GridMapError(f"{path}: expected {expected} of one of the formats {known}")
