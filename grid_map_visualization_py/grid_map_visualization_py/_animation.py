@@ -65,7 +65,7 @@ def animate(
 ) -> None:
     """Write an animation; see `save_animation`."""
     flat = flat_of(records[0].grid_map(), layer, **options)
-    survey = _surveyed(records, flat.coloring.layer, lambda done: progress(done, 2 * len(records)))
+    survey = _surveyed(records, flat.coloring.layer, lambda: progress(0, len(records)))
     bounds = {"lower": survey.lower, "upper": survey.upper} | {
         name: bound for name in ("lower", "upper") if (bound := options.get(name)) is not None
     }
@@ -91,19 +91,19 @@ def animate(
                 figure.draw_without_rendering()
                 figure.set_layout_engine("none")
             writer.grab_frame()
-            progress(len(records) + min(number + every, len(records)), 2 * len(records))
+            progress(min(number + every, len(records)), len(records))
 
 
-def _surveyed(records: Sequence[MapRecord], layer: str, progress: Callable[[int], Any]) -> _Survey:
+def _surveyed(records: Sequence[MapRecord], layer: str, progress: Callable[[], Any]) -> _Survey:
     times, ranges, extents, has_holes = [], [], [], False
-    for number, record in enumerate(records, 1):
+    for record in records:
         grid_map: GridMap = record.grid_map([layer])
         values = grid_map[layer]
         times.append(record.time)
         ranges.append((min_of_finites(values), max_of_finites(values)))
         extents.append(extent_of(grid_map))
         has_holes = has_holes or not np.isfinite(values).all()
-        progress(number)
+        progress()
     lowest, highest = np.array(ranges, np.float32).T
     left, right, bottom, top = np.transpose(extents)
     view = float(left.min()), float(right.max()), float(bottom.min()), float(top.max())

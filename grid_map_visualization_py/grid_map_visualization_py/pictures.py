@@ -335,8 +335,8 @@ def save_animation(
         path: the file, whose ending decides its format: .gif or .mp4. An existing one is replaced.
         speed: factor on the speed of the recording.
         dpi: pixels per inch.
-        progress: is called after each map, with the number of finished maps and of all; each map
-            counts twice.
+        progress: is called after each map that is read or drawn, with the number of finished maps
+            and of all.
         options: those of `plot`, except `ax`.
 
     Raises:
