@@ -80,5 +80,10 @@ def waves(folder: Path, size: tuple[int, int] = (100, 70), tile: int = 16) -> Ti
 if __name__ == "__main__":
     from dask import config
 
+    def interrupt(*_: object) -> None:
+        Path(sys.argv[1], "interrupted").touch()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
     config.set(num_workers=2)
     waves(Path(sys.argv[1])).to_zarr(sys.argv[2], resume="--resume" in sys.argv)
