@@ -30,7 +30,7 @@ from grid_map_ros_py import MessageError, bag_messages, from_serialized_message
 from grid_map_ros_py.bags import BagWriter
 from grid_map_ros_py.messages import serialize
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py.rerun import recorded as writing
+from grid_map_visualization_py.rerun import Style, recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
 
@@ -145,12 +145,21 @@ def test_curves_show_statistics_and_milliseconds(recording):
     assert stages == [2.5, 3.5, 4.5]
 
 
-def test_legend_has_bounds_and_name_of_the_layer(recording):
-    values = hills(2)["elevation"]
-    labels = recording["/grid_map/legend/elevation"][2]["Points2D:labels"].tolist()
-    assert labels == [f"{np.nanmin(values):.4g}", "elevation [m]", f"{np.nanmax(values):.4g}"]
-    bar = recording["/grid_map/legend/elevation/bar"][0]["Image:buffer"].reshape(10, 256, 3)
-    assert bar[0, [0, -1]].tolist() == [[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]]
+@pytest.mark.parametrize("color_layer", ["", "slope"])
+def test_legends_have_bounds_names_and_colors_of_layers(color_layer):
+    style = Style(color_layer=color_layer, color_map="gray", lower=-1.0)
+    grid_map = hills(2)
+    with writing("map.rrd", style) as scene:
+        scene.log_map("/grid_map", grid_map)
+    rows = rows_of(Path("map.rrd"))
+    viridis = [[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]]
+    for layer, title in (("elevation", "elevation [m]"), ("slope", "slope")):
+        is_chosen = layer == (color_layer or "elevation")
+        lower = "-1" if is_chosen else f"{np.nanmin(grid_map[layer]):.4g}"
+        labels = rows[f"/grid_map/legend/{layer}"][0]["Points2D:labels"].tolist()
+        assert labels == [lower, title, f"{np.nanmax(grid_map[layer]):.4g}"]
+        bar = rows[f"/grid_map/legend/{layer}/bar"][0]["Image:buffer"].reshape(10, 256, 3)
+        assert bar[0, [0, -1]].tolist() == ([[0] * 3, [255] * 3] if is_chosen else viridis)
 
 
 def test_vanished_layers_are_cleared_when_sizes_change():

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     completed(add("--layer", default="", help=text), complete_layers)
     text = "layer of the colors at first (layer of the heights)"
     completed(add("--color-layer", default="", help=text), complete_layers)
-    text = "color map of Matplotlib (%(default)s)"
+    text = "color map of this layer, a name of Matplotlib (%(default)s)"
     completed(add("--color-map", default="viridis", help=text), complete_color_maps)
     add("--lower", type=float, help="value at the lower end of the colors (the smallest)")
     add("--upper", type=float, help="value at the upper end of the colors (the largest)")

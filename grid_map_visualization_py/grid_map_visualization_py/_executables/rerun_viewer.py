@@ -65,7 +65,8 @@ class RerunViewerNode(ConfiguredNode):
         height_layer = self.read("height_layer", "", about)
         about = "initial layer of the colors, packed if its name ends in `color`; empty: heights"
         color_layer = self.read("color_layer", "", about)
-        color_map = self.read("color_map", DEFAULT_COLOR_MAP, "color map, a name of Matplotlib")
+        about = "color map of this layer, a name of Matplotlib; others have the default"
+        color_map = self.read("color_map", DEFAULT_COLOR_MAP, about)
         about = "factor that scales heights in the 3-D view"
         exaggeration = self.read_positive("exaggeration", 1.0, about)
         about = (

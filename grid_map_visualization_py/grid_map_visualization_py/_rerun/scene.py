@@ -73,9 +73,9 @@ class Style:
     Attributes:
         height_layer: heights [m] of the surface; empty for elevation, or the first layer.
         color_layer: layer that colors the surface at first; empty for the heights.
-        color_map: color map of Matplotlib.
-        lower, upper: values at its ends, for `color_layer`; None stands for the smallest and the
-            largest value of each map.
+        color_map: color map of `color_layer`, a name of Matplotlib; other layers have the default.
+        lower, upper: values at its ends; None stands for the smallest and the largest value of each
+            map.
         exaggeration: factor that scales heights in the 3-D view.
         max_drawn_cells: cells of the surface; larger maps are thinned out. 0 for no limit.
         max_image_cells: the same for the image of each layer.
@@ -105,8 +105,9 @@ class Style:
         """Return the colors of a layer; packed colors if its name ends in color."""
         if layer.endswith("color"):
             return Coloring(mode="color", layer=layer)
-        lower, upper = (self.lower, self.upper) if is_chosen else (None, None)
-        return Coloring(layer=layer, color_map=self.color_map, lower=lower, upper=upper)
+        if not is_chosen:
+            return Coloring(layer=layer)
+        return Coloring(layer=layer, color_map=self.color_map, lower=self.lower, upper=self.upper)
 
 
 class Scene:
