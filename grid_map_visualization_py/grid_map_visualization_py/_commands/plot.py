@@ -184,7 +184,8 @@ def _options_of(
     )
     given = {name: value for name, value in vars(options).items() if value is not None}
     style = {name: given[name] for name in names if name in given}
-    style.setdefault("title", f"{layer} in {grid_map.frame_id!r}")
+    frame = f" in {grid_map.frame_id!r}" if grid_map.frame_id else ""
+    style.setdefault("title", layer + frame)
     if (options.color_layer or layer).endswith("color"):
         style.setdefault("color_mode", "color")
     return style
