@@ -26,7 +26,7 @@ from grid_map_core_py.arrays import Layer, slices
 from grid_map_core_py.conversions import color_value_to_bytes
 from grid_map_core_py.plugins import check
 
-from ._kinds import lit_heights, usual_layer
+from ._kinds import lit_heights, titled, usual_layer
 from .colors import DEFAULT_COLOR_MAP, Coloring
 from .surface import check_max_drawn_cells
 
@@ -163,7 +163,7 @@ class Flat:
             return
         drawn = None
         if self.coloring.mode == "intensity":
-            label = self.label or self.coloring.layer
+            label = self.label or titled(self.coloring.layer)
             drawn = axes.figure.colorbar(bar, ax=axes, label=label, shrink=0.85)
         if has_holes:
             add_legend(axes, drawn, NO_VALUE)

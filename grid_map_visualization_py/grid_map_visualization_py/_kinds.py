@@ -76,6 +76,11 @@ def is_heights(layer: str) -> bool:
     return bool(_HEIGHTS.match(layer)) and not _NO_HEIGHTS.search(layer)
 
 
+def titled(layer: str) -> str:
+    """Return the name of a layer, with the unit if its name says that it holds heights."""
+    return f"{layer} [m]" if is_heights(layer) else layer
+
+
 def lit_heights(site: "GridMap | TiledMap", layer: str, hillshade: bool | str | None) -> str:
     """Return the layer of heights that the light falls on; empty for no light.
 

@@ -24,7 +24,7 @@ from grid_map_core_py.errors import MissingPackageError
 from grid_map_core_py.files import MapRecord, new_file
 from grid_map_core_py.plugins import check
 
-from ._kinds import AnyMap, loaded, opened, usual_layer
+from ._kinds import AnyMap, loaded, opened, titled, usual_layer
 from .colors import DEFAULT_COLOR_MAP, MISSING, REMEDY, Coloring
 from .surface import Surface, check_max_drawn_cells
 
@@ -85,7 +85,7 @@ def plot(
         exaggeration: factor on the heights for hillshading.
         max_drawn_cells: limit of the drawn blocks; None for the pixels of the axes, 0 for none.
         scale_bar: draw a scale bar, and an arrow to the north if the map has a reference system.
-        label: label of the color bar; empty stands for the name of the layer.
+        label: label of the color bar; empty stands for the name of the layer, with [m] for heights.
         title: title above the picture.
         color_bar: draw a color bar, and say in a legend how cells without a value look.
 
@@ -183,7 +183,7 @@ def plot_3d(
     bar = None
     if color_bar and color_mode == "intensity":
         colors_of = mappable(coloring, drawn_map[layer])
-        look = {"label": label or layer, "shrink": 0.6, "pad": 0.1}
+        look = {"label": label or titled(layer), "shrink": 0.6, "pad": 0.1}
         bar = axes.figure.colorbar(colors_of, ax=axes, **look)
     if color_bar and (~np.isfinite(surface.values(layer)) & surface.valid).any():
         add_legend(axes, bar, _GRAY)
@@ -253,7 +253,7 @@ def plot_relief(
     bar = None
     if color_bar and color_mode == "intensity":
         place = axes.inset_axes((0.02, 0.12, 0.24, 0.025))
-        look = {"orientation": "horizontal", "label": label or layer}
+        look = {"orientation": "horizontal", "label": label or titled(layer)}
         bar = axes.figure.colorbar(mappable(coloring, values), cax=place, **look)
     if color_bar and not np.isfinite(values).all():
         add_legend(axes, bar, _GRAY)

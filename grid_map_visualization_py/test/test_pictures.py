@@ -133,10 +133,12 @@ def test_packed_colors_have_no_color_bar():
         *(("demand", False), ("slope", False)),
     ],
 )
-def test_layers_of_heights_are_lit_by_default(layer, is_lit):
+def test_layers_of_heights_are_lit_and_have_a_unit(layer, is_lit):
     grid_map = GridMap((3, 2), 0.5, layers={layer: 0.0})
     grid_map[layer][2:] = 1.0
-    assert (pixels(plot(grid_map, layer, flat_axes())).ndim == 3) == is_lit
+    axes = plot(grid_map, layer, flat_axes())
+    assert (pixels(axes).ndim == 3) == is_lit
+    assert axes.figure.axes[1].get_ylabel() == (f"{layer} [m]" if is_lit else layer)
     assert pixels(plot(grid_map, layer, flat_axes(), hillshade=False)).ndim == 2
     assert pixels(plot(grid_map, layer, flat_axes(), hillshade=layer)).ndim == 3
 

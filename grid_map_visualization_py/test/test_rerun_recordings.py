@@ -145,16 +145,16 @@ def test_curves_show_statistics_and_milliseconds(recording):
     assert stages == [2.5, 3.5, 4.5]
 
 
-@pytest.mark.parametrize("color_layer", ["", "slope"])
+@pytest.mark.parametrize("color_layer", ["", "elevation"])
 def test_legends_have_bounds_names_and_colors_of_layers(color_layer):
-    style = Style(color_layer=color_layer, color_map="gray", lower=-1.0)
+    style = Style(height_layer="slope", color_layer=color_layer, color_map="gray", lower=-1.0)
     grid_map = hills(2)
     with writing("map.rrd", style) as scene:
         scene.log_map("/grid_map", grid_map)
     rows = rows_of(Path("map.rrd"))
     viridis = [[0x44, 0x01, 0x54], [0xFD, 0xE7, 0x25]]
     for layer, title in (("elevation", "elevation [m]"), ("slope", "slope")):
-        is_chosen = layer == (color_layer or "elevation")
+        is_chosen = layer == (color_layer or "slope")
         lower = "-1" if is_chosen else f"{np.nanmin(grid_map[layer]):.4g}"
         labels = rows[f"/grid_map/legend/{layer}"][0]["Points2D:labels"].tolist()
         assert labels == [lower, title, f"{np.nanmax(grid_map[layer]):.4g}"]

@@ -37,6 +37,7 @@ from grid_map_core_py.plugins import check
 from grid_map_ros_py import from_serialized_message
 from grid_map_ros_py.messages import view
 
+from .._kinds import titled
 from ..colors import DEFAULT_COLOR_MAP, Coloring
 from ..surface import Mesh, Surface, check_max_drawn_cells
 from ._messages import POSES, SHOWN, Placed
@@ -351,8 +352,7 @@ class Scene:
         rr = self._rr
         bar = coloring(np.linspace(*_distinct(bounds), 256, dtype=np.float32))
         self._log([*path, "bar"], rr.Image(np.tile(bar, (10, 1, 1)), "RGB"))
-        unit = " [m]" if layer in ("elevation", self._style.height_layer) else ""
-        labels = [f"{bounds[0]:.4g}", f"{layer}{unit}", f"{bounds[1]:.4g}"]
+        labels = [f"{bounds[0]:.4g}", titled(layer), f"{bounds[1]:.4g}"]
         places = [(0.0, 10.0), (128.0, 10.0), (256.0, 10.0)]
         self._log(
             path,

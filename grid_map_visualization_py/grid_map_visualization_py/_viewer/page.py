@@ -23,6 +23,7 @@ import numpy.typing as npt
 from grid_map_core_py.arrays import Positions
 from grid_map_core_py.errors import GridMapError, required
 
+from .._kinds import titled
 from ..colors import DEFAULT_COLOR_MAP, Coloring, color_map_names
 from .gate import Gate
 from .scene import Scene, Settings, View
@@ -183,10 +184,8 @@ class Page:
                 self._loading.remove()
             self._loading = self._add(scene, settings)
         layer = settings.coloring.layer or settings.height_layer
-        # Heights have a known unit, other layers none.
-        title = f"{layer} [m]" if layer == settings.height_layer else layer
-        text = legend(settings.coloring, scene.bounds, title) if scene.bounds else ""
-        self._legend.content = text
+        bounds = scene.bounds
+        self._legend.content = legend(settings.coloring, bounds, titled(layer)) if bounds else ""
         self._scene = scene
         self._look(scene.view)
 
