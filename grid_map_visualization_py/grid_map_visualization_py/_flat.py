@@ -135,10 +135,10 @@ class Flat:
         # Sharp when cells are larger than pixels, and else without cells that disappear.
         options: dict[str, Any] = {"interpolation": "antialiased", "extent": reach}
         if is_color or self.heights:
-            colors = means / 255 if is_color else bar.cmap(bar.norm(values))[..., :3]
+            colors = means / 255 if is_color else bar.cmap(bar.norm(values.astype(float)))[..., :3]
             if self.heights:
                 heights = reduced(grid_map.unwrapped(self.heights), side).means[..., 0]
-                colors = lit(colors, _grid_normals(heights * self.exaggeration, cells))
+                colors = lit(colors, _grid_normals(heights, cells / self.exaggeration))
             image = axes.imshow(np.dstack([np.nan_to_num(colors), opacity]), **options)
             if not is_color:
                 _tell_values(image, values, bar)

@@ -32,30 +32,42 @@ _SUNLIGHT, _SKYLIGHT = np.array([1.04, 1.0, 0.93]), np.array([0.86, 0.95, 1.12])
 _SKIRT = np.array([0.085, 0.08, 0.075])  # linear color of the cut sides
 _DISTANCE = 1.8  # from the map's center to the camera along the ground, in diagonals of the map
 _MARGIN = 0.03
+_STEEPEST = 20.0  # largest height, in sides of the map; a higher block would be thin as a thread
 
 
 def draw_relief(
-    heights: Floats, colors: Colors, size: tuple[int, int], azimuth: float, elevation: float
+    heights: Floats,
+    colors: Colors,
+    size: tuple[int, int],
+    azimuth: float,
+    elevation: float,
+    scale: float,
 ) -> Colors:
     """Return a picture (height, width, 3) of the ground, on white.
 
     Args:
-        heights: (nx, ny) in cells, along x and y. NaN is drawn at the height of the nearest cell.
+        heights: (nx, ny), along x and y. NaN is drawn at the height of the nearest cell.
         colors: (nx, ny, 3) red, green, blue.
         size: width and height of the picture [pixels].
         azimuth: direction from the map to the camera, from +x towards +y [rad].
         elevation: elevation of the camera above the ground [rad].
+        scale: cells that a height of 1 has.
     """
     width, height = (_SUPERSAMPLING * side for side in size)
     picture = np.ones((height, width, 3))
     step = -(-max(heights.shape) // MAX_SIDE)
-    heights, colors = heights[::step, ::step] / step, colors[::step, ::step]
+    # Differences of large heights overflow float32.
+    heights, colors = heights[::step, ::step].astype(np.float64), colors[::step, ::step]
     # A ground between centers of cells needs two of them.
     sides = [(0, max(0, 2 - side)) for side in heights.shape]
     heights, colors = np.pad(heights, sides, "edge"), np.pad(colors, [*sides, (0, 0)], "edge")
     if np.isfinite(heights).any():
         _, nearest = ndimage.distance_transform_edt(~np.isfinite(heights), return_indices=True)
-        _draw(picture, heights[tuple(nearest)], (colors / 255) ** _GAMMA, azimuth, elevation)
+        heights = heights[tuple(nearest)]
+        heights = (heights - heights.min()) * (scale / step)
+        most = _STEEPEST * max(heights.shape)
+        heights *= most / max(most, heights.max())
+        _draw(picture, heights, (colors / 255) ** _GAMMA, azimuth, elevation)
     picture = picture.reshape(size[1], _SUPERSAMPLING, size[0], _SUPERSAMPLING, 3).mean(axis=(1, 3))
     pixels: Colors = np.rint(255 * np.clip(picture, 0.0, 1.0) ** (1 / _GAMMA)).astype(np.uint8)
     return pixels
@@ -64,17 +76,18 @@ def draw_relief(
 def _draw(
     picture: Floats, heights: Floats, colors: Floats, azimuth: float, elevation: float
 ) -> None:
+    """Draw heights in cells, of which the lowest is 0."""
     rows, columns, _ = picture.shape
     last = np.array(heights.shape) - 1.0
     diagonal = float(np.hypot(*last))
-    low, high = float(heights.min()), float(heights.max())
-    base = low - 0.03 * diagonal
+    high = float(heights.max())
+    base = -0.03 * diagonal
 
     # `depth`: distance from the camera, along its viewing direction on the ground.
     forward = -np.array([np.cos(azimuth), np.sin(azimuth)])
     right = np.array([forward[1], -forward[0]])
     middle = _DISTANCE * diagonal
-    eye = middle * np.tan(elevation) + (low + high) / 2
+    eye = middle * np.tan(elevation) + high / 2
     camera = last / 2 - middle * forward
 
     # The block fills the picture.

@@ -222,7 +222,8 @@ def plot_relief(
         color_layer: layer that gives the colors; empty stands for the heights. Cells without a
             value are gray.
         color_mode, color_map, lower, upper, invert, label, title, color_bar: as for `plot`.
-        exaggeration: factor on the heights.
+        exaggeration: factor on the heights. A block that is more than 20 times as high as the map
+            is long is drawn that high.
         azimuth: direction from the map to the camera [rad], from +x towards +y.
         elevation: angle of the camera above the ground [rad], between 0 and pi / 3.
         size: width and height of the picture [pixels].
@@ -246,8 +247,8 @@ def plot_relief(
     drawn_map = loaded(site, {height_layer, layer}, cells)
     # Along +x and +y, while rows and columns run along -x and -y.
     heights, values = (drawn_map.unwrapped(name)[::-1, ::-1] for name in (height_layer, layer))
-    in_cells = heights * (exaggeration / drawn_map.resolution)
-    axes.imshow(draw_relief(in_cells, coloring(values), size, azimuth, elevation))
+    scale = exaggeration / drawn_map.resolution
+    axes.imshow(draw_relief(heights, coloring(values), size, azimuth, elevation, scale))
     axes.set_axis_off()
     axes.set_title(title)
     bar = None

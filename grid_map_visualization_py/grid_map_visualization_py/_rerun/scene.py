@@ -519,7 +519,8 @@ def _distinct(bounds: tuple[float, float]) -> tuple[float, float]:
 
 def _normals(mesh: Mesh) -> npt.NDArray[np.float32]:
     """Return the normals (N, 3) of the vertices: means of those of the faces around them."""
-    corners = mesh.vertices[mesh.faces]
+    # Differences of large heights overflow float32.
+    corners = mesh.vertices.astype(np.float64)[mesh.faces]
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     every = mesh.faces.ravel()
     sums = [
