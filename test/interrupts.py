@@ -146,6 +146,7 @@ class Trial(NamedTuple):
 
     Attributes:
         times: when it gets them [s], counted from its start, or once it handles signals.
+        compiles: whether it finds no machine code of loops.
     """
 
     number: int
@@ -155,12 +156,14 @@ class Trial(NamedTuple):
     kind: signal.Signals
     is_up: bool
     times: list[float]
+    compiles: bool = False
 
     def __str__(self) -> str:
         times = " and ".join(f"{when:.3f} s" for when in self.times)
         begin = " once it runs" if self.is_up else ""
         signals = f"{self.kind.name} to {'group' if self.to_group else 'process'} at {times}{begin}"
-        return f"trial {self.number}: {self.executable.name} by {self.start}, {signals}"
+        cache = ", without machine code" if self.compiles else ""
+        return f"trial {self.number}: {self.executable.name} by {self.start}, {signals}{cache}"
 
 
 def trials(seed: int) -> Iterator[Trial]:
@@ -173,10 +176,10 @@ def trials(seed: int) -> Iterator[Trial]:
         ways = ["tools/run", "ros2 run", "itself"]
         start = "itself" if executable.path.name == "grid-map" else chance.choice(ways)
         to_group = start == "ros2 run" or chance.random() < 0.5
-        when = chance.uniform(0, 2 if executable.is_command else 4)
+        when = chance.uniform(0, 2)
         times = [when, when + chance.uniform(0, 0.3)][: chance.choice([1, 1, 2])]
-        kind, is_up = chance.choice(SIGNALS), chance.random() < 0.5
-        yield Trial(number, executable, start, to_group, kind, is_up, times)
+        kind, is_up, compiles = chance.choice(SIGNALS), chance.random() < 0.5, chance.random() < 0.1
+        yield Trial(number, executable, start, to_group, kind, is_up, times, compiles)
 
 
 def carry_out(trial: Trial, data: str) -> tuple[str, str]:
@@ -189,7 +192,9 @@ def carry_out(trial: Trial, data: str) -> tuple[str, str]:
     }[trial.start]
     with tempfile.TemporaryDirectory(prefix="interrupts-") as folder:
         words = trial.executable.arguments.format(folder=folder, data=data).split()
+        cache = f"{folder}/.cache" if trial.compiles else str(Path.home() / ".cache")
         environ = {"PYTHONFAULTHANDLER": "1", "TMPDIR": folder, "HOME": folder}
+        environ["XDG_CACHE_HOME"] = cache
         process = Process([*command, *words], environ)
         try:
             if trial.start == "ros2 run":
