@@ -3,6 +3,7 @@
 """A bag with messages of all types that Rerun shows, and what a recording of Rerun holds."""
 
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -109,14 +110,16 @@ MARKERS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11)
 POINTS = np.array([(0.0, 0.0, 0.0), (np.nan, 0.0, 0.0), (1.0, 2.0, 3.0)])
 
 
+def put_into(bag: BagWriter, topic: str, kind: str, time: int, message: SimpleNamespace) -> None:
+    """Write a message into a bag."""
+    topic_kind = Topic(kind.replace("/", "/msg/"), "cdr")
+    bag.write_serialized(topic, topic_kind, time, serialize(message, message_type=kind))
+
+
 def write_survey(path: Path, count: int = 3) -> None:
     """Write a bag with maps and the other messages of a robot that drives."""
     with BagWriter(path) as bag:
-
-        def put(topic: str, kind: str, time: int, message: SimpleNamespace) -> None:
-            topic_kind = Topic(kind.replace("/", "/msg/"), "cdr")
-            bag.write_serialized(topic, topic_kind, time, serialize(message, message_type=kind))
-
+        put = partial(put_into, bag)
         still = transform(BEGIN, "base", "lidar", 0.0, 0.0, 0.5)
         put("/tf_static", "tf2_msgs/TFMessage", BEGIN, still)
         poses = []

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,13 @@ from recordings import (
     STEP,
     Row,
     cloud,
+    header,
     hills,
     occupancy_grid,
+    pose,
+    put_into,
     rows_of,
+    transform,
     write_survey,
 )
 
@@ -26,11 +31,11 @@ from grid_map_core_py import GridMap, save
 from grid_map_core_py.commands import main
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.testing import assert_maps_equal
-from grid_map_ros_py import MessageError, bag_messages, from_serialized_message
+from grid_map_ros_py import bag_messages, from_serialized_message
 from grid_map_ros_py.bags import BagWriter
-from grid_map_ros_py.messages import serialize
+from grid_map_ros_py.bags._storage import GRID_MAP_TYPE, Topic
 from grid_map_ros_py.testing import wait_until
-from grid_map_visualization_py.rerun import Style, recorded as writing
+from grid_map_visualization_py.rerun import Style, log_bag, recorded as writing
 
 pytestmark = pytest.mark.needs("mcap", "rerun")
 
@@ -213,32 +218,60 @@ def test_far_maps_keep_the_precision_of_their_cells():
     np.testing.assert_allclose(frames["view"]["Transform3D:scale"], [1, 1, 1 / 3])
 
 
-def test_contradictory_messages_are_named():
+def test_wrong_messages_are_left_out_with_warnings():
     grid, points = occupancy_grid(BEGIN), cloud(BEGIN, np.zeros((2, 3)))
     grid.info.width = 4
     points.fields.pop()
-    kinds = {"nav_msgs/OccupancyGrid": grid, "sensor_msgs/PointCloud2": points}
-    texts = ["4 x 2 cells.*6", "x, y and z.*none named z"]
-    with writing("a.rrd") as scene:
-        for (kind, message), text in zip(kinds.items(), texts, strict=True):
-            data = serialize(message, message_type=kind)
-            with pytest.raises(MessageError, match=text):
-                scene.log_message("/a", kind.replace("/", "/msg/"), data, log_time=BEGIN)
+    goal = SimpleNamespace(header=header(BEGIN, "map"), pose=pose(0.0, np.nan, 0.0))
+    both = transform(BEGIN, "map", "lost", np.nan, 0.0, 0.0)
+    both.transforms += transform(BEGIN, "map", "base", 1.0, 0.0, 0.0).transforms
+    with BagWriter("bag") as bag:
+        put_into(bag, "/costmap", "nav_msgs/OccupancyGrid", 1, grid)
+        put_into(bag, "/points", "sensor_msgs/PointCloud2", 2, points)
+        for time in 3, 4, 5:
+            put_into(bag, "/goal", "geometry_msgs/PoseStamped", time, goal)
+        put_into(bag, "/tf", "tf2_msgs/TFMessage", 6, both)
+        put_into(bag, "/costmap", "nav_msgs/OccupancyGrid", 7, occupancy_grid(BEGIN))
+    with writing("a.rrd") as scene, pytest.warns(UserWarning, match="left out: ") as caught:
+        assert log_bag(scene, "bag") == 1
+    place = "bag/bag_0.mcap: message 0 on"
+    assert [str(one.message).removeprefix("left out: ") for one in caught] == [
+        f"{place} /costmap: data: expected 4 x 2 cells, got 6",
+        f"{place} /points: fields: expected x, y and z, got 'none named z'",
+        f"{place} /goal: pose.position.y: expected a finite number, got nan",
+        f"{place} /tf: translation.x: expected a finite number, got nan",
+        "2 more messages on /goal",
+    ]
+    rows = rows_of(Path("a.rrd"))
+    assert len(rows["/costmap"]) == 1
+    assert ("/tf/base" in rows, "/tf/lost" in rows) == (True, False)
 
 
-def test_damaged_bags_are_one_error_and_no_file(survey):
-    damaged = Path("damaged.mcap")
+@pytest.mark.parametrize(
+    ("name", "hint", "warning"),
+    [
+        ("a.mcap", "reads the rest", "a.mcap: lost: "),
+        ("bag", "leaves out such maps", "left out: bag/bag_0.mcap: message 1 on /grid_map: "),
+    ],
+)
+def test_damaged_bags_are_one_error_that_recover_mends(survey, name, hint, warning):
     data = bytearray(next(survey.glob("*.mcap")).read_bytes())
     at = data.index(b"elevation\0") + 5
     data[at : at + 4] = b"\xff\xfe\xfd\xfc"
-    damaged.write_bytes(data)
+    Path("a.mcap").write_bytes(data)
+    with BagWriter("bag") as bag:
+        bag.write("/grid_map", hills(0), time=1)
+        bag.write_serialized("/grid_map", Topic(GRID_MAP_TYPE, "cdr"), 2, b"\0")
     Path("old.rrd").write_text("old")
-    done = convert(damaged, "old.rrd", "--force")
-    assert done.returncode == 1
-    assert done.stderr.startswith("grid-map: error: damaged.mcap")
-    assert done.stderr.count("\n") == 1
-    assert sorted(path.name for path in Path().iterdir()) == ["damaged.mcap", "old.rrd"]
-    assert Path("old.rrd").read_text() == "old"
+    before = sorted(Path().iterdir())
+    done = convert(name, "old.rrd", "--force")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith(f"grid-map: error: {name}")
+    assert done.stderr.endswith(f"; recover=True (--recover) {hint}\n")
+    assert (sorted(Path().iterdir()), Path("old.rrd").read_text()) == (before, "old")
+    done = convert(name, "old.rrd", "--force", "--recover")
+    assert done.stderr.startswith(f"grid-map: warning: {warning}"), done.stderr
+    assert done.stderr.endswith(" messages in old.rrd\n")
 
 
 FULL = ("survey", 0), ("survey", 100_000), ("hills.npz", 0), ("hills.npz", 30_000)

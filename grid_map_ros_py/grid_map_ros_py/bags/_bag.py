@@ -13,6 +13,7 @@ import bisect
 import os
 import re
 import shutil
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
@@ -502,7 +503,7 @@ def bag_messages(
     Args:
         path: folder of a bag, or an MCAP or sqlite3 (`.db3`) file.
         types: types of messages to read; None means all. Topics that are not in CDR are left out.
-        recover: as for `load_from_bag`.
+        recover: as for `load_from_bag`; a warning counts what is lost.
 
     Raises:
         BagError: the bag is damaged or missing.
@@ -510,6 +511,8 @@ def bag_messages(
     """
     wanted = None if types is None else {*types}
     with BagFiles(path, recover=recover) as files:
+        if files.lost:
+            warnings.warn(f"{path}: {files.lost}", stacklevel=2)
         topics = {
             name: kind.type
             for name, kind in files.topics.items()

@@ -310,7 +310,8 @@ class McapFile:
 
     def _check_sum(self, data: memoryview, checksum: int, what: str) -> None:
         if zlib.crc32(data) != checksum:
-            raise BagError(self._path, f"is damaged: the checksum of a {what} is wrong")
+            hint = "recover=True (--recover) reads the rest"
+            raise BagError(self._path, f"is damaged: the checksum of a {what} is wrong; {hint}")
 
 
 def unpack(

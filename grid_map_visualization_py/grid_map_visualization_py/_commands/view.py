@@ -173,8 +173,7 @@ def _show_bag(options: argparse.Namespace, scene: "Scene", is_wanted: Callable[[
         message(f"messages after {time / 1e9:.3f} s are left out: {megabytes}")
         return False
 
-    recover = bool(options.recover)
-    with_maps = {"topic": options.topic, "recover": recover, "tell": message}
-    log_bag(scene, options.source, **with_maps, goes_on=goes_on)
+    which = {"topic": options.topic, "recover": bool(options.recover)}
+    log_bag(scene, options.source, **which, goes_on=goes_on)
     if options.layer and not scene.surfaces:
         message(f"warning: no map has the layer {options.layer!r}, so there is no surface")

@@ -4,6 +4,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -23,7 +24,8 @@ class Placed:
         time: of its header [ns]; 0 for none.
         path: parts of the entity path below the topic, or from the root if `is_global`.
         frame: frame of ROS; None for a message without a place.
-        archetypes: returns the archetypes for the origin (3,) of coordinates in the frame [m].
+        archetypes: returns the archetypes for the origin (3,) of coordinates in the frame [m], or
+            raises `MessageError`.
         is_global: the path does not begin with the topic.
     """
 
@@ -45,11 +47,14 @@ def _always(archetype: Any) -> Callable[[Origin], list[Any]]:
 
 def _transforms(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for one in message.transforms:
-        matrix = from_transform(one.transform)
-        frames = {"parent_frame": one.header.frame_id, "child_frame": one.child_frame_id}
-        archetype = rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3], **frames)
         path = ("tf", one.child_frame_id)
-        yield Placed(stamp_of(one.header), path, None, _always(archetype), True)
+        yield Placed(stamp_of(one.header), path, None, partial(_transform, rr, one), True)
+
+
+def _transform(rr: Any, one: Any, _: Origin) -> list[Any]:
+    matrix = from_transform(one.transform)
+    frames = {"parent_frame": one.header.frame_id, "child_frame": one.child_frame_id}
+    return [rr.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3], **frames)]
 
 
 def _pose(rr: Any, message: Any, _: int) -> Iterator[Placed]:
@@ -127,31 +132,26 @@ def _markers(rr: Any, message: Any, _: int) -> Iterator[Placed]:
     for marker in message.markers if hasattr(message, "markers") else [message]:
         time, path = stamp_of(marker.header), (marker.ns or "markers", str(marker.id))
         if marker.action == 0:
-            archetypes = _marker(rr, marker)
-            yield Placed(time, path, marker.header.frame_id, archetypes)
+            yield Placed(time, path, marker.header.frame_id, partial(_marker, rr, marker))
         else:
             gone = path if marker.action == 2 else ()
             yield Placed(time, gone, None, _always(rr.Clear(recursive=True)))
 
 
-def _marker(rr: Any, marker: Any) -> Callable[[Origin], list[Any]]:
+def _marker(rr: Any, marker: Any, origin: Origin) -> list[Any]:
     matrix = _marker_pose(marker.pose)
     points = np.array([(p.x, p.y, p.z) for p in marker.points], float).reshape(-1, 3)
     points = points @ matrix[:3, :3].T + matrix[:3, 3]
     scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
     colors = np.array([(c.r, c.g, c.b, c.a) for c in marker.colors or [marker.color]])
     rgba = np.rint(255 * np.clip(colors, 0, 1)).astype(np.uint8)
-
-    def archetypes(origin: Origin) -> list[Any]:
-        near = points - origin
-        if marker.type in _SHAPES_OF_POINTS:
-            return [_SHAPES_OF_POINTS[marker.type](rr, near, scale, rgba)]
-        if marker.type in _SHAPES:
-            center = matrix[:3, 3] - origin
-            return [_SHAPES[marker.type](rr, marker, center, matrix[:3, :3], near, scale, rgba)]
-        return [rr.Clear(recursive=False)]
-
-    return archetypes
+    near = points - origin
+    if marker.type in _SHAPES_OF_POINTS:
+        return [_SHAPES_OF_POINTS[marker.type](rr, near, scale, rgba)]
+    if marker.type in _SHAPES:
+        center = matrix[:3, 3] - origin
+        return [_SHAPES[marker.type](rr, marker, center, matrix[:3, :3], near, scale, rgba)]
+    return [rr.Clear(recursive=False)]
 
 
 def _line_list(rr: Any, points: Any, scale: Any, rgba: Any) -> Any:

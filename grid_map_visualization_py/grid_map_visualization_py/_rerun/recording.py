@@ -5,6 +5,8 @@
 import os
 import shutil
 import threading
+import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
@@ -13,7 +15,7 @@ from typing import Any, Self
 
 from grid_map_core_py.errors import GridMapError, LimitError
 from grid_map_core_py.files import new_file
-from grid_map_ros_py import BagError, MessageError, bag_messages
+from grid_map_ros_py import BagError, BagMessage, MessageError, bag_messages
 
 from .scene import GRID_MAP_TYPE, SHOWN_TYPES, Scene, Style, rerun
 
@@ -109,45 +111,56 @@ def log_bag(
     *,
     topic: str | None = None,
     recover: bool = False,
-    tell: Callable[[str], object] = lambda _: None,
     goes_on: Callable[[int], bool] = lambda _: True,
 ) -> int:
     """Write the messages of a bag to a scene in time order, one at a time.
+
+    Messages that cannot be shown, such as a pose with NaN, are left out with a warning for each
+    topic, as RViz does. A damaged map is an error, unless `recover` is true.
 
     Args:
         scene: where they go.
         path: the bag.
         topic: only this topic of maps, and all other messages; None means all.
-        recover: read what is there of a damaged bag, and leave out damaged messages.
-        tell: is called with a text about each message that is left out.
+        recover: read what is there of a damaged bag, and leave out damaged maps.
         goes_on: is called after each message with its time [ns]; False ends.
 
     Returns:
         The number of messages that are shown.
 
     Raises:
-        BagError: the bag or a message is damaged.
+        BagError: the bag or a map is damaged.
         LimitError: a map has too many cells.
     """
-    count = 0
-    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
-        if topic not in (None, message.topic) and message.type == GRID_MAP_TYPE:
-            continue
+    count, left_out = 0, Counter[str]()
+    for message in _chosen(path, topic, recover):
         try:
             scene.log_message(message.topic, message.type, message.data, log_time=message.time)
         except (MessageError, LimitError) as error:
-            if not recover:
+            if message.type == GRID_MAP_TYPE and not recover:
                 raise _named(message.place, error) from error
-            tell(f"left out: {_named(message.place, error)}")
+            left_out[message.topic] += 1
+            if left_out[message.topic] == 1:
+                warnings.warn(f"left out: {message.place}: {error}", stacklevel=2)
             continue
         count += 1
         if not goes_on(message.time):
             break
+    for name, number in left_out.items():
+        if number > 1:
+            warnings.warn(f"left out: {number - 1} more messages on {name}", stacklevel=2)
     return count
 
 
+def _chosen(path: str | PathLike[str], topic: str | None, recover: bool) -> Iterator[BagMessage]:
+    """Yield the messages of a bag that are shown; of the maps, those on a topic."""
+    for message in bag_messages(path, SHOWN_TYPES, recover=recover):
+        if message.type != GRID_MAP_TYPE or topic in (None, message.topic):
+            yield message
+
+
 def _named(place: str, error: GridMapError) -> GridMapError:
-    """Return an error that names the message."""
+    """Return an error that names the map."""
     if isinstance(error, LimitError):
         return LimitError(f"{place}: {error}")
-    return BagError(place, str(error))
+    return BagError(place, f"{error}; recover=True (--recover) leaves out such maps")

@@ -34,7 +34,7 @@ from grid_map_core_py.arrays import (
 )
 from grid_map_core_py.errors import required
 from grid_map_core_py.plugins import check
-from grid_map_ros_py import from_serialized_message
+from grid_map_ros_py import MessageError, from_serialized_message
 from grid_map_ros_py.messages import view
 
 from .._kinds import titled
@@ -187,7 +187,8 @@ class Scene:
             True if messages of this type are shown.
 
         Raises:
-            MessageError: the message is damaged or contradicts itself.
+            MessageError: the message is damaged or contradicts itself. Transforms and markers
+                beside a wrong one are written.
             LimitError: a map has too many cells.
         """
         if kind == GRID_MAP_TYPE:
@@ -198,9 +199,15 @@ class Scene:
         message = view(data, kind.replace("/msg/", "/"))
         parts = _parts(topic)
         self._messages.setdefault("/".join(parts), kind)
+        problem: MessageError | None = None
         for item in SHOWN[kind](self._rr, message, self._style.max_drawn_cells):
             self._set_times(item.time, log_time)
-            self._log_placed(parts, item, is_static=topic.endswith("tf_static"))
+            try:
+                self._log_placed(parts, item, is_static=topic.endswith("tf_static"))
+            except MessageError as error:
+                problem = problem or error
+        if problem is not None:
+            raise problem
         return True
 
     def layout(self) -> Any:
