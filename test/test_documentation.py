@@ -63,6 +63,7 @@ from grid_map_ros_py.testing import (
     reserve_domain,
     running,
     running_node,
+    wait_until,
 )
 from grid_map_visualization_py._registry import BUILT_IN, create
 from grid_map_visualization_py.pictures import plot, plot_3d, plot_relief
@@ -117,12 +118,13 @@ PAGES_THAT_RUN = dict.fromkeys(block.page for block in blocks("python") + FINITE
 
 
 START = """
-import signal, subprocess
-from grid_map_ros_py.testing import Process, running, wait_until
+import os, subprocess
 def run_bash(text, until):
     if not until:
-        subprocess.run(["bash", "-ec", text], check=True)
+        path = f"{os.environ['WARM']}:{os.environ['PATH']}"
+        subprocess.run(["bash", "-ec", text], check=True, env={**os.environ, "PATH": path})
         return
+    from grid_map_ros_py.testing import Process, running, wait_until
     with running(Process(["bash", "-ec", f"exec {text}"])) as process:
         wait_until(lambda: until in process.text, until)
 """
@@ -137,12 +139,26 @@ def program(steps: list[Block]) -> str:
     return START + "".join(f"{text}print(end='\\0', flush=True)\n" for text in texts)
 
 
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory) -> Iterator[Path]:
+    """A folder with a `grid-map` that starts quickly; other tests start the installed one."""
+    folder = tmp_path_factory.mktemp("warm")
+    process = Process([sys.executable, "-P", str(Path(__file__).with_name("warm.py")), str(folder)])
+    try:
+        wait_until(lambda: process.lines, "the command")
+        yield folder
+        assert process.lines == ["serves\n"]
+    finally:
+        process.kill()
+
+
 @pytest.mark.parametrize("any_page", PAGES_THAT_RUN, ids=str)
-def test_page_runs_and_prints_its_announced_output(any_page, tmp_path):
+def test_page_runs_and_prints_its_announced_output(any_page, tmp_path, warm):
     that_run = blocks("python") + FINITE_COMMANDS
     steps = [block for block in any_page.blocks if block in that_run]
     (tmp_path / "page.py").write_text(program(steps))
-    done = run(sys.executable, "page.py", environ=environment(), cwd=tmp_path)
+    environ = environment() | {"WARM": str(warm)}
+    done = run(sys.executable, "page.py", environ=environ, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     *outputs, _ = done.stdout.split("\0")
     printed = dict(zip(map(str, steps), outputs, strict=True))
