@@ -17,6 +17,18 @@ class Cell:
     height: float
     variance: float
     time: float
+    support: int
+    # Height, number of sightings and first time of what may become the surface.
+    candidate: tuple[float, int, float] | None = None
+
+
+@dataclass
+class Cluster:
+    """Points of a cell that agree, from the highest down."""
+
+    points: list
+    mean: float
+    variance: float
 
 
 @dataclass
@@ -30,10 +42,12 @@ class Oracle:
     threshold: float = 2.5
     min_variance: float = 9e-6
     max_variance: float = 0.01
-    noise: float = 9e-7
+    noise_of_conflicts: float = 9e-7
+    conflicts: int = 0
     time_variance: float = 0.0
     scanning_duration: float = 1.0
     conflict_points: int = 2
+    min_support: float = 0.2
     max_ray_length: float = 10.0
     min_angle: float = 0.1
     drift_alpha: float = 0.1
@@ -43,6 +57,7 @@ class Oracle:
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
     exact: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
     pose: tuple | None = None
+    noise: float = math.inf
     last: float | None = None
 
     def move(self, i: int, j: int) -> None:
@@ -61,57 +76,94 @@ class Oracle:
         self.age(now, transform, covariance)
         sensor = np.array(transform[:3, 3], float)
         beams = self.located(points, transform, covariance)
-        drift = self.drift(self.by_cell(beams))
+        clusters = {
+            place: self.clusters(found, self.common(place, transform, covariance))
+            for place, found in self.by_cell(beams).items()
+        }
+        drift = self.drift(clusters)
         rest = (1 - self.drift_alpha) * drift
         for cell in self.cells.values():
             cell.height += self.drift_alpha * drift
         sensor[2] -= rest
-        beams = [((x, y, z - rest), r) for (x, y, z), r in beams]
+        beams = [((x, y, z - rest), r, high - rest) for (x, y, z), r, high in beams]
         by_cell, stale = self.by_cell(beams), self.stale(now)
-        for place, found in by_cell.items():
-            self.fuse(place, found, sensor, place in stale, now)
-        tops = {place: max(q[2] for q, _ in found) for place, found in by_cell.items()}
-        gone = self.freed(beams, sensor, tops, self.stale(now))
+        before = {place: cell.height for place, cell in self.cells.items()}
+        confirmed = [
+            place
+            for place, found in by_cell.items()
+            if self.fuse(place, found, sensor, place in stale, now, before, transform, covariance)
+        ]
+        tops = {place: max(q[2] for q, _, _ in found) for place, found in by_cell.items()}
+        gone = self.freed(beams, sensor, tops, self.stale(now), confirmed)
         for place in gone:
             del self.cells[place]
+        if covariance is not None:
+            self.noise = min(self.noise, covariance[2, 2])
         self.finish()
         return drift, len(gone)
 
     def located(self, points, transform, covariance):
-        """Points in the map frame, each with its variance; without those that do not count."""
+        """Points in the map frame, with variance by the sensor, and height plus 3 deviations."""
         found = []
         for p in points:
             if not np.isfinite(p).all() or not np.any(p):
                 continue
-            r = self.variance_of(p, transform, covariance)
+            r = self.variance_of(p, transform)
             if not math.isnan(r):
+                r = max(r, 1e-12)
                 q = [
                     sum(transform[k, m] * p[m] for m in range(3)) + transform[k, 3]
                     for k in range(3)
                 ]
-                found.append((tuple(q), max(r, 1e-12)))
+                way = np.array(q) - transform[:3, 3]
+                found.append((tuple(q), r, q[2] + 3 * math.sqrt(r + self.shared(way, covariance))))
         return found
+
+    def shared(self, way, covariance):
+        """Variance of the height at a place relative to the sensor, by the pose of the scan."""
+        if covariance is None:
+            return 0.0
+        x, y, z = way
+        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        row = -skew[2]
+        height = min(self.noise, covariance[2, 2])
+        limit = self.max_variance if self.max_variance > 0 else math.inf
+        if 4 * height > limit:
+            height = 0.0
+        return float(row @ covariance[3:, 3:] @ row) + height
+
+    def common(self, place, transform, covariance):
+        x, y = ((k + 0.5) * self.resolution for k in place)
+        return self.shared(np.array([x, y, 0.0]) - transform[:3, 3], covariance)
 
     def by_cell(self, beams):
         found = {}
-        for q, r in beams:
+        for q, r, high in beams:
             place = self.place(q[0], q[1])
             if self.holds(place):
-                found.setdefault(place, []).append((q, r))
+                found.setdefault(place, []).append((q, r, high))
         return found
 
     def stale(self, now):
         since = {place: now - cell.time for place, cell in self.cells.items()}
         return {place for place, time in since.items() if time >= self.scanning_duration}
 
-    def freed(self, beams, sensor, tops, stale):
+    def freed(self, beams, sensor, tops, stale, confirmed):
         crossed, proofs = set(), {}
-        for q, _ in beams:
-            for place, high in self.crossed(sensor, q):
+        guards = {}
+        for place in confirmed:
+            for near in around(place):
+                guards[near] = min(self.foot(place), guards.get(near, math.inf))
+        for q, _, top in beams:
+            q = (*q[:2], top)
+            for place, high, exit_height in self.crossed(sensor, q):
+                is_reflected = exit_height < guards.get(place, -math.inf)
                 if place in stale and high < self.foot(place):
                     crossed.add(place)
                     if self.proves(place, high, sensor, q, tops):
                         proofs[place] = min(high, proofs.get(place, math.inf))
+                if is_reflected:
+                    break
         standing = set(self.cells) - crossed
         return {place for place in proofs if not self.stands(place, proofs[place], standing)}
 
@@ -153,63 +205,133 @@ class Oracle:
         values, vectors = np.linalg.eigh(added)
         return sum(max(v, 0.0) * np.outer(u, u) for v, u in zip(values, vectors.T, strict=True))
 
-    def variance_of(self, p, transform, covariance):
-        rotation = transform[:3, :3]
-        third = rotation[2]
+    def variance_of(self, p, transform):
+        third = transform[2, :3]
         spread = self.sensor(np.asarray(p, float))
         if spread is None:
             return math.nan
-        variance = spread if isinstance(spread, float) else float(third @ spread @ third)
-        if covariance is not None:
-            x, y, z = rotation @ np.asarray(p, float)
-            skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            row = -skew[2]
-            variance += float(row @ covariance[3:, 3:] @ row) + covariance[2, 2]
-        return variance
+        return spread if isinstance(spread, float) else float(third @ spread @ third)
 
     def agrees(self, height, variance, z, r):
-        return abs(z - height) <= self.threshold * math.sqrt(variance + r)
+        gate = self.threshold * math.sqrt(variance + r)
+        return abs(z - height) <= max(gate, 0.4 * self.resolution)
 
-    def clusters(self, found):
-        """Clusters of (z, r) from the highest down, each with mean and variance."""
+    def clusters(self, found, common):
+        """Clusters from the highest down; `common` is the variance that their points share."""
         result = []
-        for z, r in sorted(found, key=lambda pair: (-pair[0], pair[1])):
-            if result and self.agrees(*result[-1][1:], z, r):
-                members = result[-1][0] + [(z, r)]
-            else:
-                members = [(z, r)]
-                result.append(None)
+        for q, r, _ in sorted(found, key=lambda each: (-each[0][2], each[1])):
+            if not result or not self.agrees(result[-1].mean, result[-1].variance, q[2], r):
+                result.append(Cluster([], 0.0, 0.0))
+            members = result[-1].points
+            members.append((q, r))
             weight = math.fsum(1 / r for _, r in members)
-            mean = math.fsum(z / r for z, r in members) / weight
-            result[-1] = members, mean, 1 / weight
+            result[-1].mean = math.fsum(q[2] / r for q, r in members) / weight
+            result[-1].variance = 1 / weight
+        for cluster in result:
+            cluster.variance = self.with_spread(cluster) + common
         return result
 
-    def fuse(self, place, found, sensor, is_stale, now):
+    def with_spread(self, cluster):
+        """Variance of the mean; if its points spread more than their noise, this is added."""
+        others = len(cluster.points) - 1
+        if not others:
+            return cluster.variance
+        ratio = math.fsum((q[2] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
+        if ratio <= 1 + self.threshold * math.sqrt(2 / others):
+            return cluster.variance
+        return cluster.variance + (ratio - 1) * len(cluster.points) * cluster.variance
+
+    def fuse(self, place, found, sensor, is_stale, now, before, transform, covariance):
+        """Fuse the points of a cell; return whether they confirm it."""
+        clusters = self.clusters(found, self.common(place, transform, covariance))
+        densest = max(len(each.points) for each in clusters)
+        least = max(self.conflict_points, self.min_support * densest)
+        supported = [each for each in clusters if len(each.points) >= least]
+        surface = supported[0] if supported else None
         cell = self.cells.get(place)
-        flat = [(q[2], r) for q, r in found]
+        chosen, is_conflict = surface or clusters[0], False
         if cell is None:
-            _, mean, variance = self.clusters(flat)[0]
-            self.cells[place] = Cell(mean, max(variance, self.min_variance), now)
-            return
-        agreeing = [(z, r) for z, r in flat if self.agrees(cell.height, cell.variance, z, r)]
-        if agreeing:
-            weight = 1 / cell.variance + math.fsum(1 / r for _, r in agreeing)
-            total = cell.height / cell.variance + math.fsum(z / r for z, r in agreeing)
-            self.cells[place] = Cell(total / weight, max(1 / weight, self.min_variance), now)
-            return
-        above = [(z, r) for z, r in flat if z > cell.height]
-        below = [
-            (q[2], r)
-            for q, r in found
-            if is_stale and q[2] < cell.height and self.entry(place, q, sensor) >= cell.height
+            cell = self.cells[place] = Cell(
+                chosen.mean,
+                max(chosen.variance, self.min_variance),
+                now,
+                len(chosen.points),
+            )
+            is_confirmed = True
+        else:
+            chosen, is_conflict, is_confirmed = self.update_cell(
+                cell, chosen, clusters, surface, place, sensor, is_stale, now, before
+            )
+        above = clusters[: clusters.index(chosen)]
+        raised = self.raised(cell, above, now)
+        if raised is not None:
+            variance = max(raised.variance, self.min_variance)
+            cell.height, cell.variance, cell.time = raised.mean, variance, now
+            cell.support = 3 * len(raised.points)
+            is_confirmed = is_conflict = True
+        if is_conflict:
+            cell.variance += self.noise_of_conflicts
+        self.conflicts += is_conflict
+        return is_confirmed
+
+    def update_cell(self, cell, chosen, clusters, surface, place, sensor, is_stale, now, before):
+        """Return the cluster that counts, whether it is a conflict, and whether it confirms."""
+        fits = [each for each in clusters if self.agrees_with(cell, each)]
+        if surface is not None and surface not in fits:
+            top = clusters[: clusters.index(surface)]
+            fits = [e for e in fits if e in top and len(e.points) >= self.conflict_points]
+        if fits:
+            best = chosen if chosen in fits else fits[0]
+            rise, total = best.mean - cell.height, cell.variance + best.variance
+            doubt = max(1.0, rise**2 / (self.threshold**2 * total))
+            cell.height += rise * cell.variance / total
+            cell.variance *= doubt * best.variance / total
+            cell.variance = max(cell.variance, self.min_variance)
+            cell.time, cell.support = now, cell.support + len(best.points)
+            return best, False, True
+        if self.replaces(chosen, surface, cell, place, sensor, is_stale, before):
+            variance = max(chosen.variance, self.min_variance)
+            cell.height, cell.variance = chosen.mean, variance
+            cell.time, cell.support = now, len(chosen.points)
+            return chosen, True, True
+        return chosen, True, False
+
+    def agrees_with(self, cell, cluster):
+        return self.agrees(cell.height, cell.variance, cluster.mean, cluster.variance)
+
+    def replaces(self, chosen, surface, cell, place, sensor, is_stale, before):
+        if chosen.mean > cell.height:
+            return surface is not None
+        beside = [before[near] for near in around(place) if near != place and near in before]
+        stands_alone = all(height <= chosen.mean + self.resolution for height in beside)
+        if stands_alone and cell.support <= self.conflict_points:
+            return True
+        through = [q for q, _ in chosen.points if self.entry(place, q, sensor) >= cell.height]
+        return surface is not None and is_stale and len(through) >= self.conflict_points
+
+    def raised(self, cell, above, now):
+        """Return the candidate above the surface that was seen three times in half a second."""
+        above = [
+            each
+            for each in above
+            if len(each.points) >= self.conflict_points
+            and each.mean > cell.height
+            and not self.agrees_with(cell, each)
         ]
-        for group in (above, below):
-            for members, mean, variance in self.clusters(group):
-                if len(members) >= self.conflict_points:
-                    variance = max(variance, self.min_variance) + self.noise
-                    self.cells[place] = Cell(mean, variance, now)
-                    return
-        cell.variance += self.noise
+        waits = cell.candidate is not None and round(now - cell.candidate[2], 3) <= 0.5
+        if not waits:
+            if above:
+                cell.candidate = above[0].mean, 1, now
+            return None
+        height, count, first = cell.candidate
+        for each in above:
+            if self.agrees(height, each.variance, each.mean, each.variance):
+                cell.candidate = each.mean, count + 1, first
+                if count + 1 < 3:
+                    return None
+                cell.candidate = None
+                return each
+        return None
 
     def entry(self, place, q, sensor):
         """Height of a beam where it enters the cell of its point."""
@@ -242,7 +364,7 @@ class Oracle:
                 continue
             middle = sensor + 0.5 * (first + last) * way
             heights = [float(sensor[2] + t * way[2]) for t in (first, min(last, end))]
-            yield self.place(middle[0], middle[1]), max(heights)
+            yield self.place(middle[0], middle[1]), max(heights), heights[1]
 
     def proves(self, place, high, sensor, q, tops):
         cell = self.cells[place]
@@ -259,24 +381,18 @@ class Oracle:
         sine = abs(normal @ way) / np.linalg.norm(normal) / np.linalg.norm(way)
         return math.asin(min(sine, 1.0)) >= self.min_angle
 
-    def drift(self, by_cell):
+    def drift(self, clusters):
         if self.min_drift_cells is None:
             return 0.0
         seen = []
-        for place, found in by_cell.items():
+        for place, found in clusters.items():
             cell = self.cells.get(place)
-            if cell is None or cell.variance > self.inlier:
+            if cell is None or cell.variance > self.inlier or not self.is_level(place):
                 continue
-            near = [
-                (q[2], r)
-                for q, r in found
-                if abs(q[2] - cell.height)
-                <= self.max_drift + self.threshold * math.sqrt(cell.variance + r)
-            ]
-            if near:
-                weight = math.fsum(1 / r for _, r in near)
-                mean = math.fsum(z / r for z, r in near) / weight
-                seen.append((mean - cell.height, cell.variance + 1 / weight))
+            for each in found:
+                offset, variance = each.mean - cell.height, cell.variance + each.variance
+                if abs(offset) <= self.max_drift + self.threshold * math.sqrt(variance):
+                    seen.append((offset, variance))
         if len(seen) < self.min_drift_cells:
             return 0.0
         middle = float(np.median([offset for offset, _ in seen]))
@@ -285,6 +401,12 @@ class Oracle:
             return 0.0
         mean = math.fsum(o / v for o, v in agree) / math.fsum(1 / v for _, v in agree)
         return mean if abs(mean) <= self.max_drift else 0.0
+
+    def is_level(self, place):
+        return all(
+            near in self.cells and abs(self.cells[near].height - self.cells[place].height) <= 0.03
+            for near in around(place)
+        )
 
     def finish(self):
         """Round as layers of float32 do, and drop what is too uncertain."""

@@ -20,7 +20,8 @@ from grid_map_core_py.elevation import (
     PerfectModel,
     StereoModel,
     StructuredLightModel,
-    _fusion,
+    _clusters,
+    _mapper,
     _order,
     _visibility,
 )
@@ -29,7 +30,7 @@ from grid_map_core_py.testing import assert_maps_equal
 
 SECOND = 10**9
 GEOMETRY = GridGeometry.from_size((12, 9), 0.2)
-LOOPS = (_order.deal, _fusion.fuse_cells, _visibility.trace, _visibility.cover)
+LOOPS = (_order.deal, _clusters.grow_clusters, _visibility.trace, _visibility.cover)
 UP = np.eye(4)
 UP[2, 3] = 1.0
 
@@ -218,7 +219,7 @@ def test_obstacle_appears_with_enough_points():
 
 def test_points_below_lower_no_recent_cell():
     mapper = mapper_of(enable_visibility_cleanup=False)
-    above = np.array([[0.3, 0.3, 3.0], [0.3, 0.3, 3.01]]) - (0.3, 0.3, 4.0)
+    above = np.array([[0.3, 0.3, z] for z in (3.0, 3.005, 3.01)]) - (0.3, 0.3, 4.0)
     over = np.eye(4)
     over[:3, 3] = 0.3, 0.3, 4.0
     mapper.update(above, over, timestamp=0)
@@ -293,16 +294,51 @@ def test_uncertain_cells_become_unknown():
     assert np.isnan(mapper.grid_map["elevation"]).all()
 
 
-def test_time_that_goes_back_resets_the_clock():
+@pytest.mark.parametrize("jump", [-57.0, 11.0])
+def test_jump_of_the_time_starts_the_clock_anew(jump):
+    mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1))
+    rings = np.vstack((ring(1.0, 0.2), ring(2.5, 1.0)))
+    mapper.update(rings, UP, timestamp=100 * SECOND)
+    mapper.update(rings, UP, timestamp=107 * SECOND)
+    assert np.nanmax(mapper.grid_map["time"]) == 7.0
+    after = (107 + round(jump)) * SECOND
+    with pytest.warns(RuntimeWarning, match="timestamp: .*max_time_jump, 10 s, of 107000000000 ns"):
+        report = mapper.update(ring(2.5, 1.0), UP, timestamp=after)
+    assert report.cells_cleared == 0
+    assert np.nanmax(mapper.grid_map["time"]) == 0.0
+    report = mapper.update(ring(2.5, 1.0), UP, timestamp=after + SECOND)
+    assert report.cells_cleared > 50
+    assert np.nanmax(mapper.grid_map["time"]) == 1.0
+
+
+def test_late_scan_counts_as_simultaneous():
     mapper = mapper_of()
     mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=100 * SECOND)
     mapper.update(at(0.5, 0.3, 0.0), UP, timestamp=107 * SECOND)
-    assert height(mapper, 0.5, 0.3, "time") == 7.0
-    with pytest.warns(RuntimeWarning, match="timestamp"):
-        mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=50 * SECOND)
-    assert np.nanmax(mapper.grid_map["time"]) == 0.0
-    mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=51 * SECOND)
-    assert height(mapper, 0.7, 0.3, "time") == 1.0
+    mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=98 * SECOND)
+    assert (height(mapper, 0.7, 0.3, "time"), mapper.grid_map.timestamp) == (7.0, 107 * SECOND)
+
+
+def test_scan_of_time_zero_is_dropped_with_the_reason():
+    mapper = mapper_of()
+    mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=100 * SECOND)
+    before = mapper.grid_map.copy()
+    with pytest.warns(RuntimeWarning, match="timestamp: expected the time of the scan, got 0"):
+        report = mapper.update(at(0.3, 0.3, 1.0, 1.0), UP, timestamp=0)
+    assert (report.points_used, dict(report.reasons)) == (0, {"timestamp 0": 2})
+    assert_maps_equal(mapper.grid_map, before)
+
+
+def test_clock_is_exact_after_a_year():
+    mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1), max_time_jump=np.inf)
+    rings, year = np.vstack((ring(1.0, 0.2), ring(2.5, 1.0))), 365 * 86_400 * SECOND
+    mapper.update(rings, UP, timestamp=10**18)
+    mapper.update(rings, UP, timestamp=10**18 + year)
+    for milliseconds, is_cleared in ((999, False), (1000, True)):
+        stamp = 10**18 + year + milliseconds * 10**6
+        report = mapper.update(ring(2.5, 1.0), UP, timestamp=stamp)
+        assert (report.cells_cleared > 50) == is_cleared
+    assert np.nanmax(mapper.grid_map["time"]) == pytest.approx(365 * 86_400 + 1)
 
 
 def test_drift_moves_the_map_as_a_whole():
@@ -367,7 +403,7 @@ def test_failing_stage_leaves_the_map_unchanged(monkeypatch):
         with pytest.raises(ZeroDivisionError):
             mapper.update(cloud(), UP, timestamp=SECOND, position=(1, 1), sensor=Broken())
         assert_maps_equal(mapper.grid_map, before)
-        monkeypatch.setattr(_fusion, "fuse", lambda *_: 1 / 0)
+        monkeypatch.setattr(_mapper, "fuse", lambda *_: 1 / 0)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from grid_map_core_py import ConfigError, GridGeometry, GridMap, GridMapError
 from grid_map_core_py.conversions import color_value_to_vector
 from grid_map_core_py.elevation import ElevationMapper
 from grid_map_core_py.testing import assert_maps_equal
+from grid_map_ros_py import MessageError
 from grid_map_ros_py._mapping.elevation_fusion import ElevationFusion, Patch, Picture
 from grid_map_ros_py._mapping.elevation_parameters import sensor_processor
 from grid_map_ros_py._mapping.poses import Placement, from_xyz_rpy
@@ -95,7 +96,7 @@ def test_ranges_of_a_source_keep_points_and_their_values() -> None:
 
 
 def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:
-    made = fusion(time_tolerance=2.0)
+    made = fusion()
     for seconds in (100.0, 98.5, 101.0):
         made.fuse(EXACT, scan(seconds=seconds), placed())
         assert made.grid_map.timestamp >= 100 * SECOND
@@ -103,7 +104,15 @@ def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:
     made.fuse(EXACT, scan(seconds=5.0), placed())
     assert made.grid_map.timestamp == 5 * SECOND
     (text,) = made.warnings
-    assert "the clock is reset" in text
+    assert "the clock of the map starts anew" in text
+
+
+def test_scan_without_a_time_is_refused() -> None:
+    made = fusion()
+    made.fuse(EXACT, scan(seconds=100.0), placed())
+    with pytest.raises(MessageError, match=r"header\.stamp: expected the time of the scan"):
+        made.fuse(EXACT, scan(seconds=0.0), placed())
+    assert made.grid_map.timestamp == 100 * SECOND
 
 
 def test_continuous_cleanup_keeps_the_last_scan_only() -> None:
@@ -201,7 +210,6 @@ def test_channels_of_a_picture_become_layers() -> None:
     "wrong",
     [
         {"covariance_scale": -1.0},
-        {"time_tolerance": -1.0},
         {"image_fusions": {"a": "mean"}},
         {"image_fusions": {"(": "latest"}},
     ],

@@ -97,6 +97,7 @@ def test_quaternion_of_another_norm_is_refused(quaternion: tuple[float, ...]) ->
 
 WAY = [pose(1, 0.0), pose(2, 4.0, yaw=1.0), pose(4, 4.0)]
 RESET = [pose(100, 1.0), pose(101, 1.0), pose(5, 9.0)]
+LATE = [pose(1, 0.0), pose(2, 4.0), pose(1.999, 3.0), pose(3, 8.0)]
 TWICE = [pose(1, 1.0), pose(2, 2.0), pose(2, 2.0), pose(3, 4.0)]
 
 
@@ -108,6 +109,8 @@ TWICE = [pose(1, 1.0), pose(2, 2.0), pose(2, 2.0), pose(3, 4.0)]
         *[(WAY, 4, 4, 0), (WAY, 0, 4, 0)],
         # The clock was reset.
         (RESET, 5, 9, 0),
+        # A pose is late by a millisecond.
+        *[(LATE, *expected) for expected in [(1, 0, 0), (1.999, 3, 0), (2, 4, 0), (2.5, 6, 0)]],
         *[(TWICE, 1.5, 1.5, 0), (TWICE, 2, 2, 0), (TWICE, 2.5, 3, 0)],
         *[([pose(1, 3.0, kind=k)], 1, 3, 0) for k in (Odometry, PoseWithCovarianceStamped)],
     ],

@@ -10,53 +10,53 @@ offset, and the scan is fused at the height of the moved map. The map lags behin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ._order import Sorted
+from ..arrays._checks import Mask, Size
+from ._clusters import Clusters
+from ._parameters import Parameters
 from ._sensors import Numbers
 
-
-@dataclass(frozen=True)
-class DriftRules:
-    """Numbers of the compensation, as in `Parameters`."""
-
-    threshold: float
-    max_drift: float
-    largest_variance: float
-    min_cells: int
+LEVEL = 0.03
+"""Largest difference of heights [m] between a cell that votes and its eight neighbors."""
 
 
-def offset(points: Sorted, heights: Numbers, variances: Numbers, rules: DriftRules) -> float:
+def offset(
+    clusters: Clusters, heights: Numbers, variances: Numbers, size: Size, given: Parameters
+) -> float:
     """Return how much higher than the map a scan is [m], 0 if the cells do not agree on that.
 
-    A cell of small variance sees the mean offset of its points that are within the gate and
-    `max_drift` of its height. Cells agree that are within the gate of the median offset. There have
-    to be enough of them, more than half of all, and the result, their mean by inverse variances,
-    has to be below `max_drift`.
+    Cells of small variance vote whose eight neighbors are known and level with them: near steps and
+    edges, points and map differ without drift. They see the offsets of their clusters that are
+    within the gate and `max_drift` of their heights. Offsets agree that are within the gate of the
+    median. There have to be enough of them, more than half of all, and the result, their mean by
+    inverse variances, has to be below `max_drift`.
 
     Args:
-        points: the points on the map.
+        clusters: the clusters of the scan.
         heights, variances: (cells,) of the map.
-        rules: numbers of the compensation.
+        size: rows and columns of the map.
+        given: parameters.
     """
-    groups, cells = points.groups, points.cells
-    height, variance = heights[cells], variances[cells]
-    certain = variance <= rules.largest_variance
-    away = points.heights - height[groups]
-    near = rules.max_drift + rules.threshold * np.sqrt(variance[groups] + points.variances)
-    chosen = certain[groups] & (np.abs(away) <= near)
-    groups, weights = groups[chosen], 1.0 / points.variances[chosen]
-    weight = np.bincount(groups, weights, len(cells))
-    seen = np.flatnonzero(weight)
-    if len(seen) < rules.min_cells:
+    cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
+    away, spread = clusters.means - heights[cells], variances[cells] + clusters.variances
+    votes = np.abs(away) <= given.max_drift + threshold * np.sqrt(spread)
+    votes &= variances[cells] <= given.drift_compensation_variance_inlier
+    votes[votes] = _is_level(heights, size)[cells[votes]]
+    away, spread = away[votes], spread[votes]
+    if len(away) < given.min_drift_cells:
         return 0.0
-    offsets = np.bincount(groups, weights * away[chosen], len(cells))[seen] / weight[seen]
-    spread = variance[seen] + 1.0 / weight[seen]
-    agrees = np.abs(offsets - np.median(offsets)) <= rules.threshold * np.sqrt(spread)
-    if agrees.sum() < max(rules.min_cells, 0.5 * len(seen)):
+    agrees = np.abs(away - np.median(away)) <= threshold * np.sqrt(spread)
+    if agrees.sum() < max(given.min_drift_cells, 0.5 * len(away)):
         return 0.0
-    weights = 1.0 / spread[agrees]
-    mean = float((weights * offsets[agrees]).sum() / weights.sum())
-    return mean if abs(mean) <= rules.max_drift else 0.0
+    mean = float(np.average(away[agrees], weights=1.0 / spread[agrees]))
+    return mean if abs(mean) <= given.max_drift else 0.0
+
+
+def _is_level(heights: Numbers, size: Size) -> Mask:
+    """Return which cells (cells,) are level with all eight neighbors."""
+    padded = np.pad(heights.reshape(size, order="F"), 1, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+    rises = np.abs(windows - heights.reshape(size, order="F")[..., None, None])
+    level: Mask = (rises <= LEVEL).all(axis=(2, 3)).ravel(order="F")
+    return level

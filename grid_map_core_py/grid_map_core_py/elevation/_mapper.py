@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import time
 import warnings
@@ -15,15 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays._checks import Integers, Mask, is_name
+from ..arrays._checks import is_name
 from ..errors import GridMapError, LayerNotFoundError, short
 from ..limits import check_cells
 from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import build, check
-from . import _drift as drift, _fusion as fusion, _horizontal as horizontal
+from . import _drift as drift, _horizontal as horizontal
+from ._clusters import RELIEF, Clusters, clusters_of, grow_clusters
+from ._fusion import Outcome, fuse
 from ._motion import Covariance, as_covariance, of_motion
-from ._order import Sorted, deal, sorted_by_cell
+from ._order import deal, sorted_by_cell
 from ._parameters import Parameters
 from ._points import (
     OUTSIDE,
@@ -35,12 +38,12 @@ from ._points import (
     in_map_order,
     located,
 )
-from ._sensors import LaserModel, Numbers, SensorModel
-from ._state import BOUNDS, HORIZONTAL, OWN, State, flat, shaped
+from ._sensors import LaserModel, SensorModel
+from ._state import BOUNDS, HIDDEN, HORIZONTAL, OVERHANG, OWN, State, flat, shaped
 from ._values import Chosen, ValueFusion
 from ._visibility import cleared_cells, cover, entry_heights, trace
 
-_LOOPS = deal, fusion.fuse_cells, cover, trace
+_LOOPS = deal, grow_clusters, cover, trace
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,9 @@ class UpdateReport:
 
     Attributes:
         points_used: points that are part of the height of a cell now.
-        points_dropped: points that are not finite, beyond a limit or beside the map.
+        points_dropped: points that do not count.
         points_gated: points on the map that do not agree with their cell.
+        reasons: numbers of the dropped points by the reason.
         conflicts: cells whose height all points of the scan contradict, replaced ones included.
         cells_cleared: cells that the visibility cleanup has cleared.
         drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
@@ -62,6 +66,7 @@ class UpdateReport:
     points_used: int
     points_dropped: int
     points_gated: int
+    reasons: Mapping[str, int]
     conflicts: int
     cells_cleared: int
     drift: float
@@ -113,17 +118,18 @@ class ElevationMapper:
     ) -> None:
         if not isinstance(geometry, GridGeometry):
             raise GridMapError(f"geometry: expected a GridGeometry, got {short(geometry)}")
-        self._parameters = build(Parameters, parameters)
         self._sensor = _as_sensor(sensor or LaserModel())
+        limit = getattr(self._sensor, "max_variance", Parameters.max_variance)
+        self._parameters = build(Parameters, {"max_variance": limit} | parameters)
         self._values = ValueFusion(value_fusions or {}, self._parameters.exponential_alpha)
         check_cells("geometry", geometry.size, len(OWN))
         own = (*OWN, HORIZONTAL) if self._parameters.horizontal_variances else OWN
         self._map = GridMap.from_geometry(
             geometry, own, basic_layers=["elevation"], frame_id=frame_id
         )
-        # Weights of values, over the same cells.
-        self._weights = GridMap.from_geometry(geometry)
+        self._hidden = GridMap.from_geometry(geometry, HIDDEN)
         self._pose: tuple[Covariance, NDArray[np.float64]] | None = None
+        self._noise = math.inf
         self._start: int | None = None
         self._last = 0
         # The first scan shall not wait for compiled loops.
@@ -164,8 +170,10 @@ class ElevationMapper:
             points: (N, 3) or wider, x, y, z [m], sensor frame. Points that are not finite, and
                 those at the origin, are dropped.
             transform: (4, 4) from the sensor to the map frame.
-            timestamp: time of the scan [ns]. If it goes back, the clock starts anew with a
-                `RuntimeWarning`, and all cells count as confirmed at that time.
+            timestamp: time of the scan [ns]. A scan that is earlier than the last one counts as
+                simultaneous. After a jump of more than `max_time_jump`, the clock starts anew with
+                a `RuntimeWarning`, and all cells count as confirmed at that time. Time 0 on a clock
+                that is far beyond is none: with a `RuntimeWarning` all points are dropped.
             pose_covariance: (6, 6) of x, y, z [m], roll, pitch, yaw [rad] of the sensor; rotations
                 are about the axes of the map. None is an exact pose.
             values: (N,) further values of the points by the names of their layers.
@@ -185,24 +193,31 @@ class ElevationMapper:
             model = self._sensor if sensor is None else _as_sensor(sensor)
             columns = as_columns(values, len(cloud))
             self._check_names(columns)
+            last = stamp if self._start is None else self._last
+            jump = 1e-9 * (stamp - last)
+            if stamp == 0 and -jump > self._parameters.max_time_jump:
+                return self._without_time(len(cloud), clock)
             moved = in_map_order(self._map.without_layers(BOUNDS), position)
-            weights = in_map_order(self._weights, moved.position)
-            scan = self._located(cloud, matrix, covariance, model, moved.geometry)
-        state = State.of(moved, weights)
-        now, start = self._advance(state, stamp, covariance, matrix, moved.geometry)
-        result = self._fuse(scan, columns, state, moved.geometry, now, clock)
+            hidden = in_map_order(self._hidden, moved.position)
+            noise = self._noise_of(covariance)
+            scan = self._located(cloud, matrix, noise, model, moved.geometry)
+        state = State.of(moved, hidden)
+        if self._pose is not None and covariance is not None:
+            self._add_motion(state, self._pose, covariance, matrix, moved.geometry)
+        start, stamp = self._advance(state, stamp, last, jump)
+        result = self._fuse(
+            scan, noise, columns, state, moved.geometry, 1e-9 * (stamp - start), clock
+        )
         with clock.stage("layers"):
             done = moved.with_layers(shaped(state.layers(self._parameters), moved.size))
             done.timestamp = stamp
-            weights = weights.with_layers(shaped(state.weights, weights.size))
-        self._map, self._weights = done, weights
+            hidden = hidden.with_layers(shaped(state.hidden, hidden.size))
+        self._map, self._hidden = done, hidden
         self._pose = None if covariance is None else (covariance, matrix)
         self._start, self._last = start, stamp
-        used, conflicts, cleared, offset = result
-        on_map = int((scan.cells != OUTSIDE).sum())
-        return UpdateReport(
-            used, len(cloud) - on_map, on_map - used, conflicts, cleared, offset, clock.milliseconds
-        )
+        if covariance is not None:
+            self._noise = min(self._noise, float(covariance.matrix[0, 0]))
+        return result
 
     def configure(self, **parameters: Any) -> None:
         """Change parameters; after an error all are what they were.
@@ -224,13 +239,13 @@ class ElevationMapper:
             GeometryError: the position is not finite, or too far away to count the cells.
         """
         self._map = in_map_order(self._map, position)
-        self._weights = in_map_order(self._weights, position)
+        self._hidden = in_map_order(self._hidden, position)
 
     def clear(self) -> None:
         """Make all cells unknown; the clock goes on."""
         self._map = self._map.copy()
         self._map.clear_all()
-        self._weights = GridMap.from_geometry(self._map.geometry)
+        self._hidden = GridMap.from_geometry(self._map.geometry, HIDDEN)
 
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace layers by those of another map, where the other one covers this map.
@@ -264,12 +279,15 @@ class ElevationMapper:
             inside &= ~np.isnan(grid_map[mask_layer][cells])
         for name in common:
             np.copyto(flat(target[name]), grid_map[name][cells], where=inside)
-        state = State.of(target, GridMap.from_geometry(target.geometry))
+        hidden = in_map_order(self._hidden, None)
+        state = State.of(target, hidden)
         state.heights[~np.isfinite(state.heights)] = np.nan
         least = self._parameters.min_variance
         state.variances[inside & ~(state.variances >= least)] = least
         if "elevation" in common:
-            state.times[inside] = self._now()
+            state.confirm(inside, 0.0 if self._start is None else 1e-9 * (self._last - self._start))
+            state.support[inside] = np.inf
+        self._hidden = hidden
         self._map = target.with_layers(shaped(state.layers(self._parameters), target.size))
 
     def fused_map(self) -> GridMap:
@@ -315,47 +333,68 @@ class ElevationMapper:
             horizontal=given.horizontal_variances,
         )
 
-    def _advance(
+    def _noise_of(self, covariance: Covariance | None) -> Covariance | None:
+        """Return the part of the covariance of a pose that is noise of each scan.
+
+        The position of an odometry becomes ever less certain along its way, but the map moves with
+        it. So only the smallest variance of z so far is noise, and that of an odometry that has
+        come far before the map began, more than a quarter of `max_variance`, is not.
+        """
+        if covariance is None:
+            return None
+        noise = min(self._noise, float(covariance.matrix[0, 0]))
+        return covariance.with_height(
+            noise if 4.0 * noise <= self._parameters.largest_variance else 0.0
+        )
+
+    def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
+        """Let cells grow older; return the start of the clock and the time of the scan [ns]."""
+        start = stamp if self._start is None else self._start
+        if abs(jump) > self._parameters.max_time_jump:
+            text = (
+                f"timestamp: expected a time within max_time_jump, "
+                f"{self._parameters.max_time_jump:g} s, of {last} ns, got {stamp}; the clock of "
+                "the map starts anew"
+            )
+            warnings.warn(text, RuntimeWarning, stacklevel=3)
+            state.confirm(~np.isnan(state.heights), 0.0)
+            return stamp, stamp
+        stamp = max(stamp, last)
+        state.grow_older(stamp // 10**6 - last // 10**6)
+        state.variances += self._parameters.time_variance * max(jump, 0.0)
+        return start, stamp
+
+    def _add_motion(
         self,
         state: State,
-        stamp: int,
-        covariance: Covariance | None,
+        before: tuple[Covariance, NDArray[np.float64]],
+        covariance: Covariance,
         matrix: NDArray[np.float64],
         geometry: GridGeometry,
-    ) -> tuple[float, int]:
-        """Let cells lose certainty by time and motion; return the time [s], and its start [ns]."""
-        start = stamp if self._start is None else self._start
-        seconds = (stamp - self._last) * 1e-9 if self._start is not None else 0.0
-        if seconds < 0.0:
-            text = f"timestamp: expected at least {self._last} ns, got {stamp}; the clock is reset"
-            warnings.warn(text, RuntimeWarning, stacklevel=3)
-            start, seconds = stamp, 0.0
-            state.times[~np.isnan(state.times)] = 0.0
-        state.variances += self._parameters.time_variance * seconds
-        if covariance is not None and self._pose is not None:
-            old, pose = self._pose
-            x, y, _ = matrix[:3, 3]
-            added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
-            rows, columns = geometry.axes_in_map_order()
-            place = (rows - x)[None, :], (columns - y)[:, None]
-            with np.errstate(over="ignore", invalid="ignore"):
-                if added.matrix.any():
-                    state.variances += added.of_places(*place).ravel()
-                if HORIZONTAL in state.others:
-                    state.others[HORIZONTAL] += added.level_of_places(*place).ravel()
-        return (stamp - start) * 1e-9, start
+    ) -> None:
+        """Let cells lose certainty by the motion of the sensor since the last scan."""
+        old, pose = before
+        x, y, _ = matrix[:3, 3]
+        added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
+        rows, columns = geometry.axes_in_map_order()
+        place = (rows - x)[None, :], (columns - y)[:, None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            if added.matrix.any():
+                state.variances += added.of_places(*place).ravel()
+            if HORIZONTAL in state.others:
+                state.others[HORIZONTAL] += added.level_of_places(*place).ravel()
 
     def _fuse(
         self,
         scan: Scan,
+        noise: Covariance | None,
         columns: Mapping[str, NDArray[Any]],
         state: State,
         geometry: GridGeometry,
         now: float,
         clock: _Stages,
-    ) -> tuple[int, int, int, float]:
-        """Return the numbers of used points, conflicts and cleared cells, and the offset."""
-        given = self._parameters
+    ) -> UpdateReport:
+        given, size = self._parameters, geometry.size
         with clock.stage("sort"):
             on_map = np.flatnonzero(scan.cells != OUTSIDE)
             points = sorted_by_cell(
@@ -364,27 +403,39 @@ class ElevationMapper:
                 scan.variances[on_map],
                 len(state.heights),
             )
+        with clock.stage("clusters"):
+            common = np.zeros(len(points.cells))
+            if noise is not None:
+                rows, lines = geometry.axes_in_map_order()
+                x, y = rows[points.cells % size[0]], lines[points.cells // size[0]]
+                common = noise.of_points(x - scan.sensor[0], y - scan.sensor[1])
+            clusters = clusters_of(
+                points,
+                common,
+                given.mahalanobis_distance_threshold,
+                RELIEF * geometry.resolution,
+            )
         offset = 0.0
         if given.enable_drift_compensation:
             with clock.stage("drift"):
-                scan, points, offset = self._without_drift(scan, points, state)
+                offset = drift.offset(clusters, state.heights, state.variances, size, given)
+                state.heights += given.drift_compensation_alpha * offset
+                scan, clusters = _lowered(
+                    scan, clusters, (1.0 - given.drift_compensation_alpha) * offset
+                )
         with clock.stage("fusion"):
-            stale = np.float32(now) - state.times >= np.float32(given.scanning_duration)
-            entries = _entries(scan, points, on_map, stale, geometry)
-            rules = fusion.Rules(
-                given.mahalanobis_distance_threshold,
-                given.min_variance,
-                given.multi_height_noise,
-                given.conflict_points,
+            points = clusters.points
+            fused = fuse(
+                clusters,
+                state,
+                geometry,
+                lambda places: entry_heights(scan, geometry, on_map[points.order[places]]),
+                given,
             )
-            states, used = fusion.fuse(
-                points, entries, state.heights, state.variances, stale, rules
-            )
-            confirmed = points.cells[states < fusion.CONTRADICTED]
-            state.times[confirmed] = now
-            stale[confirmed] = False
+            confirmed = points.cells[fused.outcomes != Outcome.CONTRADICTED]
+            state.confirm(confirmed, now)
             if len(scan.horizontal):
-                state.keep_horizontal(scan.horizontal[on_map], points, used)
+                state.keep_horizontal(scan.horizontal[on_map], points, fused.used)
         cleared = np.zeros(0, np.int64)
         if given.enable_visibility_cleanup and len(scan.places):
             with clock.stage("visibility"):
@@ -393,7 +444,8 @@ class ElevationMapper:
                     points,
                     state.heights,
                     state.variances,
-                    stale,
+                    state.ages >= 1e3 * given.scanning_duration,
+                    confirmed,
                     geometry,
                     given.max_ray_length,
                     given.cleanup_min_angle,
@@ -401,47 +453,45 @@ class ElevationMapper:
         if columns:
             with clock.stage("values"):
                 fresh = np.zeros(len(state.heights), np.bool_)
-                fresh[
-                    points.cells[(states > fusion.CONFIRMED) & (states < fusion.CONTRADICTED)]
-                ] = True
+                fresh[points.cells[fused.is_new]] = True
                 places = scan.places[on_map]
                 given_here = {name: column[places] for name, column in columns.items()}
                 self._values.fuse(
-                    Chosen(points, used, fresh), given_here, state.others, state.weights
+                    Chosen(points, fused.used, fresh), given_here, state.others, state.hidden
                 )
         state.heights[cleared] = np.nan
-        conflicts = int((states >= fusion.RAISED).sum())
-        return int(used.sum()), conflicts, len(cleared), offset
-
-    def _without_drift(
-        self, scan: Scan, points: Sorted, state: State
-    ) -> tuple[Scan, Sorted, float]:
-        """Move the map by a share of its offset from the scan, and the scan by the rest."""
-        given = self._parameters
-        rules = drift.DriftRules(
-            given.mahalanobis_distance_threshold,
-            given.max_drift,
-            given.drift_compensation_variance_inlier,
-            given.min_drift_cells,
+        used = fused.used & ~(state.variances > given.largest_variance)[points.cells[points.groups]]
+        lost = int((fused.used & ~used).sum())
+        reasons = scan.dropped | {
+            "beside the map": len(scan.cells) - len(on_map),
+            "cell more uncertain than max_variance": lost,
+        }
+        return UpdateReport(
+            int(used.sum()),
+            sum(reasons.values()),
+            len(on_map) - int(fused.used.sum()),
+            {reason: count for reason, count in reasons.items() if count},
+            int((fused.outcomes >= Outcome.RAISED).sum()),
+            len(cleared),
+            offset,
+            clock.milliseconds,
         )
-        offset = drift.offset(points, state.heights, state.variances, rules)
-        if not offset:
-            return scan, points, 0.0
-        state.heights += given.drift_compensation_alpha * offset
-        rest = (1.0 - given.drift_compensation_alpha) * offset
-        down = np.array([0.0, 0.0, rest])
-        scan = replace(scan, sensor=scan.sensor - down, points=scan.points - down[:, None])
-        return scan, replace(points, heights=points.heights - rest), offset
+
+    def _without_time(self, count: int, clock: _Stages) -> UpdateReport:
+        warnings.warn(
+            f"timestamp: expected the time of the scan, got 0 after {self._last} ns; its points "
+            "are dropped",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+        return UpdateReport(0, count, 0, {"timestamp 0": count}, 0, 0, 0.0, clock.milliseconds)
 
     # Small parts
-
-    def _now(self) -> float:
-        return 0.0 if self._start is None else (self._last - self._start) * 1e-9
 
     def _check_names(self, columns: Mapping[str, NDArray[Any]]) -> None:
         new = [name for name in columns if name not in self._map]
         for name in columns:
-            if name in (*OWN, HORIZONTAL) or not is_name(name):
+            if name in (*OWN, HORIZONTAL, OVERHANG, *HIDDEN) or not is_name(name):
                 raise GridMapError(f"values: expected another name of a layer, got {name!r}")
         if new:
             check_cells("values", self._map.size, len(self._map) + 2 * len(new))
@@ -460,15 +510,19 @@ class _Stages:
         self.milliseconds[name] = 1e3 * (time.perf_counter() - begin)
 
 
-def _entries(
-    scan: Scan, points: Sorted, on_map: Integers, stale: Mask, geometry: GridGeometry
-) -> Numbers:
-    """Return the heights at which beams entered stale cells, -inf elsewhere; sorted."""
-    entries = np.full(len(points.order), -np.inf)
-    chosen = np.flatnonzero(stale[points.cells][points.groups])
-    if len(chosen):
-        entries[chosen] = entry_heights(scan, geometry, on_map[points.order[chosen]])
-    return entries
+def _lowered(scan: Scan, clusters: Clusters, offset: float) -> tuple[Scan, Clusters]:
+    """Return a scan and its clusters at lower heights [m]."""
+    down = np.array([0.0, 0.0, offset])
+    points = replace(clusters.points, heights=clusters.points.heights - offset)
+    return (
+        replace(
+            scan,
+            sensor=scan.sensor - down,
+            points=scan.points - down[:, None],
+            highest=scan.highest - offset,
+        ),
+        replace(clusters, points=points, means=clusters.means - offset),
+    )
 
 
 def _as_sensor(sensor: SensorModel) -> SensorModel:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,12 @@ class Covariance:
         """
         (height, _, _), (_, roll, both), (_, _, pitch) = self.matrix.tolist()
         return height + (roll * y * y - 2.0 * both * x * y + pitch * x * x)
+
+    def with_height(self, variance: float) -> Covariance:
+        """Return the covariance with another variance of z [m^2]."""
+        matrix = self.matrix.copy()
+        matrix[0, 0] = variance
+        return replace(self, matrix=matrix)
 
     def of_places(self, x: Any, y: Any) -> Any:
         """Return the same for cells, correlations of height and tilt included."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..plugins import check
 
 _COUNTS = ("conflict_points", "min_drift_cells")
-_SHARES = ("drift_compensation_alpha", "exponential_alpha")
+_SHARES = ("drift_compensation_alpha", "exponential_alpha", "min_support")
 _SIGNED = ("max_variance", "ignore_points_above", "ignore_points_below")
 
 
@@ -19,7 +19,7 @@ class Parameters:
     Attributes:
         min_variance: smallest variance of a cell [m^2].
         max_variance: largest variance [m^2], beyond which a cell becomes unknown; 0 or less is no
-            limit.
+            limit. The default for a `ConstantModel` is 100.
         mahalanobis_distance_threshold: a point agrees with a height if they differ by at most this
             many standard deviations.
         multi_height_noise: variance that a cell gains by a scan that contradicts it [m^2].
@@ -28,6 +28,13 @@ class Parameters:
             lowered.
         conflict_points: number of points of one scan that must agree with each other to replace the
             height of a cell.
+        min_support: share of the points of the densest cluster of a cell that a higher cluster
+            needs to be its surface at once; with fewer points it must be seen in three scans.
+        overhang_clearance: a surface this much above ground that the same scan sees is an overhang
+            [m]: the ground stays, and the layer `overhang` has the height of its lower side; 0
+            takes the highest surface.
+        max_time_jump: difference between the times of two scans [s] above which the clock of the
+            map starts anew.
         enable_visibility_cleanup: True to clear cells above beams that passed through them.
         max_ray_length: length of beams [m] up to which they clear cells.
         cleanup_min_angle: smallest angle between a beam and the surface [rad]; beams that graze the
@@ -52,6 +59,9 @@ class Parameters:
     time_variance: float = 0.0
     scanning_duration: float = 1.0
     conflict_points: int = 2
+    min_support: float = 0.2
+    overhang_clearance: float = 0.0
+    max_time_jump: float = 10.0
     enable_visibility_cleanup: bool = True
     max_ray_length: float = 10.0
     cleanup_min_angle: float = 0.1

@@ -25,6 +25,14 @@ from ._sensors import Numbers, SensorModel
 OUTSIDE = -1
 """In place of the cell of a point beside the map."""
 
+REASONS = (
+    "no finite point",
+    "beyond min_range or max_range",
+    "beyond ignore_points_below or ignore_points_above",
+    "not measured by the sensor",
+)
+"""Reasons why points do not count, in the order in which they are checked."""
+
 LEAST_VARIANCE = 1e-12
 """Variance [m^2] of points that claim a smaller one, so that weights stay finite."""
 
@@ -51,19 +59,23 @@ class Scan:
     Attributes:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
-        variances: (n,) of z [m^2].
+        variances: (n,) of z [m^2] by the sensor alone.
+        highest: (n,) z plus three standard deviations, those of the pose included [m].
         cells: (n,) number of the cell of each point, column after column in map order, or
             `OUTSIDE`.
         places: (n,) places in the cloud.
         horizontal: (n,) variances along x and y [m^2], or (0,) if they are not wanted.
+        dropped: number of points that do not count, by the reason.
     """
 
     sensor: Positions
     points: NDArray[np.float64]
     variances: Numbers
+    highest: Numbers
     cells: Integers
     places: Integers
     horizontal: Numbers
+    dropped: dict[str, int]
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -147,23 +159,25 @@ def located(
         limits: limits of points.
         horizontal: True to compute variances along x and y, too.
     """
-    count, kept = len(cloud), 0
-    points, variances = np.empty((3, count)), np.empty(count)
+    count, kept, dropped = len(cloud), 0, dict.fromkeys(REASONS, 0)
+    points, variances = np.empty((3, count)), np.empty((2, count))
     cells, places = np.empty((2, count), np.int64)
     for part in slices(count, PIECE):
-        found = _located_part(cloud[part], transform, covariance, sensor, geometry, limits)
+        found = _located_part(cloud[part], transform, covariance, sensor, geometry, limits, dropped)
         here = slice(kept, kept + len(found[0]))
-        places[here], points[:, here], variances[here], cells[here] = found
+        places[here], points[:, here], variances[:, here], cells[here] = found
         places[here] += part.start
         kept = here.stop
     places = places[:kept]
     return Scan(
         transform[:3, 3],
         points[:, :kept],
-        variances[:kept],
+        variances[0, :kept],
+        variances[1, :kept],
         cells[:kept],
         places,
         _horizontal(cloud[places], transform, covariance, sensor) if horizontal else np.empty(0),
+        dropped,
     )
 
 
@@ -190,24 +204,38 @@ def _located_part(
     sensor: SensorModel,
     geometry: GridGeometry,
     limits: Limits,
-) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
-    """Return places, positions (3, n), variances and cells of the points that count."""
+    dropped: dict[str, int],
+) -> tuple[Integers, NDArray[np.float64], NDArray[np.float64], Integers]:
+    """Return places, positions (3, n), variances and upper ends (2, n), and cells of points."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)
-        counts = (distances > 0.0) & (distances < np.inf)
-        counts &= (distances >= limits.min_range) & (distances <= limits.max_range)
-        counts &= (turned[2] >= limits.below) & (turned[2] <= limits.above)
         own = np.ascontiguousarray(cloud[:, :3].T, dtype=np.float64)
-        variances = sensor.vertical_variances(own, distances, transform[2, :3])
-        if covariance is not None:
-            variances = variances + covariance.of_points(turned[0], turned[1])
-        counts &= np.isfinite(variances)
         points = turned + transform[:3, 3:4]
-        counts &= np.isfinite(points[2])
+        variances = np.maximum(
+            sensor.vertical_variances(own, distances, transform[2, :3]), LEAST_VARIANCE
+        )
+        total = variances
+        if covariance is not None:
+            total = variances + covariance.of_points(turned[0], turned[1])
+        highest = points[2] + 3.0 * np.sqrt(total)
+        counts = np.ones(len(cloud), np.bool_)
+        for reason, fits in zip(
+            REASONS,
+            (
+                (distances > 0.0) & (distances < np.inf) & np.isfinite(points[2]),
+                (distances >= limits.min_range) & (distances <= limits.max_range),
+                (turned[2] >= limits.below) & (turned[2] <= limits.above),
+                np.isfinite(highest),
+            ),
+            strict=True,
+        ):
+            dropped[reason] += int((counts & ~fits).sum())
+            counts &= fits
     places = np.flatnonzero(counts)
+    ends = np.stack((variances, highest))
     if len(places) < len(cloud):
-        points, variances = points.take(places, axis=1), variances[places]
+        points, ends = points.take(places, axis=1), ends.take(places, axis=1)
     cells, inside = flat_cells(points[:2].T, geometry)
     cells[~inside] = OUTSIDE
-    return places, points, np.maximum(variances, LEAST_VARIANCE), cells
+    return places, points, ends, cells

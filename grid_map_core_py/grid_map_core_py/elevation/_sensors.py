@@ -10,7 +10,7 @@ the rotation from the sensor to the map: the vertical as the sensor sees it.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,12 @@ class SensorModel(Protocol):
 
 
 class _Model:
-    """Checks the parameters of a model: finite numbers, not negative unless listed."""
+    """Checks the parameters of a model: finite numbers, not negative unless listed.
 
+    `max_variance` is the default of this parameter for maps of the sensor [m^2].
+    """
+
+    max_variance: ClassVar[float] = 0.01
     _signed: tuple[str, ...] = ()
     _positive: tuple[str, ...] = ()
 
@@ -180,6 +184,8 @@ class ConstantModel(_Model):
     Attributes:
         sensor_noise_factor: vertical variance at a distance of 1 m [m^2].
     """
+
+    max_variance = 100.0  # as in elevation_mapping_cupy
 
     sensor_noise_factor: float = 0.05
 

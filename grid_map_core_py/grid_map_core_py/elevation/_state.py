@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays._checks import Layer, Mask
+from ..arrays._checks import Integers, Layer, Mask
 from ..map._grid_map import GridMap
 from ._order import Sorted, in_one_order
 from ._parameters import Parameters
@@ -23,6 +23,13 @@ BOUND = 2.486
 BOUNDS = ("upper_bound", "lower_bound")
 OWN = ("elevation", "variance", "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
+OVERHANG = "overhang"
+
+HIDDEN = ("# support", "# age", "# candidate", "# sightings", "# candidate age", "# overhang age")
+"""Layers beside the weights of values, which move with the map and are not published."""
+
+_OLDEST = 2.0**24
+"""Largest whole number of milliseconds that float32 counts to."""
 
 
 @dataclass
@@ -31,24 +38,39 @@ class State:
 
     Attributes:
         heights, variances, times: (cells,) of the cells; a height is NaN where it is unknown.
+        support: number of points that ever supported the height.
+        ages: time since the last confirmation [ms].
         others: all layers of the map by name.
-        weights: weights of layers of values.
+        hidden: `HIDDEN`, and weights of layers of values.
     """
 
     heights: Numbers
     variances: Numbers
     times: NDArray[np.float32]
+    support: NDArray[np.float32]
+    ages: NDArray[np.float32]
     others: dict[str, NDArray[np.float32]]
-    weights: dict[str, NDArray[np.float32]]
+    hidden: dict[str, NDArray[np.float32]]
 
     @classmethod
-    def of(cls, grid_map: GridMap, weights: GridMap) -> State:
+    def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
         """Return the state of a map in map order; it shares the memory of some layers."""
-        layers, hidden = (
-            {name: flat(data) for name, data in part.items()} for part in (grid_map, weights)
+        layers, own = (
+            {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
         heights, variances = (layers[name].astype(np.float64) for name in OWN[:2])
-        return cls(heights, variances, layers["time"], layers, hidden)
+        support, ages = (own[name] for name in HIDDEN[:2])
+        return cls(heights, variances, layers["time"], support, ages, layers, own)
+
+    def grow_older(self, milliseconds: int) -> None:
+        """Let time pass [ms]."""
+        for name in HIDDEN:
+            if name.endswith("age"):
+                np.minimum(self.hidden[name] + milliseconds, _OLDEST, out=self.hidden[name])
+
+    def confirm(self, cells: Integers | Mask, now: float) -> None:
+        """Note that cells were seen at a time [s]."""
+        self.times[cells], self.ages[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
         """Return all layers of the map, flat; cells that are too uncertain are unknown."""

@@ -16,6 +16,9 @@ if it is below `h - 3 sqrt(v)`, unless
   the lowest neighbor. Beams that run along a wall pass between its points. Or
 - it grazes the surface: the angle between the beam and the plane through the neighbors is less than
   `cleanup_min_angle`.
+
+The beam counts as ending three standard deviations above its point. It proves nothing from where it
+is below the surface of a cell that this scan confirmed, or of a neighbor: it was reflected.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 
 from ..arrays._checks import Integers, Mask, Size
 from ..loops import loop
@@ -62,6 +66,7 @@ def cleared_cells(
     heights: Numbers,
     variances: Numbers,
     stale: Mask,
+    confirmed: Integers,
     geometry: GridGeometry,
     max_length: float,
     min_angle: float,
@@ -73,6 +78,7 @@ def cleared_cells(
         points: the points on the map, sorted by cell.
         heights, variances: (cells,) of the map; a height is NaN where it is unknown.
         stale: (cells,) whether a cell was not confirmed for `scanning_duration`.
+        confirmed: (k,) cells that this scan has confirmed.
         geometry: geometry of the map.
         max_length: length of beams that counts [m].
         min_angle: smallest angle to the surface [rad].
@@ -94,21 +100,23 @@ def cleared_cells(
         max_length,
     )
     proofs, crossed = np.full(len(candidates), np.inf), np.zeros(len(candidates), np.uint8)
-    floors = _highest_around(floors, candidates, geometry.size)
-    surface = ceilings, places, floors, normals.T.ravel(), proofs, crossed
+    floors = highest_around(floors, candidates, geometry.size)
+    guards = _guards(heights - 3.0 * np.sqrt(variances), confirmed, geometry.size)
+    surface = ceilings, places, floors, normals.T.ravel(), guards, proofs, crossed
+    ways = np.stack((*scan.points[:2], scan.highest)) - scan.sensor[:, None]
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
         prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
         run(
-            *map(np.ascontiguousarray, (scan.points - scan.sensor[:, None])),
-            scan.points.shape[1],
+            *ways,
+            ways.shape[1],
             frame,
             geometry.size,
             table,
             *surface,
         )
     else:
-        beams, span = _beams(scan, geometry, max_length, float(lowest.max()) + MARGIN)
+        beams, span = _beams(ways, scan, geometry, max_length, float(lowest.max()) + MARGIN)
         _trace_arrays(beams, span, frame, geometry.size, *surface)
     proven = np.flatnonzero(proofs < np.inf)
     if not len(proven):
@@ -132,14 +140,27 @@ def _stands(
         geometry: geometry of the map.
     """
     size, resolution = geometry.size, geometry.resolution
-    ground = -_highest_around(np.where(np.isnan(heights), -np.inf, -heights), cells, size)
-    beside = _highest_around(np.where(np.isnan(lowest), -np.inf, lowest), cells, size, 2)
+    ground = -highest_around(np.where(np.isnan(heights), -np.inf, -heights), cells, size)
+    beside = highest_around(np.where(np.isnan(lowest), -np.inf, lowest), cells, size, 2)
     mask: Mask = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
     return mask
 
 
+def _guards(lowest: Numbers, confirmed: Integers, size: Size) -> Numbers:
+    """Return the smallest of `lowest` (cells,) among confirmed neighbors of cells, or -inf."""
+    own = np.full(len(lowest), np.inf)
+    own[confirmed] = lowest[confirmed]
+    around = minimum_filter(own.reshape(size, order="F"), 3, mode="nearest").ravel(order="F")
+    guards: Numbers = np.where(around < np.inf, around, -np.inf)
+    return guards
+
+
 def _beams(
-    scan: Scan, geometry: GridGeometry, max_length: float, ceiling: float
+    ways: NDArray[np.float64],
+    scan: Scan,
+    geometry: GridGeometry,
+    max_length: float,
+    ceiling: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the beams that can clear cells, and the part of each that can.
 
@@ -148,7 +169,7 @@ def _beams(
         span: (2, k) shares of the beam, from 0 at the sensor to 1 at the point: on the map, within
             `max_length` and below `ceiling`.
     """
-    beams = scan.points - scan.sensor[:, None]
+    beams = ways.copy()
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         length = np.sqrt(beams[0] * beams[0] + beams[1] * beams[1] + beams[2] * beams[2])
         last = np.minimum(max_length / length, 1.0)
@@ -181,6 +202,7 @@ def _trace_arrays(
     places: Integers,
     floors: Numbers,
     normals: Numbers,
+    guards: Numbers,
     proofs: Numbers,
     crossed: NDArray[np.uint8],
 ) -> None:
@@ -206,23 +228,26 @@ def _trace_arrays(
         proves = faces(normals, 3 * place, x, y, rise[passes], frame[3], frame[4])
         proves &= beam[passes] > floors[place]
         np.minimum.at(proofs, place[proves], beam[passes[proves]])
+        goes_on = frame[2] + rise * np.minimum(out, last) >= guards[cells]
         cells += np.where(by_row, steps[0], steps[1])
         borders[0] += np.where(by_row, delta[0], 0.0)
         borders[1] += np.where(by_row, 0.0, delta[1])
-        left = (out < last) & (cells >= 0) & (cells < len(ceilings))
+        left = goes_on & (out < last) & (cells >= 0) & (cells < len(ceilings))
         t, last, rise, ways = out[left], last[left], rise[left], ways[:, left]
         cells, borders, steps, delta = cells[left], borders[:, left], steps[:, left], delta[:, left]
 
 
-def _highest_around(values: Numbers, cells: Integers, size: Size, radius: int = 1) -> Numbers:
+def highest_around(
+    values: Numbers, cells: Integers, size: Size, radius: int = 1, *, itself: bool = True
+) -> Numbers:
     """Return the largest value (k,) around each of some cells, up to `radius` cells away."""
     rows, columns = size
     row, column = cells % rows, cells // rows
-    found = values[cells]
+    found = values[cells] if itself else np.full(len(cells), -np.inf)
     for i in range(-radius, radius + 1):
         for k in range(-radius, radius + 1):
             near = np.clip(row + i, 0, rows - 1) + rows * np.clip(column + k, 0, columns - 1)
-            np.maximum(found, values[near], out=found)
+            np.fmax(found, np.where(near == cells, -np.inf, values[near]), out=found)
     return found
 
 
@@ -348,6 +373,7 @@ def narrowed(
     "float64*",
     "float64*",
     "float64*",
+    "float64*",
     "uint8*",
 )
 def trace(
@@ -362,6 +388,7 @@ def trace(
     places: Any,
     floors: Any,
     normals: Any,
+    guards: Any,
     proofs: Any,
     crossed: Any,
 ) -> None:
@@ -370,7 +397,8 @@ def trace(
     Takes the beams, from the sensor to the point [m]; the place of the sensor in rows and columns,
     its height, the resolution, the sine of the smallest angle and the length of beams; the table of
     `cover`; the height of each cell below which beams clear it, and the place of the cell among
-    those that can be cleared, whose floors and normals follow. Writes the height of the lowest beam
+    those that can be cleared, whose floors and normals follow; the guard of each cell, below which
+    beams end. Writes the height of the lowest beam
     that proves each of these to be free, and marks those that beams crossed.
     """
     rows, columns = size
@@ -397,6 +425,7 @@ def trace(
                 places,
                 floors,
                 normals,
+                guards,
                 proofs,
                 crossed,
             )
@@ -413,6 +442,7 @@ def follow(
     places: Any,
     floors: Any,
     normals: Any,
+    guards: Any,
     proofs: Any,
     crossed: Any,
 ) -> None:
@@ -436,6 +466,8 @@ def follow(
             if passes and faces(normals, 3 * place, x, y, rise, frame[3], frame[4]):
                 # Only lower beams tell more.
                 proofs[place] = ceilings[cell] = beam
+        if frame[2] + rise * min(out, last) < guards[cell]:
+            break
         t = out
         # Sums without branches, which the processor could not foresee.
         cell += by_row if is_row else by_column

@@ -16,6 +16,7 @@ A request that fails is logged and changes nothing.
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -281,11 +282,12 @@ class ElevationMappingNode(ConfiguredNode):
         found["seconds since the last change of the map"] = f"{age:.1f}"
         found["updates"] = "enabled" if self._updates_enabled else "disabled"
         for sensor in self._sensors:
-            counts = sensor.queue.statistics
-            found[sensor.source.name] = f"{counts.fused} fused, {counts.dropped} dropped"
+            scans = sensor.queue.statistics
+            found[sensor.source.name] = f"{scans.fused} fused, {scans.dropped} dropped"
         if fusion.report is not None:
-            for name, value in vars(fusion.report).items():
-                if name != "milliseconds":
+            counts = {**vars(fusion.report), **fusion.report.reasons}
+            for name, value in counts.items():
+                if not isinstance(value, Mapping):
                     found[f"{name.replace('_', ' ')} in the last scan"] = f"{value:g}"
         for stage, (last, mean) in fusion.milliseconds.items():
             found[f"ms {stage}"], found[f"mean ms {stage}"] = f"{last:.3f}", f"{mean:.3f}"

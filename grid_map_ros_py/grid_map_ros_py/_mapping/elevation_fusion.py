@@ -19,11 +19,12 @@ from grid_map_core_py.elevation import ElevationMapper, UpdateReport
 from grid_map_core_py.errors import ConfigError, GridMapError
 from grid_map_core_py.plugins import check
 
+from ..errors import MessageError
 from ..messages._pose import Matrix
-from ..messages._time import NANOSECONDS, from_stamp
+from ..messages._time import from_stamp
 from .cameras import Camera, pixels_of, seen_cells
 from .elevation_parameters import InputSource
-from .poses import LONGEST_JITTER, Placement
+from .poses import Placement
 from .scan_queue import Scan
 
 IMAGE_FUSIONS = ("color", "latest", "exponential")
@@ -90,8 +91,6 @@ class ElevationFusion:
         mapper: the mapper.
         follow: whether the map moves with the robot.
         covariance_scale: factor of all covariances of poses.
-        time_tolerance: time [s] by which a scan may be earlier than the last one of any sensor
-            without the clock of the map being reset.
         clears_before_scan: whether each scan begins a new map.
         image_fusions: ways of fusion of the channels of images, by names or regular expressions.
         report: the last report of the mapper; None before.
@@ -104,7 +103,6 @@ class ElevationFusion:
     mapper: ElevationMapper
     follow: bool = True
     covariance_scale: float = 1.0
-    time_tolerance: float = 0.0
     clears_before_scan: bool = False
     image_fusions: Mapping[str, str] = field(default_factory=dict)
     report: UpdateReport | None = field(default=None, init=False)
@@ -112,11 +110,9 @@ class ElevationFusion:
     version: int = field(default=0, init=False)
     changed: float | None = field(default=None, init=False)
     warnings: list[str] = field(default_factory=list, init=False)
-    _last: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         check(self.covariance_scale >= 0, "covariance_scale", "0 or more", self.covariance_scale)
-        check(self.time_tolerance >= 0, "time_tolerance", "0 or more", self.time_tolerance)
         for pattern, fusion in self.image_fusions.items():
             known = f"one of {', '.join(IMAGE_FUSIONS)}"
             check(fusion in IMAGE_FUSIONS, f"image_channel_fusions.{pattern}", known, fusion)
@@ -142,9 +138,11 @@ class ElevationFusion:
         """Fuse a scan; after an error the map is unchanged.
 
         Raises:
-            GridMapError: the mapper refuses the scan.
+            GridMapError: the scan has no time, or the mapper refuses it.
         """
         begin = time.perf_counter()
+        if scan.stamp == 0:
+            raise MessageError("header.stamp", "the time of the scan", "0")
         scan = _within(scan, source, placement)
         covariance = placement.covariance
         if covariance is not None:
@@ -152,14 +150,13 @@ class ElevationFusion:
         before = self.mapper.grid_map
         if self.clears_before_scan:
             self.mapper.clear()
-        stamp = self._in_time(scan.stamp)
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
                 self.report = self.mapper.update(
                     scan.points,
                     placement.transform,
-                    timestamp=stamp,
+                    timestamp=scan.stamp,
                     pose_covariance=covariance,
                     values=scan.columns,
                     position=placement.center if self.follow else None,
@@ -170,7 +167,6 @@ class ElevationFusion:
                 self.mapper.masked_replace(before)
             raise
         self.warnings += [str(entry.message) for entry in caught]
-        self._last = stamp
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
     def paint(self, source: InputSource, picture: Picture, placement: Placement) -> None:
@@ -244,11 +240,6 @@ class ElevationFusion:
         found = "color" if name == COLOR_LAYER else self.image_fusions.get(name)
         matching = (f for p, f in self.image_fusions.items() if re.fullmatch(p, name))
         return found or next(matching, "latest")
-
-    def _in_time(self, stamp: int) -> int:
-        """Return the time of a scan; scans of several sensors come out of order by a little."""
-        tolerance = max(LONGEST_JITTER, round(self.time_tolerance * NANOSECONDS))
-        return self._last if self._last - tolerance <= stamp < self._last else stamp
 
     def _note(self, milliseconds: Mapping[str, float]) -> None:
         self.version += 1

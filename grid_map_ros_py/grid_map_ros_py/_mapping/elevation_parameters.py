@@ -66,6 +66,7 @@ UNUSED_PARAMETERS = {
     "scanning_time": "now `scanning_duration`",
     "surface_normal_estimation_radius": "put `NormalVectorsFilter` into the pipeline",
     "surface_normal_positive_axis": "put `NormalVectorsFilter` into the pipeline",
+    "time_tolerance": "scans may be late by up to `max_time_jump`",
     "underlying_map_topic": "call `masked_replace` with the map",
 }
 """Parameters of the C++ package that have no effect, and why."""

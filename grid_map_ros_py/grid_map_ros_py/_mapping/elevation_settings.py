@@ -6,7 +6,7 @@ Parameters are read in the order of the table on the page of the node.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -114,13 +114,13 @@ def read_settings(node: ConfiguredNode) -> Settings:
         ConfigError: a parameter is invalid.
         MissingPackageError: no installed package has filter chains, and there is one.
     """
+    sources = _read_sources(node)
     poses = _read_poses(node)
-    make_fusion = _read_fusion(node, poses)
+    make_fusion = _read_fusion(node, poses, sources)
     patch, patch_frame = _read_patch(node, poses)
     chain = _read_chain(node)
     files = _read_files(node)
     raw_rate, fused_rate = _read_rates(node)
-    sources = _read_sources(node)
     return Settings(
         poses=poses,
         make_fusion=make_fusion,
@@ -135,19 +135,22 @@ def read_settings(node: ConfiguredNode) -> Settings:
     )
 
 
-def read_mapper_parameters(node: ConfiguredNode) -> dict[str, Any]:
-    """Return the parameters of the mapper as they are now."""
+def read_mapper_parameters(
+    node: ConfiguredNode, sources: Sequence[InputSource] = ()
+) -> dict[str, Any]:
+    """Return the parameters of the mapper as they are now; the first call declares them.
+
+    `max_variance` fits the models of all sources by default.
+    """
     kinds, abouts = get_type_hints(Parameters), descriptions(Parameters)
+    defaults = {field.name: field.default for field in fields(Parameters)}
+    limits = [getattr(source.processor.model, "max_variance", 0.0) for source in sources]
+    defaults["max_variance"] = max(limits, default=defaults["max_variance"])
     return {
-        field.name: read_parameter(
-            node,
-            field.name,
-            kinds[field.name],
-            field.default,
-            description=abouts[field.name],
-            read_only=False,
+        name: read_parameter(
+            node, name, kinds[name], default, description=abouts[name], read_only=False
         )
-        for field in fields(Parameters)
+        for name, default in defaults.items()
     }
 
 
@@ -189,7 +192,9 @@ def _read_poses(node: ConfiguredNode) -> PoseSettings:
     )
 
 
-def _read_fusion(node: ConfiguredNode, poses: PoseSettings) -> Callable[[], ElevationFusion]:
+def _read_fusion(
+    node: ConfiguredNode, poses: PoseSettings, sources: Sequence[InputSource]
+) -> Callable[[], ElevationFusion]:
     length = [
         node.read(f"length_in_{axis}", 1.5, f"side length of the map along {axis} [m]")
         for axis in "xy"
@@ -201,12 +206,10 @@ def _read_fusion(node: ConfiguredNode, poses: PoseSettings) -> Callable[[], Elev
     resolution = node.read("resolution", 0.01, "side of a cell [m]")
     geometry = GridGeometry(np.array(length), resolution, np.array(place))
     check_cells("length_in_x, length_in_y", geometry.size)
-    values = read_mapper_parameters(node)
+    values = read_mapper_parameters(node, sources)
     about = "0 disables the visibility cleanup, which runs with every scan otherwise"
     if node.read("visibility_cleanup_rate", 1.0, about) == 0:
         values["enable_visibility_cleanup"] = False
-    about = "time by which scans of several sensors may come out of order [s]; 1 s at least"
-    tolerance = node.read_number("time_tolerance", 0.0, 0.0, 1e9, about)
     about = "whether every scan begins a new map"
     clears = node.read("enable_continuous_cleanup", False, about)
     motion = _tree(node, "robot_motion_map_update", "`covariance_scale`: factor of covariances")
@@ -220,7 +223,6 @@ def _read_fusion(node: ConfiguredNode, poses: PoseSettings) -> Callable[[], Elev
         ElevationMapper(geometry, poses.map_frame, value_fusions=fusions, **values),
         follow=poses.source != "none",
         covariance_scale=scale,
-        time_tolerance=tolerance,
         clears_before_scan=clears,
         image_fusions=image_fusions,
     )

@@ -3,7 +3,7 @@
 """Poses of a robot and its sensors at the times of scans."""
 
 import copy
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ Covariance = npt.NDArray[np.float64]
 """(6, 6) covariance of x, y, z [m] and of the rotations about the axes x, y, z [rad]."""
 
 LONGEST_JITTER = NANOSECONDS
-"""Time [ns] by which a scan may be earlier than the one before without time being reset."""
+"""Time [ns] by which a scan or a pose may be earlier than the one before without a reset."""
 
 INDEFINITE = 1e-6
 """Largest deviation of a covariance from a symmetric, positive semi-definite one, relative."""
@@ -125,7 +125,8 @@ class PoseHistory(Poses):
     def add(self, message: Any) -> None:
         """Add a pose: `Odometry`, `PoseStamped` or `PoseWithCovarianceStamped`.
 
-        A pose earlier than the last one means that time was reset: older poses are forgotten.
+        A pose that is more than `LONGEST_JITTER` earlier than the last one means that time was
+        reset: older poses are forgotten.
 
         Raises:
             MessageError: the pose is in another frame, or its numbers are invalid.
@@ -137,11 +138,11 @@ class PoseHistory(Poses):
         matrix = from_pose(message)
         given = getattr(message.pose, "covariance", None) if self._with_covariances else None
         covariance = None if given is None else from_covariance(given)
-        if self._stamps and stamp < self._stamps[-1]:
-            self._forget(len(self._stamps))
-        self._stamps.append(stamp)
-        self._poses.append(matrix)
-        self._covariances.append(covariance)
+        self.go_back(stamp)
+        place = bisect_right(self._stamps, stamp)
+        self._stamps.insert(place, stamp)
+        self._poses.insert(place, matrix)
+        self._covariances.insert(place, covariance)
         self._forget(len(self._stamps) - self._limit)
 
     def go_back(self, stamp: int) -> None:

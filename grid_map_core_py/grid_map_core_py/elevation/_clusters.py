@@ -1,0 +1,176 @@
+# Copyright (c) 2026 grid_map_py contributors
+# SPDX-License-Identifier: BSD-3-Clause
+"""Clusters of the points of a scan: points of one cell that agree with each other.
+
+From the highest point of a cell down, a point of height z and variance r joins the cluster above it
+if `|z - mean| <= max(threshold * sqrt(variance of the mean + r), relief)`; else it starts another
+one. The relief is the height by which a slope spreads the points of a cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays._checks import Integers, Mask
+from ..loops import loop
+from ._order import Sorted
+from ._sensors import Numbers
+
+RELIEF = 0.4
+"""Difference of heights, in sides of a cell, that a slope within a cell explains."""
+
+NONE = -1
+"""In place of the number of a cluster."""
+
+
+@dataclass(frozen=True)
+class Clusters:
+    """The clusters of a scan, cell by cell, and those of a cell from the highest down.
+
+    Attributes:
+        points: the points on the map.
+        groups: (q,) place of the cell of each cluster in `points.cells`.
+        firsts, counts: (q,) place of the highest point in `points`, and number of points.
+        means: (q,) heights, weighted by inverse variances [m].
+        variances: (q,) of the means [m^2]. If the points spread by more than their variances
+            explain, the rest is added, and so is the variance that all points of a cell share.
+    """
+
+    points: Sorted
+    groups: Integers
+    firsts: Integers
+    counts: Integers
+    means: Numbers
+    variances: Numbers
+
+    @property
+    def heads(self) -> Integers:
+        """(m,) the highest cluster of each cell."""
+        return np.searchsorted(self.groups, np.arange(len(self.points.cells)))
+
+    @property
+    def bottoms(self) -> Numbers:
+        """(q,) height of the lowest point [m]."""
+        lowest: Numbers = self.points.heights[self.firsts + self.counts - 1]
+        return lowest
+
+    def first(self, chosen: Mask) -> Integers:
+        """Return the highest of the chosen clusters (q,) in each cell (m,), or `NONE`."""
+        return self.last(chosen, -1)
+
+    def last(self, chosen: Mask, step: int = 1) -> Integers:
+        """Return the lowest of the chosen clusters (q,) in each cell (m,), or `NONE`."""
+        found = np.full(len(self.points.cells), NONE)
+        numbers = np.flatnonzero(chosen)[::step]
+        found[self.groups[numbers]] = numbers
+        return found
+
+    def members(self, numbers: Integers) -> tuple[Integers, Integers]:
+        """Return the places of the points of some clusters (k,), and where each cluster begins."""
+        counts = self.counts[numbers]
+        begins = np.cumsum(counts) - counts
+        return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
+
+
+def clusters_of(points: Sorted, common: Numbers, threshold: float, relief: float) -> Clusters:
+    """Return the clusters of sorted points.
+
+    Args:
+        points: the points on the map.
+        common: (m,) variance that all points of a cell share [m^2], such as that of the pose.
+        threshold: of the gate.
+        relief: difference of heights [m] at which points agree in any case.
+    """
+    z, r = points.heights, points.variances
+    counts, sums = np.zeros(len(z), np.int64), np.zeros((3, len(z)))
+    if run := grow_clusters.compiled():
+        numbers = threshold, relief
+        run(points.begins, points.ends, len(points.cells), z, r, numbers, counts, *sums)
+    else:
+        _grow_arrays(points, threshold, relief, counts, sums)
+    firsts = np.flatnonzero(counts)
+    counts, (weights, lifts, squares) = counts[firsts], sums[:, firsts]
+    offsets = lifts / weights
+    # The sample variance in units of the mean variance of the points: 1 by their noise alone.
+    others = np.maximum(counts - 1, 1)
+    ratio = np.maximum(squares - lifts * offsets, 0.0) / others
+    spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
+    variances = (1.0 + np.where(spreads, (ratio - 1.0) * counts, 0.0)) / weights
+    groups = np.searchsorted(points.begins, firsts, side="right") - 1
+    return Clusters(points, groups, firsts, counts, z[firsts] + offsets, variances + common[groups])
+
+
+def _grow_arrays(
+    points: Sorted, threshold: float, relief: float, counts: Integers, sums: Numbers
+) -> None:
+    """Do what `grow_clusters` does, with NumPy: the next cluster of all cells at a time."""
+    z, r = points.heights, points.variances
+    starts, stops = points.begins, points.ends
+    while len(starts):
+        lengths = stops - starts
+        heads = np.cumsum(lengths) - lengths
+        places = np.arange(lengths.sum()) + np.repeat(starts - heads, lengths)
+        offsets = z[places] - np.repeat(z[starts], lengths)
+        weights = 1.0 / r[places]
+        # Sums over the points of the same cell above each point.
+        above = [np.cumsum(part) - part for part in (weights, weights * offsets)]
+        weight, lift = (part - np.repeat(part[heads], lengths) for part in above)
+        weight[heads] = 1.0
+        gate = np.maximum(threshold * np.sqrt(1.0 / weight + r[places]), relief)
+        fails = ~(np.abs(offsets - lift / weight) <= gate)
+        fails[heads] = False
+        first = np.where(fails, np.arange(len(places)), len(places))
+        sizes = np.minimum(np.minimum.reduceat(first, heads) - heads, lengths)
+        counts[starts] = sizes
+        inside = np.arange(len(places)) < np.repeat(heads + sizes, lengths)
+        for row, part in zip(sums, (weights, weights * offsets, weights * offsets**2), strict=True):
+            row[starts] = np.add.reduceat(np.where(inside, part, 0.0), heads)
+        left = sizes < lengths
+        starts, stops = (starts + sizes)[left], stops[left]
+
+
+@loop(
+    "int64*",
+    "int64*",
+    "int64",
+    "float64*",
+    "float64*",
+    ("float64", 2),
+    "int64*",
+    "float64*",
+    "float64*",
+    "float64*",
+)
+def grow_clusters(
+    begins: Any,
+    ends: Any,
+    count: Any,
+    z: Any,
+    r: Any,
+    numbers: Any,
+    counts: Any,
+    weights: Any,
+    lifts: Any,
+    squares: Any,
+) -> None:
+    """Write the size and the sums of each cluster at the place of its first point.
+
+    The sums are those of weights, of weighted offsets from the first point, and of their squares.
+    """
+    threshold, relief = numbers
+    for k in range(count):
+        first = begins[k]
+        for i in range(begins[k], ends[k]):
+            offset, weight = z[i] - z[first], 1.0 / r[i]
+            if i > first:
+                away = abs(offset - lifts[first] / weights[first])
+                gate = threshold * np.sqrt(1.0 / weights[first] + r[i])
+                if not away <= max(gate, relief):
+                    first, offset = i, 0.0
+            counts[first] += 1
+            weights[first] += weight
+            lifts[first] += weight * offset
+            squares[first] += weight * (offset * offset)
