@@ -44,16 +44,18 @@ class Oracle:
     max_variance: float = 0.01
     noise_of_conflicts: float = 9e-7
     conflicts: int = 0
+    risen: int = 0
     time_variance: float = 0.0
     scanning_duration: float = 1.0
     conflict_points: int = 2
     min_support: float = 0.2
     max_ray_length: float = 10.0
     min_angle: float = 0.1
-    drift_alpha: float = 0.1
+    enable_drift_compensation: bool = False
+    drift_compensation_alpha: float = 0.1
     max_drift: float = 0.1
     inlier: float = 0.0025
-    min_drift_cells: int | None = None
+    min_drift_cells: int = 100
     cells: dict[tuple[int, int], Cell] = field(default_factory=dict)
     exact: dict[tuple[int, int], tuple[float, float]] = field(default_factory=dict)
     pose: tuple | None = None
@@ -76,24 +78,34 @@ class Oracle:
         self.age(now, transform, covariance)
         sensor = np.array(transform[:3, 3], float)
         beams = self.located(points, transform, covariance)
+        by_cell = {
+            place: [(self.at_center(place, q, slopes), r) for q, r, _ in found]
+            for place, found in self.by_cell(beams).items()
+            for slopes in [self.slopes(place)]
+        }
         clusters = {
             place: self.clusters(found, self.common(place, transform, covariance))
-            for place, found in self.by_cell(beams).items()
+            for place, found in by_cell.items()
         }
         drift = self.drift(clusters)
-        rest = (1 - self.drift_alpha) * drift
+        rest = (1 - self.drift_compensation_alpha) * drift
         for cell in self.cells.values():
-            cell.height += self.drift_alpha * drift
+            cell.height += self.drift_compensation_alpha * drift
         sensor[2] -= rest
         beams = [((x, y, z - rest), r, high - rest) for (x, y, z), r, high in beams]
-        by_cell, stale = self.by_cell(beams), self.stale(now)
+        for found in clusters.values():
+            for each in found:
+                each.mean -= rest
+                each.points = [((x, y, z - rest, c - rest), r) for (x, y, z, c), r in each.points]
+        stale = self.stale(now)
         before = {place: cell.height for place, cell in self.cells.items()}
-        confirmed = [
-            place
-            for place, found in by_cell.items()
-            if self.fuse(place, found, sensor, place in stale, now, before, transform, covariance)
-        ]
-        tops = {place: max(q[2] for q, _, _ in found) for place, found in by_cell.items()}
+        outcomes = {
+            place: self.fuse(place, found, sensor, place in stale, now, before)
+            for place, found in clusters.items()
+        }
+        confirmed = [place for place, (_, _, is_confirmed) in outcomes.items() if is_confirmed]
+        self.limit_variances(outcomes)
+        tops = {p: max(q[3] for q, _ in found) - rest for p, found in by_cell.items()}
         gone = self.freed(beams, sensor, tops, self.stale(now), confirmed)
         for place in gone:
             del self.cells[place]
@@ -173,7 +185,49 @@ class Oracle:
         return any(near in standing and self.foot(near) > least for near in around(place, 2))
 
     def foot(self, place):
-        return self.cells[place].height - 3 * math.sqrt(self.cells[place].variance)
+        deviation = math.sqrt(self.cells[place].variance)
+        return self.cells[place].height - max(3 * deviation, 0.4 * self.resolution)
+
+    def slopes(self, place):
+        """Rise per meter along x and y: the smaller difference from both neighbors, or 0."""
+        return [
+            self.slope(place, [place[0] - i, place[1] - j], [place[0] + i, place[1] + j])
+            for i, j in ((1, 0), (0, 1))
+        ]
+
+    def slope(self, place, before, after):
+        cells = [self.cells.get(tuple(p)) for p in (before, place, after)]
+        if None in cells:
+            return 0.0
+        rises = [b.height - a.height for a, b in pairwise(cells)]
+        for rise, (a, b) in zip(rises, pairwise(cells), strict=True):
+            if abs(rise) <= self.threshold * math.sqrt(a.variance + b.variance):
+                return 0.0
+        if rises[0] * rises[1] <= 0:
+            return 0.0
+        return min(rises, key=abs) / self.resolution
+
+    def at_center(self, place, q, slopes):
+        """The point, and its height moved along the slope to the center of the cell."""
+        away = [q[k] - (place[k] + 0.5) * self.resolution for k in (0, 1)]
+        return (*q, q[2] - slopes[0] * away[0] - slopes[1] * away[1])
+
+    def limit_variances(self, outcomes):
+        """Raise variances to what the slope and the points of neighbors leave uncertain."""
+        least = {p: self.least(p, chosen) for p, (chosen, _, seen) in outcomes.items() if seen}
+        for place, (_, is_conflict, _) in outcomes.items():
+            cell = self.cells[place]
+            cell.variance = max(cell.variance, least.get(place, 0.0), self.min_variance)
+            cell.variance += self.noise_of_conflicts * is_conflict
+
+    def least(self, place, chosen):
+        cell = self.cells[place]
+        beside = [self.cells[p] for p in around(place) if p in self.cells]
+        heights = [np.float32(each.height) for each in beside]
+        rise = max(float(abs(height - np.float32(cell.height))) for height in heights)
+        rise = min(rise, self.resolution)
+        is_tail = cell.support < 0.1 * max(each.support for each in beside)
+        return max(rise**2 / (12 * cell.support), 4 * chosen.points[0][1] * is_tail)
 
     def age(self, now, transform, covariance):
         if self.last is not None:
@@ -219,13 +273,13 @@ class Oracle:
     def clusters(self, found, common):
         """Clusters from the highest down; `common` is the variance that their points share."""
         result = []
-        for q, r, _ in sorted(found, key=lambda each: (-each[0][2], each[1])):
-            if not result or not self.agrees(result[-1].mean, result[-1].variance, q[2], r):
+        for q, r in sorted(found, key=lambda each: (-each[0][3], each[1])):
+            if not result or not self.agrees(result[-1].mean, result[-1].variance, q[3], r):
                 result.append(Cluster([], 0.0, 0.0))
             members = result[-1].points
             members.append((q, r))
             weight = math.fsum(1 / r for _, r in members)
-            result[-1].mean = math.fsum(q[2] / r for q, r in members) / weight
+            result[-1].mean = math.fsum(q[3] / r for q, r in members) / weight
             result[-1].variance = 1 / weight
         for cluster in result:
             cluster.variance = self.with_spread(cluster) + common
@@ -236,43 +290,34 @@ class Oracle:
         others = len(cluster.points) - 1
         if not others:
             return cluster.variance
-        ratio = math.fsum((q[2] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
+        ratio = math.fsum((q[3] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
         if ratio <= 1 + self.threshold * math.sqrt(2 / others):
             return cluster.variance
         return cluster.variance + (ratio - 1) * len(cluster.points) * cluster.variance
 
-    def fuse(self, place, found, sensor, is_stale, now, before, transform, covariance):
-        """Fuse the points of a cell; return whether they confirm it."""
-        clusters = self.clusters(found, self.common(place, transform, covariance))
+    def fuse(self, place, clusters, sensor, is_stale, now, before):
+        """Fuse the clusters of a cell; return the one that counts, and what became of the cell."""
         densest = max(len(each.points) for each in clusters)
         least = max(self.conflict_points, self.min_support * densest)
         supported = [each for each in clusters if len(each.points) >= least]
         surface = supported[0] if supported else None
         cell = self.cells.get(place)
-        chosen, is_conflict = surface or clusters[0], False
+        chosen, is_conflict, is_confirmed = surface or clusters[0], False, True
         if cell is None:
-            cell = self.cells[place] = Cell(
-                chosen.mean,
-                max(chosen.variance, self.min_variance),
-                now,
-                len(chosen.points),
-            )
-            is_confirmed = True
+            support = len(chosen.points)
+            cell = self.cells[place] = Cell(chosen.mean, chosen.variance, now, support)
         else:
             chosen, is_conflict, is_confirmed = self.update_cell(
                 cell, chosen, clusters, surface, place, sensor, is_stale, now, before
             )
-        above = clusters[: clusters.index(chosen)]
-        raised = self.raised(cell, above, now)
+        raised = self.raised(cell, clusters[: clusters.index(chosen)], now)
         if raised is not None:
-            variance = max(raised.variance, self.min_variance)
-            cell.height, cell.variance, cell.time = raised.mean, variance, now
+            cell.height, cell.variance, cell.time = raised.mean, raised.variance, now
             cell.support = 3 * len(raised.points)
-            is_confirmed = is_conflict = True
-        if is_conflict:
-            cell.variance += self.noise_of_conflicts
+            chosen, is_confirmed, is_conflict = raised, True, True
+            self.risen += 1
         self.conflicts += is_conflict
-        return is_confirmed
+        return chosen, is_conflict, is_confirmed
 
     def update_cell(self, cell, chosen, clusters, surface, place, sensor, is_stale, now, before):
         """Return the cluster that counts, whether it is a conflict, and whether it confirms."""
@@ -286,12 +331,10 @@ class Oracle:
             doubt = max(1.0, rise**2 / (self.threshold**2 * total))
             cell.height += rise * cell.variance / total
             cell.variance *= doubt * best.variance / total
-            cell.variance = max(cell.variance, self.min_variance)
             cell.time, cell.support = now, cell.support + len(best.points)
             return best, False, True
         if self.replaces(chosen, surface, cell, place, sensor, is_stale, before):
-            variance = max(chosen.variance, self.min_variance)
-            cell.height, cell.variance = chosen.mean, variance
+            cell.height, cell.variance = chosen.mean, chosen.variance
             cell.time, cell.support = now, len(chosen.points)
             return chosen, True, True
         return chosen, True, False
@@ -318,19 +361,16 @@ class Oracle:
             and each.mean > cell.height
             and not self.agrees_with(cell, each)
         ]
-        waits = cell.candidate is not None and round(now - cell.candidate[2], 3) <= 0.5
-        if not waits:
-            if above:
-                cell.candidate = above[0].mean, 1, now
-            return None
-        height, count, first = cell.candidate
-        for each in above:
-            if self.agrees(height, each.variance, each.mean, each.variance):
-                cell.candidate = each.mean, count + 1, first
-                if count + 1 < 3:
-                    return None
-                cell.candidate = None
-                return each
+        if cell.candidate is not None and round(now - cell.candidate[2], 3) <= 0.5:
+            height, count, first = cell.candidate
+            for each in above:
+                if self.agrees(height, each.variance, each.mean, each.variance):
+                    cell.candidate = (each.mean, count + 1, first) if count < 2 else None
+                    return each if count == 2 else None
+            if count > 1:
+                return None
+        if above:
+            cell.candidate = above[0].mean, 1, now
         return None
 
     def entry(self, place, q, sensor):
@@ -382,7 +422,7 @@ class Oracle:
         return math.asin(min(sine, 1.0)) >= self.min_angle
 
     def drift(self, clusters):
-        if self.min_drift_cells is None:
+        if not self.enable_drift_compensation:
             return 0.0
         seen = []
         for place, found in clusters.items():

@@ -523,6 +523,7 @@ def test_fused_map_spreads_steps_by_the_horizontal_uncertainty():
     x, y = np.meshgrid(0.2 * np.arange(-4, 5), 0.2 * np.arange(-2, 3))
     points = np.column_stack((x.ravel(), y.ravel(), np.where(x.ravel() > 0.1, -0.5, -1.0)))
     covariance = np.diag([0.04, 0.04, 0.0, 0.0, 0.0, 0.0])
+    points = np.repeat(points, 100, axis=0)  # One point does not tell the height of a sloping cell.
     mapper.update(points, UP, timestamp=0, pose_covariance=covariance)
     fused = mapper.fused_map()
     np.testing.assert_allclose(mapper.grid_map["horizontal_variance"], 0.04, rtol=0.02)

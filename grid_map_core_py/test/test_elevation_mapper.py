@@ -95,12 +95,18 @@ def pose(x=0.0, y=0.0, z=1.5, roll=0.0, pitch=0.0, yaw=0.0):
     return matrix
 
 
-def scene(random, count, matrix, step, relief):
-    """Points of the ground, of boxes that come and go, and of noise, in the sensor frame."""
+def scene(random, count, matrix, step, relief, poles=0.0):
+    """Points of the ground, of boxes that come and go, of poles, and of noise, in the sensor frame.
+
+    `poles` is the share of the points on the poles in the cells that have one.
+    """
     x, y = random.uniform(-2.2, 2.2, (2, count)) + matrix[:2, 3:4]
     z = relief * np.sin(3 * x) + random.normal(0, 0.01, count)
     on_box = (x > 0.5) & (x < 1.2) & (y > -0.6) & (step % 5 < 2)
     z[on_box] = 0.7 + random.normal(0, 0.01, on_box.sum())
+    if poles:
+        on_pole = (x % 1.0 < 0.2) & (y % 1.0 < 0.2) & (random.random(count) < poles)
+        z[on_pole] = random.uniform(0.0, 1.2, on_pole.sum())
     outlier = random.random(count) < 0.03
     z[outlier] += random.uniform(-1, 1, outlier.sum())
     return (np.stack((x, y, z), axis=1) - matrix[:3, 3]) @ matrix[:3, :3]
@@ -142,28 +148,28 @@ def check_layers(mapper, oracle):
         np.testing.assert_allclose(mapper.grid_map.unwrapped(name), layer, rtol=1e-6, atol=1e-6)
 
 
+DRIFT = {"drift_compensation_alpha": 0.3, "min_drift_cells": 20}
+CASES = {
+    **{name: (name, {}, {}) for name in SENSORS},
+    "poles": ("laser", {"min_support": 0.6, "max_ray_length": 1.8}, {"count": 4000, "poles": 0.5}),
+    # Only level cells tell drift.
+    "drift": ("laser", DRIFT | {"enable_drift_compensation": True}, {"relief": 0.0}),
+}
+
+
 @pytest.mark.usefixtures("way")
-@pytest.mark.parametrize(
-    ("sensor", "options"),
-    [(name, {}) for name in SENSORS] + [("laser", {"drift_alpha": 0.3, "min_drift_cells": 20})],
-)
-def test_map_equals_oracle(sensor, options, unrounded):
+@pytest.mark.parametrize("case", CASES)
+def test_map_equals_oracle(case, unrounded):
+    sensor, options, look = CASES[case]
     model, spread_of = SENSORS[sensor]
     random = np.random.default_rng(sum(map(ord, sensor)))
     given = {"time_variance": 1e-5, "scanning_duration": 0.25, "max_ray_length": 4.0}
-    given["max_variance"] = 0.01
-    drift = {}
-    if options:
-        drift = {
-            "enable_drift_compensation": True,
-            "drift_compensation_alpha": 0.3,
-            "min_drift_cells": 20,
-        }
+    given |= {"max_variance": 0.01} | options
     rows, columns = 15, 12
     geometry = GridGeometry.from_size((rows, columns), RESOLUTION, (0.5 * RESOLUTION, 0.0))
-    mapper = ElevationMapper(geometry, sensor=model, **given, **drift)
+    mapper = ElevationMapper(geometry, sensor=model, **given)
     origin = [-(rows - 1) // 2, -columns // 2]
-    oracle = Oracle((rows, columns), RESOLUTION, origin, spread_of(model), **given, **options)
+    oracle = Oracle((rows, columns), RESOLUTION, origin, spread_of(model), **given)
     looks_down = sensor in ("structured light", "stereo")
     cleared, conflicts, drifts = 0, 0, 0
     for step in range(12):
@@ -171,8 +177,7 @@ def test_map_equals_oracle(sensor, options, unrounded):
         matrix = pose(
             0.13 * step, -0.04 * step, 1.5 + 0.004 * step, tilt + 0.05, 0.03 * step, 0.2 * step
         )
-        # Only level cells tell drift.
-        points = scene(random, 350, matrix, step, relief=0.0 if options else 0.05)
+        points = scene(random, matrix=matrix, step=step, **{"count": 350, "relief": 0.05} | look)
         points[:3] = [[np.nan, 0, 0], [np.inf, 0, 1], [0, 0, 0]]
         covariance = random_covariance(random, 0.001 * (1 + step)) if step % 4 else None
         target = [round(v / RESOLUTION) for v in (0.13 * step, -0.04 * step)]
@@ -194,4 +199,5 @@ def test_map_equals_oracle(sensor, options, unrounded):
         drifts += moved != 0
     assert conflicts == oracle.conflicts > 0
     assert cleared or looks_down
-    assert bool(drifts) == bool(options)
+    assert bool(drifts) == (case == "drift")
+    assert oracle.risen or case != "poles"

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Node `elevation_mapping_robot`: a simulated robot with a lidar and a depth camera.
 
-It drives around on real terrain with boxes, a ramp, stairs and an obstacle that walks. Publishes
-the clouds of both sensors, odometry that drifts, with its covariance, and the true terrain around
-the robot in the frame of the odometry.
+It drives around on real terrain with boxes, a ramp and stairs, and a person crosses its way. It
+starts when a node subscribes to the lidar. Publishes the clouds of both sensors, odometry that
+drifts, with its covariance, and the true terrain around the robot in the frame of the odometry.
 """
 
 import array
@@ -63,13 +63,15 @@ class ElevationMappingRobotNode(Demo):
             name: self.create_publisher(PointCloud2, f"{name}_points", 5) for name in SENSORS
         }
         self._truth = self.map_publisher("true_terrain")
-        self._start = self.get_clock().now().nanoseconds
+        self._start = 0
         steady_timer(self, 1.0 / rate, self._step)
         self.get_logger().info(f"drives at {speed:g} m/s on {self._course.ground}")
 
     def _step(self) -> None:
         now = self.get_clock().now().nanoseconds
-        seconds = 1e-9 * (now - self._start)
+        if not self._start and self._clouds["lidar"].get_subscription_count():
+            self._start = now
+        seconds = 1e-9 * (now - self._start) if self._start else 0.0
         pose = self._course.pose_at(seconds)
         self._publish_odometry(pose, now, seconds)
         terrain = self._course.terrain_at(seconds)

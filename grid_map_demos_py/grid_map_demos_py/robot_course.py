@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, Interpolation
-from grid_map_core_py.simulation import with_box, with_ramp, with_stairs
+from grid_map_core_py.elevation import StructuredLightModel
+from grid_map_core_py.simulation import DepthCamera, with_box, with_ramp, with_stairs
 
 from .terrain import load_terrain
 
@@ -34,7 +35,7 @@ LIDAR = np.eye(4)
 LIDAR[2, 3] = 0.45
 """From the lidar, which is above the middle of the robot, to the frame of the robot."""
 
-TILT = 0.5
+TILT = 0.3
 """Angle by which the camera looks down [rad]."""
 
 CAMERA = np.eye(4)
@@ -43,6 +44,12 @@ CAMERA[:3, 1] = -math.sin(TILT), 0.0, -math.cos(TILT)
 CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
 """From the camera, which looks ahead and down, to the frame of the robot."""
+
+PERSON_WAY = np.array([[0.3, 3.4], [5.5, 6.2]])
+"""From where to where a person walks, who crosses the way of the robot [m]."""
+
+PERSON_START, PERSON_SPEED = 2.5, 1.2
+"""When the person starts in every lap of the robot [s], and speed of the person [m/s]."""
 
 
 def load_course(path: Path) -> GridMap:
@@ -72,10 +79,33 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain with an obstacle that walks to and fro."""
-        share = 0.5 - 0.5 * math.cos(0.4 * seconds)
-        center = np.array([4.6, -1.2]) + share * np.array([-1.0, 5.2])
-        return with_box(self.ground, center, (0.4, 0.5), 1.7)
+        """Return the terrain with the person.
+
+        The layer `person` has the height of the person above the ground [m] while the camera's view
+        contains the person, else NaN.
+        """
+        place, terrain = self.person_at(seconds), self.ground
+        if place is not None:
+            terrain = with_box(self.ground, place, (0.4, 0.3), 1.7)
+        added = terrain["elevation"] - self.ground["elevation"]
+        is_seen = place is not None and self._sees(place, seconds)
+        return terrain.with_layers({"person": np.where((added > 0) & is_seen, added, np.nan)})
+
+    def person_at(self, seconds: float) -> Matrix | None:
+        """Return the position (2,) of the person, who walks once in a lap; None at other times."""
+        lap = 2.0 * math.pi * math.sqrt(RADII[0] * RADII[1]) / self.speed
+        start, end = PERSON_WAY
+        share = (seconds % lap - PERSON_START) * PERSON_SPEED / float(np.linalg.norm(end - start))
+        return start + share * (end - start) if 0.0 <= share <= 1.0 else None
+
+    def _sees(self, place: Matrix, seconds: float) -> bool:
+        """Return whether the camera's view contains the point 0.5 m above a place (2,)."""
+        height = self.ground.at_position("elevation", place) + 0.5
+        camera = np.linalg.inv(self.pose_at(seconds) @ CAMERA)
+        x, y, depth = (camera @ [*place, height, 1.0])[:3]
+        right, down, _ = DepthCamera().directions.max(axis=0)
+        is_near = 0.0 < depth < StructuredLightModel().cutoff_max_depth
+        return bool(is_near and abs(x) < right * depth and abs(y) < down * depth)
 
     def pose_at(self, seconds: float) -> Matrix:
         """Return the transform from the robot to the world; its z axis is normal to the ground."""

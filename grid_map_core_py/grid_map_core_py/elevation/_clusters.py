@@ -9,7 +9,7 @@ one. The relief is the height by which a slope spreads the points of a cell.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ class Clusters:
 
     Attributes:
         points: the points on the map.
+        threshold, relief: of the gate; see `agree`.
         groups: (q,) place of the cell of each cluster in `points.cells`.
         firsts, counts: (q,) place of the highest point in `points`, and number of points.
         means: (q,) heights, weighted by inverse variances [m].
@@ -40,6 +41,8 @@ class Clusters:
     """
 
     points: Sorted
+    threshold: float
+    relief: float
     groups: Integers
     firsts: Integers
     counts: Integers
@@ -56,6 +59,24 @@ class Clusters:
         """(q,) height of the lowest point [m]."""
         lowest: Numbers = self.points.heights[self.firsts + self.counts - 1]
         return lowest
+
+    def lowered(self, offset: float) -> Clusters:
+        """Return the clusters, lower by an offset [m]."""
+        points = replace(self.points, heights=self.points.heights - offset)
+        return replace(self, points=points, means=self.means - offset)
+
+    def agree(self, heights: Numbers, variances: Numbers) -> Mask:
+        """Return which clusters (q,) agree with a height of their cell, the gate.
+
+        They differ by at most `threshold * sqrt(sum of both variances)`, or by the relief.
+
+        Args:
+            heights, variances: (m,) of the cells with points; a height is NaN if unknown.
+        """
+        gate = self.threshold * np.sqrt(variances[self.groups] + self.variances)
+        away = np.abs(self.means - heights[self.groups])
+        fits: Mask = away <= np.maximum(gate, self.relief)
+        return fits
 
     def first(self, chosen: Mask) -> Integers:
         """Return the highest of the chosen clusters (q,) in each cell (m,), or `NONE`."""
@@ -100,7 +121,8 @@ def clusters_of(points: Sorted, common: Numbers, threshold: float, relief: float
     spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
     variances = (1.0 + np.where(spreads, (ratio - 1.0) * counts, 0.0)) / weights
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    return Clusters(points, groups, firsts, counts, z[firsts] + offsets, variances + common[groups])
+    means, variances = z[firsts] + offsets, variances + common[groups]
+    return Clusters(points, threshold, relief, groups, firsts, counts, means, variances)
 
 
 def _grow_arrays(

@@ -16,14 +16,13 @@ from ..arrays._checks import Mask, Size
 from ._clusters import Clusters
 from ._parameters import Parameters
 from ._sensors import Numbers
+from ._state import State
 
 LEVEL = 0.03
 """Largest difference of heights [m] between a cell that votes and its eight neighbors."""
 
 
-def offset(
-    clusters: Clusters, heights: Numbers, variances: Numbers, size: Size, given: Parameters
-) -> float:
+def offset(clusters: Clusters, state: State, size: Size, given: Parameters) -> float:
     """Return how much higher than the map a scan is [m], 0 if the cells do not agree on that.
 
     Cells of small variance vote whose eight neighbors are known and level with them: near steps and
@@ -34,10 +33,11 @@ def offset(
 
     Args:
         clusters: the clusters of the scan.
-        heights, variances: (cells,) of the map.
+        state: the map.
         size: rows and columns of the map.
         given: parameters.
     """
+    heights, variances = state.heights, state.variances
     cells, threshold = clusters.points.cells[clusters.groups], given.mahalanobis_distance_threshold
     away, spread = clusters.means - heights[cells], variances[cells] + clusters.variances
     votes = np.abs(away) <= given.max_drift + threshold * np.sqrt(spread)

@@ -31,14 +31,17 @@ from numpy.typing import NDArray
 
 from ..arrays._checks import Integers, Mask
 from ..map._geometry import GridGeometry
-from ._clusters import NONE, RELIEF, Clusters
+from ._clusters import NONE, Clusters
+from ._neighbors import highest_around
 from ._parameters import Parameters
 from ._sensors import Numbers
 from ._state import HIDDEN, OVERHANG, State
-from ._visibility import highest_around
 
 SIGHTINGS = 3
 """Number of scans in which a candidate is seen before it becomes the surface."""
+
+TAIL = 0.1
+"""Share of the points of a neighbor below which a cell has only the tails of their noise."""
 
 CANDIDATE_TIME = 500
 """Time within which these scans come [ms]."""
@@ -88,30 +91,65 @@ def fuse(
         entries: returns the heights [m] at which the beams of some points entered their cells.
         given: parameters.
     """
-    cells, groups, means = clusters.points.cells, clusters.groups, clusters.means
-    old, variance = state.heights[cells], state.variances[cells]
-    t, relief = given.mahalanobis_distance_threshold, RELIEF * geometry.resolution
-
-    def agrees(heights: Numbers, spreads: Numbers) -> Mask:
-        gate = np.maximum(t * np.sqrt(spreads[groups] + clusters.variances), relief)
-        return np.abs(means - heights[groups]) <= gate
-
+    cells = clusters.points.cells
     solid = clusters.counts >= given.conflict_points
     densest = np.maximum.reduceat(clusters.counts, clusters.heads)
-    supported = solid & (clusters.counts >= given.min_support * densest[groups])
+    supported = solid & (clusters.counts >= given.min_support * densest[clusters.groups])
     if given.overhang_clearance > 0.0:
         is_low = _under_overhangs(clusters, solid, supported, state, given)
         solid, supported = solid & is_low, supported & is_low
+    outcomes, chosen = _decided(clusters, solid, supported, state, geometry, entries, given)
+
+    old, before = state.heights[cells], state.variances[cells]
+    means, new = clusters.means[chosen], clusters.variances[chosen]
+    rise, merged = means - old, before * new / (before + new)
+    # If a scan and a map disagree within the relief, both are less certain than they claim.
+    doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
+    stays, fits = outcomes == Outcome.CONTRADICTED, outcomes == Outcome.CONFIRMED
+    heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
+    variances = np.where(fits, doubt * merged, np.where(stays, before, new))
+    support = np.where(stays, 0, clusters.counts[chosen])
+    support = support + np.where(stays | fits, state.support[cells], 0.0)
+
+    found = _seen_again(clusters, solid, chosen, heights, variances, state)
+    grown = np.flatnonzero(found != NONE)
+    outcomes[grown], chosen[grown] = Outcome.RAISED, found[grown]
+    heights[grown] = clusters.means[chosen[grown]]
+    variances[grown] = clusters.variances[chosen[grown]]
+    support[grown] = SIGHTINGS * clusters.counts[chosen[grown]]
+
+    state.heights[cells], state.support[cells] = heights, support
+    is_seen = outcomes != Outcome.CONTRADICTED
+    least = np.where(is_seen, _least_variances(clusters, chosen, state, geometry), 0.0)
+    variances = np.maximum(variances, np.maximum(least, given.min_variance))
+    is_conflict = outcomes >= Outcome.RAISED
+    state.variances[cells] = variances + given.multi_height_noise * is_conflict
+    used = np.zeros(len(clusters.points.order), np.bool_)
+    used[clusters.members(chosen[is_seen])[0]] = True
+    return Fused(outcomes, used)
+
+
+def _decided(
+    clusters: Clusters,
+    solid: Mask,
+    supported: Mask,
+    state: State,
+    geometry: GridGeometry,
+    entries: Callable[[Integers], Numbers],
+    given: Parameters,
+) -> tuple[NDArray[np.int64], Integers]:
+    """Return what becomes of the cells (m,), candidates left aside, and by which clusters."""
+    cells, groups = clusters.points.cells, clusters.groups
+    old = state.heights[cells]
     surface = clusters.first(supported)
     chosen = np.where(surface == NONE, clusters.heads, surface)
-    same = agrees(old, variance)
+    agrees = clusters.agree(old, state.variances[cells])
     smaller = solid & (np.arange(len(groups)) < surface[groups])
-    confirming = clusters.first(same & (smaller | (surface == NONE)[groups]))
-    confirming = np.where(same[chosen], chosen, confirming)
+    confirming = clusters.first(agrees & (smaller | (surface == NONE)[groups]))
+    confirming = np.where(agrees[chosen], chosen, confirming)
     is_confirmed = confirming != NONE
     chosen = np.where(is_confirmed, confirming, chosen)
-
-    rise = means[chosen] - old
+    rise = clusters.means[chosen] - old
     outcomes = np.full(len(cells), int(Outcome.CONTRADICTED))
     outcomes[(surface != NONE) & (rise > 0.0)] = Outcome.RAISED
     lower = np.flatnonzero((rise < 0.0) & ~is_confirmed)
@@ -119,31 +157,27 @@ def fuse(
     outcomes[lower[gives]] = Outcome.LOWERED
     outcomes[is_confirmed] = Outcome.CONFIRMED
     outcomes[np.isnan(old)] = Outcome.STARTED
+    return outcomes, chosen
 
-    # If a scan and a map disagree within the relief, both are less certain than they claim.
-    new = clusters.variances[chosen]
-    doubt = np.maximum(rise * rise / (t * t * (variance + new)), 1.0)
-    merged = variance * new / (variance + new)
-    is_new, fits = outcomes != Outcome.CONTRADICTED, outcomes == Outcome.CONFIRMED
-    heights = np.where(fits, old + rise * merged / new, np.where(is_new, means[chosen], old))
-    variance = np.where(fits, doubt * merged, np.where(is_new, new, variance))
-    gained = np.where(is_new, clusters.counts[chosen], 0)
 
-    higher = solid & (np.arange(len(groups)) < chosen[groups]) & (means > heights[groups])
-    found = _seen_again(clusters, higher & ~agrees(heights, variance), state, t, relief)
-    grown = found != NONE
-    outcomes[grown], chosen[grown] = Outcome.RAISED, found[grown]
-    heights[grown], variance[grown] = means[found[grown]], clusters.variances[found[grown]]
-    gained[grown] = SIGHTINGS * clusters.counts[found[grown]]
+def _least_variances(
+    clusters: Clusters, chosen: Integers, state: State, geometry: GridGeometry
+) -> Numbers:
+    """Return the variances (m,) below which no number of points brings a height [m^2].
 
-    variance = np.maximum(variance, given.min_variance)
-    variance += np.where(outcomes >= Outcome.RAISED, given.multi_height_noise, 0.0)
-    state.heights[cells], state.variances[cells] = heights, variance
-    keeps = (outcomes == Outcome.CONFIRMED) | (outcomes == Outcome.CONTRADICTED)
-    state.support[cells] = gained + np.where(keeps, state.support[cells], 0.0)
-    used = np.zeros(len(clusters.points.order), np.bool_)
-    used[clusters.members(chosen[outcomes != Outcome.CONTRADICTED])[0]] = True
-    return Fused(outcomes, used)
+    Points come down anywhere in a cell. If it rises by u to a neighbor, at most by the side of a
+    cell, the mean of n points varies by u^2 / 12 n around the height of the center. A cell with few
+    points beside one with many has only the tails of their noise, which do not average out.
+    """
+    cells, size = clusters.points.cells, geometry.size
+    support, heights = state.support[cells], state.heights[cells].astype(np.float32)
+    rise = highest_around(state.heights, size)[cells] - heights
+    fall = heights + highest_around(-state.heights, size)[cells]
+    slope = np.minimum(np.maximum(rise, fall), geometry.resolution).astype(np.float64)
+    is_tail = support < TAIL * highest_around(state.support, size)[cells]
+    tails = 4.0 * clusters.points.variances[clusters.firsts[chosen]]
+    least: Numbers = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
+    return least
 
 
 def _gives_way(
@@ -158,11 +192,10 @@ def _gives_way(
     """Return whether the heights of cells give way to clusters (k,) below them."""
     cells = clusters.points.cells[clusters.groups[chosen]]
     # A neighbor that stands tells of an obstacle of which the cell has only a part.
-    beside = highest_around(state.heights, cells, geometry.size, itself=False)
+    beside = highest_around(state.heights, geometry.size, itself=False)[cells]
     alone = beside <= clusters.means[chosen] + geometry.resolution
     gives = alone & (state.support[cells] <= given.conflict_points)
-    stale = state.ages[cells] >= 1e3 * given.scanning_duration
-    unsure = np.flatnonzero(stale & ~gives & supported[chosen])
+    unsure = np.flatnonzero(state.is_stale(given)[cells] & ~gives & supported[chosen])
     if len(unsure):
         places, begins = clusters.members(chosen[unsure])
         limits = np.repeat(state.heights[cells[unsure]], clusters.counts[chosen[unsure]])
@@ -172,21 +205,31 @@ def _gives_way(
 
 
 def _seen_again(
-    clusters: Clusters, candidates: Mask, state: State, threshold: float, relief: float
+    clusters: Clusters,
+    solid: Mask,
+    chosen: Integers,
+    heights: Numbers,
+    variances: Numbers,
+    state: State,
 ) -> Integers:
     """Return the candidates (m,) that were seen in enough scans, or `NONE`; note the others.
 
     Args:
         clusters: the clusters of the scan.
-        candidates: (q,) which of them are candidates.
+        solid: (q,) which of them have enough points.
+        chosen: (m,) the clusters below the candidates.
+        heights, variances: (m,) of the cells.
         state: the map.
-        threshold, relief: of the gate between two sightings.
     """
     cells, groups, means = clusters.points.cells, clusters.groups, clusters.means
-    gate = np.maximum(threshold * np.sqrt(2.0 * clusters.variances), relief)
+    candidates = solid & (np.arange(len(groups)) < chosen[groups]) & (means > heights[groups])
+    candidates &= ~clusters.agree(heights, variances)
     height, sightings, age = (state.hidden[name] for name in HIDDEN[2:5])
     waits = (age[cells] <= CANDIDATE_TIME)[groups]
+    gate = np.maximum(clusters.threshold * np.sqrt(2.0 * clusters.variances), clusters.relief)
     again = clusters.first(candidates & waits & (np.abs(means - height[cells][groups]) <= gate))
+    # One that was seen only once makes room.
+    waits &= ((again != NONE) | (sightings[cells] > 1.0))[groups]
     new = clusters.first(candidates & ~waits)
     sightings[cells] = np.where(new != NONE, 1.0, sightings[cells] + (again != NONE))
     age[cells[new != NONE]] = 0.0

@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,14 +23,14 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import build, check
 from . import _drift as drift, _horizontal as horizontal
-from ._clusters import RELIEF, Clusters, clusters_of, grow_clusters
+from ._clusters import RELIEF, clusters_of, grow_clusters
 from ._fusion import Outcome, fuse
 from ._motion import Covariance, as_covariance, of_motion
+from ._neighbors import at_centers
 from ._order import deal, sorted_by_cell
 from ._parameters import Parameters
 from ._points import (
     OUTSIDE,
-    Limits,
     Scan,
     as_columns,
     as_points,
@@ -59,8 +59,8 @@ class UpdateReport:
         cells_cleared: cells that the visibility cleanup has cleared.
         drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
             the cells did not agree on it.
-        milliseconds: duration by stage [ms]: `points`, `sort`, `drift`, `fusion`, `visibility`,
-            `values`, `layers`.
+        milliseconds: duration by stage [ms]: `points`, `clusters`, `drift`, `fusion`,
+            `visibility`, `values`, `layers`.
     """
 
     points_used: int
@@ -200,14 +200,12 @@ class ElevationMapper:
             moved = in_map_order(self._map.without_layers(BOUNDS), position)
             hidden = in_map_order(self._hidden, moved.position)
             noise = self._noise_of(covariance)
-            scan = self._located(cloud, matrix, noise, model, moved.geometry)
+            scan = located(cloud, matrix, noise, model, moved.geometry, self._parameters)
         state = State.of(moved, hidden)
         if self._pose is not None and covariance is not None:
             self._add_motion(state, self._pose, covariance, matrix, moved.geometry)
         start, stamp = self._advance(state, stamp, last, jump)
-        result = self._fuse(
-            scan, noise, columns, state, moved.geometry, 1e-9 * (stamp - start), clock
-        )
+        report = self._fuse(scan, columns, state, moved.geometry, 1e-9 * (stamp - start), clock)
         with clock.stage("layers"):
             done = moved.with_layers(shaped(state.layers(self._parameters), moved.size))
             done.timestamp = stamp
@@ -217,7 +215,7 @@ class ElevationMapper:
         self._start, self._last = start, stamp
         if covariance is not None:
             self._noise = min(self._noise, float(covariance.matrix[0, 0]))
-        return result
+        return report
 
     def configure(self, **parameters: Any) -> None:
         """Change parameters; after an error all are what they were.
@@ -286,7 +284,7 @@ class ElevationMapper:
         state.variances[inside & ~(state.variances >= least)] = least
         if "elevation" in common:
             state.confirm(inside, 0.0 if self._start is None else 1e-9 * (self._last - self._start))
-            state.support[inside] = np.inf
+            state.support[inside] = self._parameters.conflict_points + 1
         self._hidden = hidden
         self._map = target.with_layers(shaped(state.layers(self._parameters), target.size))
 
@@ -310,28 +308,6 @@ class ElevationMapper:
         return result
 
     # Stages
-
-    def _located(
-        self,
-        cloud: NDArray[Any],
-        matrix: NDArray[np.float64],
-        covariance: Covariance | None,
-        sensor: SensorModel,
-        geometry: GridGeometry,
-    ) -> Scan:
-        given = self._parameters
-        limits = Limits(
-            given.min_range, given.max_range, given.ignore_points_below, given.ignore_points_above
-        )
-        return located(
-            cloud,
-            matrix,
-            covariance,
-            sensor,
-            geometry,
-            limits,
-            horizontal=given.horizontal_variances,
-        )
 
     def _noise_of(self, covariance: Covariance | None) -> Covariance | None:
         """Return the part of the covariance of a pose that is noise of each scan.
@@ -387,42 +363,28 @@ class ElevationMapper:
     def _fuse(
         self,
         scan: Scan,
-        noise: Covariance | None,
         columns: Mapping[str, NDArray[Any]],
         state: State,
         geometry: GridGeometry,
         now: float,
         clock: _Stages,
     ) -> UpdateReport:
-        given, size = self._parameters, geometry.size
-        with clock.stage("sort"):
-            on_map = np.flatnonzero(scan.cells != OUTSIDE)
-            points = sorted_by_cell(
-                scan.cells[on_map],
-                scan.points[2, on_map],
-                scan.variances[on_map],
-                len(state.heights),
-            )
+        """Fuse a scan into the state of the map at a time [s]."""
+        given, offset, cleared = self._parameters, 0.0, np.zeros(0, np.int64)
         with clock.stage("clusters"):
-            common = np.zeros(len(points.cells))
-            if noise is not None:
-                rows, lines = geometry.axes_in_map_order()
-                x, y = rows[points.cells % size[0]], lines[points.cells // size[0]]
-                common = noise.of_points(x - scan.sensor[0], y - scan.sensor[1])
-            clusters = clusters_of(
-                points,
-                common,
-                given.mahalanobis_distance_threshold,
-                RELIEF * geometry.resolution,
-            )
-        offset = 0.0
+            on_map = np.flatnonzero(scan.cells != OUTSIDE)
+            cells = scan.cells[on_map]
+            threshold, spots = given.mahalanobis_distance_threshold, scan.points[:, on_map]
+            heights = at_centers(spots, cells, state.heights, state.variances, geometry, threshold)
+            points = sorted_by_cell(cells, heights, scan.variances[on_map], len(state.heights))
+            common = scan.common_variances(points.cells, geometry)
+            clusters = clusters_of(points, common, threshold, RELIEF * geometry.resolution)
         if given.enable_drift_compensation:
             with clock.stage("drift"):
-                offset = drift.offset(clusters, state.heights, state.variances, size, given)
+                offset = drift.offset(clusters, state, geometry.size, given)
                 state.heights += given.drift_compensation_alpha * offset
-                scan, clusters = _lowered(
-                    scan, clusters, (1.0 - given.drift_compensation_alpha) * offset
-                )
+                rest = (1.0 - given.drift_compensation_alpha) * offset
+                scan, clusters = scan.lowered(rest), clusters.lowered(rest)
         with clock.stage("fusion"):
             points = clusters.points
             fused = fuse(
@@ -436,45 +398,31 @@ class ElevationMapper:
             state.confirm(confirmed, now)
             if len(scan.horizontal):
                 state.keep_horizontal(scan.horizontal[on_map], points, fused.used)
-        cleared = np.zeros(0, np.int64)
         if given.enable_visibility_cleanup and len(scan.places):
             with clock.stage("visibility"):
-                cleared = cleared_cells(
-                    scan,
-                    points,
-                    state.heights,
-                    state.variances,
-                    state.ages >= 1e3 * given.scanning_duration,
-                    confirmed,
-                    geometry,
-                    given.max_ray_length,
-                    given.cleanup_min_angle,
-                )
+                cleared = cleared_cells(scan, points, state, confirmed, geometry, given)
         if columns:
             with clock.stage("values"):
                 fresh = np.zeros(len(state.heights), np.bool_)
                 fresh[points.cells[fused.is_new]] = True
-                places = scan.places[on_map]
-                given_here = {name: column[places] for name, column in columns.items()}
-                self._values.fuse(
-                    Chosen(points, fused.used, fresh), given_here, state.others, state.hidden
-                )
+                chosen, places = Chosen(points, fused.used, fresh), scan.places[on_map]
+                found = {name: column[places] for name, column in columns.items()}
+                self._values.fuse(chosen, found, state.others, state.hidden)
         state.heights[cleared] = np.nan
-        used = fused.used & ~(state.variances > given.largest_variance)[points.cells[points.groups]]
-        lost = int((fused.used & ~used).sum())
+        is_lost = (state.variances > given.largest_variance)[points.cells[points.groups]]
         reasons = scan.dropped | {
             "beside the map": len(scan.cells) - len(on_map),
-            "cell more uncertain than max_variance": lost,
+            "cell more uncertain than max_variance": int((fused.used & is_lost).sum()),
         }
         return UpdateReport(
-            int(used.sum()),
-            sum(reasons.values()),
-            len(on_map) - int(fused.used.sum()),
-            {reason: count for reason, count in reasons.items() if count},
-            int((fused.outcomes >= Outcome.RAISED).sum()),
-            len(cleared),
-            offset,
-            clock.milliseconds,
+            points_used=int((fused.used & ~is_lost).sum()),
+            points_dropped=sum(reasons.values()),
+            points_gated=len(on_map) - int(fused.used.sum()),
+            reasons={reason: count for reason, count in reasons.items() if count},
+            conflicts=int((fused.outcomes >= Outcome.RAISED).sum()),
+            cells_cleared=len(cleared),
+            drift=offset,
+            milliseconds=clock.milliseconds,
         )
 
     def _without_time(self, count: int, clock: _Stages) -> UpdateReport:
@@ -508,21 +456,6 @@ class _Stages:
         begin = time.perf_counter()
         yield
         self.milliseconds[name] = 1e3 * (time.perf_counter() - begin)
-
-
-def _lowered(scan: Scan, clusters: Clusters, offset: float) -> tuple[Scan, Clusters]:
-    """Return a scan and its clusters at lower heights [m]."""
-    down = np.array([0.0, 0.0, offset])
-    points = replace(clusters.points, heights=clusters.points.heights - offset)
-    return (
-        replace(
-            scan,
-            sensor=scan.sensor - down,
-            points=scan.points - down[:, None],
-            highest=scan.highest - offset,
-        ),
-        replace(clusters, points=points, means=clusters.means - offset),
-    )
 
 
 def _as_sensor(sensor: SensorModel) -> SensorModel:

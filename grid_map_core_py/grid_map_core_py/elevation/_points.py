@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..map._grid_map import GridMap
 from ..map._transform import as_rigid as as_rigid
 from ..plugins import check
 from ._motion import Covariance
+from ._parameters import Parameters
 from ._sensors import Numbers, SensorModel
 
 OUTSIDE = -1
@@ -38,21 +39,6 @@ LEAST_VARIANCE = 1e-12
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Limits of points that count, inclusive.
-
-    Attributes:
-        min_range, max_range: distance from the sensor [m].
-        below, above: height above the sensor [m], map frame.
-    """
-
-    min_range: float
-    max_range: float
-    below: float
-    above: float
-
-
-@dataclass(frozen=True)
 class Scan:
     """The points of a scan that count.
 
@@ -66,6 +52,7 @@ class Scan:
         places: (n,) places in the cloud.
         horizontal: (n,) variances along x and y [m^2], or (0,) if they are not wanted.
         dropped: number of points that do not count, by the reason.
+        noise: covariance of the pose that all points share; None is an exact pose.
     """
 
     sensor: Positions
@@ -76,6 +63,22 @@ class Scan:
     places: Integers
     horizontal: Numbers
     dropped: dict[str, int]
+    noise: Covariance | None
+
+    def lowered(self, offset: float) -> Scan:
+        """Return the scan, lower by an offset [m]."""
+        down = np.array([0.0, 0.0, offset])
+        sensor, points = self.sensor - down, self.points - down[:, None]
+        return replace(self, sensor=sensor, points=points, highest=self.highest - offset)
+
+    def common_variances(self, cells: Integers, geometry: GridGeometry) -> Numbers:
+        """Return the variances of z (k,) by the pose at the centers of cells [m^2]."""
+        if self.noise is None:
+            return np.zeros(len(cells))
+        x, y = geometry.axes_in_map_order()
+        row, column = cells % geometry.size[0], cells // geometry.size[0]
+        found: Numbers = self.noise.of_points(x[row] - self.sensor[0], y[column] - self.sensor[1])
+        return found
 
 
 def rotated(points: NDArray[Any], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -141,43 +144,43 @@ def as_columns(values: Mapping[str, ArrayLike] | None, count: int) -> dict[str, 
 def located(
     cloud: NDArray[Any],
     transform: NDArray[np.float64],
-    covariance: Covariance | None,
+    noise: Covariance | None,
     sensor: SensorModel,
     geometry: GridGeometry,
-    limits: Limits,
-    *,
-    horizontal: bool = False,
+    given: Parameters,
 ) -> Scan:
     """Return the points that are finite and within all limits, with their variances and cells.
 
     Args:
         cloud: (N, 3) or wider, sensor frame [m].
         transform: (4, 4) from the sensor to the map frame.
-        covariance: of the pose of the sensor in the map frame; None is an exact pose.
+        noise: covariance of the pose that all points share; None is an exact pose.
         sensor: model of the noise.
         geometry: geometry of the map.
-        limits: limits of points.
-        horizontal: True to compute variances along x and y, too.
+        given: parameters.
     """
     count, kept, dropped = len(cloud), 0, dict.fromkeys(REASONS, 0)
-    points, variances = np.empty((3, count)), np.empty((2, count))
+    points, variances, highest = np.empty((3, count)), np.empty(count), np.empty(count)
     cells, places = np.empty((2, count), np.int64)
     for part in slices(count, PIECE):
-        found = _located_part(cloud[part], transform, covariance, sensor, geometry, limits, dropped)
+        found = _located_part(cloud[part], transform, noise, sensor, geometry, given, dropped)
         here = slice(kept, kept + len(found[0]))
-        places[here], points[:, here], variances[:, here], cells[here] = found
+        places[here], points[:, here], variances[here], highest[here], cells[here] = found
         places[here] += part.start
         kept = here.stop
     places = places[:kept]
     return Scan(
         transform[:3, 3],
         points[:, :kept],
-        variances[0, :kept],
-        variances[1, :kept],
+        variances[:kept],
+        highest[:kept],
         cells[:kept],
         places,
-        _horizontal(cloud[places], transform, covariance, sensor) if horizontal else np.empty(0),
+        _horizontal(cloud[places], transform, noise, sensor)
+        if given.horizontal_variances
+        else np.empty(0),
         dropped,
+        noise,
     )
 
 
@@ -200,13 +203,13 @@ def _horizontal(
 def _located_part(
     cloud: NDArray[Any],
     transform: NDArray[np.float64],
-    covariance: Covariance | None,
+    noise: Covariance | None,
     sensor: SensorModel,
     geometry: GridGeometry,
-    limits: Limits,
+    given: Parameters,
     dropped: dict[str, int],
-) -> tuple[Integers, NDArray[np.float64], NDArray[np.float64], Integers]:
-    """Return places, positions (3, n), variances and upper ends (2, n), and cells of points."""
+) -> tuple[Integers, NDArray[np.float64], Numbers, Numbers, Integers]:
+    """Return places, positions (3, n), variances, upper ends and cells of points that count."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)
@@ -216,16 +219,16 @@ def _located_part(
             sensor.vertical_variances(own, distances, transform[2, :3]), LEAST_VARIANCE
         )
         total = variances
-        if covariance is not None:
-            total = variances + covariance.of_points(turned[0], turned[1])
+        if noise is not None:
+            total = variances + noise.of_points(turned[0], turned[1])
         highest = points[2] + 3.0 * np.sqrt(total)
         counts = np.ones(len(cloud), np.bool_)
         for reason, fits in zip(
             REASONS,
             (
                 (distances > 0.0) & (distances < np.inf) & np.isfinite(points[2]),
-                (distances >= limits.min_range) & (distances <= limits.max_range),
-                (turned[2] >= limits.below) & (turned[2] <= limits.above),
+                (distances >= given.min_range) & (distances <= given.max_range),
+                (turned[2] >= given.ignore_points_below) & (turned[2] <= given.ignore_points_above),
                 np.isfinite(highest),
             ),
             strict=True,
@@ -233,9 +236,8 @@ def _located_part(
             dropped[reason] += int((counts & ~fits).sum())
             counts &= fits
     places = np.flatnonzero(counts)
-    ends = np.stack((variances, highest))
     if len(places) < len(cloud):
-        points, ends = points.take(places, axis=1), ends.take(places, axis=1)
+        points, variances, highest = points.take(places, axis=1), variances[places], highest[places]
     cells, inside = flat_cells(points[:2].T, geometry)
     cells[~inside] = OUTSIDE
-    return places, points, ends, cells
+    return places, points, variances, highest, cells

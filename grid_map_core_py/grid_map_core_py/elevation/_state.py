@@ -68,6 +68,11 @@ class State:
             if name.endswith("age"):
                 np.minimum(self.hidden[name] + milliseconds, _OLDEST, out=self.hidden[name])
 
+    def is_stale(self, given: Parameters) -> Mask:
+        """Return which cells (cells,) were not confirmed for `scanning_duration`."""
+        stale: Mask = self.ages >= 1e3 * given.scanning_duration
+        return stale
+
     def confirm(self, cells: Integers | Mask, now: float) -> None:
         """Note that cells were seen at a time [s]."""
         self.times[cells], self.ages[cells] = now, 0.0

@@ -5,15 +5,15 @@
 Each beam goes from the sensor to its point through all cells on its way, in order (Amanatides and
 Woo, "A Fast Voxel Traversal Algorithm for Ray Tracing", 1987). In a cell, the height of a beam is
 the largest that it has there. A beam clears a cell that was not confirmed for `scanning_duration`
-if it is below `h - 3 sqrt(v)`, unless
+if it is below the foot of the cell, `h - max(3 sqrt(v), relief)`, unless
 
 - its own point lies in this cell,
 - a point of this scan in the cell or one of its 8 neighbors is higher than the beam, or at most one
   resolution lower: the beam passed beside something that still stands, such as a wall that covers
   a part of the cell,
-- another cell, at most two cells away, still stands: no beam crossed it below its `h - 3 sqrt(v)`,
-  which is higher than the beam or at most one resolution lower, and more than one resolution above
-  the lowest neighbor. Beams that run along a wall pass between its points. Or
+- another cell, at most two cells away, still stands: no beam crossed it below its foot, which is
+  higher than the beam or at most one resolution lower, and more than one resolution above the
+  lowest neighbor. Beams that run along a wall pass between its points. Or
 - it grazes the surface: the angle between the beam and the plane through the neighbors is less than
   `cleanup_min_angle`.
 
@@ -28,14 +28,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
 
 from ..arrays._checks import Integers, Mask, Size
 from ..loops import loop
 from ..map._geometry import GridGeometry
+from ._clusters import RELIEF
+from ._neighbors import highest_around
 from ._order import Sorted
+from ._parameters import Parameters
 from ._points import Scan
 from ._sensors import Numbers
+from ._state import State
 
 
 def entry_heights(scan: Scan, geometry: GridGeometry, chosen: Integers) -> Numbers:
@@ -63,30 +66,27 @@ def entry_heights(scan: Scan, geometry: GridGeometry, chosen: Integers) -> Numbe
 def cleared_cells(
     scan: Scan,
     points: Sorted,
-    heights: Numbers,
-    variances: Numbers,
-    stale: Mask,
+    state: State,
     confirmed: Integers,
     geometry: GridGeometry,
-    max_length: float,
-    min_angle: float,
+    given: Parameters,
 ) -> Integers:
     """Return the numbers of the cells that beams prove to be free.
 
     Args:
         scan: the beams.
         points: the points on the map, sorted by cell.
-        heights, variances: (cells,) of the map; a height is NaN where it is unknown.
-        stale: (cells,) whether a cell was not confirmed for `scanning_duration`.
+        state: the map.
         confirmed: (k,) cells that this scan has confirmed.
         geometry: geometry of the map.
-        max_length: length of beams that counts [m].
-        min_angle: smallest angle to the surface [rad].
+        given: parameters.
     """
-    candidates = np.flatnonzero(stale & ~np.isnan(heights))
-    lowest = heights[candidates] - 3.0 * np.sqrt(variances[candidates])
+    heights, variances = state.heights, state.variances
+    candidates = np.flatnonzero(state.is_stale(given) & ~np.isnan(heights))
     if not len(candidates):
         return candidates
+    feet = heights - np.maximum(3.0 * np.sqrt(variances), RELIEF * geometry.resolution)
+    lowest = feet[candidates]
     ceilings, places = np.full(len(heights), -np.inf), np.empty(len(heights), np.int64)
     ceilings[candidates], places[candidates] = lowest, np.arange(len(candidates))
     floors = np.full(len(heights), -np.inf)
@@ -96,12 +96,12 @@ def cleared_cells(
         *((geometry.corner - scan.sensor[:2]) / geometry.resolution).tolist(),
         float(scan.sensor[2]),
         geometry.resolution,
-        math.sin(min(min_angle, 0.5 * math.pi)),
-        max_length,
+        math.sin(min(given.cleanup_min_angle, 0.5 * math.pi)),
+        given.max_ray_length,
     )
     proofs, crossed = np.full(len(candidates), np.inf), np.zeros(len(candidates), np.uint8)
-    floors = highest_around(floors, candidates, geometry.size)
-    guards = _guards(heights - 3.0 * np.sqrt(variances), confirmed, geometry.size)
+    floors = highest_around(floors, geometry.size)[candidates].astype(np.float64)
+    guards = _guards(feet, confirmed, geometry.size)
     surface = ceilings, places, floors, normals.T.ravel(), guards, proofs, crossed
     ways = np.stack((*scan.points[:2], scan.highest)) - scan.sensor[:, None]
     if (run := trace.compiled()) and (prepare := cover.compiled()):
@@ -116,14 +116,15 @@ def cleared_cells(
             *surface,
         )
     else:
-        beams, span = _beams(ways, scan, geometry, max_length, float(lowest.max()) + MARGIN)
+        beams, span = _beams(
+            ways, scan, geometry, given.max_ray_length, float(lowest.max()) + MARGIN
+        )
         _trace_arrays(beams, span, frame, geometry.size, *surface)
     proven = np.flatnonzero(proofs < np.inf)
     if not len(proven):
         return candidates[proven]
-    lowest = heights - 3.0 * np.sqrt(variances)
-    lowest[candidates[crossed.view(np.bool_)]] = np.nan
-    stands = _stands(heights, lowest, candidates[proven], proofs[proven], geometry)
+    feet[candidates[crossed.view(np.bool_)]] = np.nan
+    stands = _stands(heights, feet, candidates[proven], proofs[proven], geometry)
     return candidates[proven[~stands]]
 
 
@@ -140,18 +141,18 @@ def _stands(
         geometry: geometry of the map.
     """
     size, resolution = geometry.size, geometry.resolution
-    ground = -highest_around(np.where(np.isnan(heights), -np.inf, -heights), cells, size)
-    beside = highest_around(np.where(np.isnan(lowest), -np.inf, lowest), cells, size, 2)
+    ground = -highest_around(-heights, size)[cells]
+    beside = highest_around(lowest, size, 2)[cells]
     mask: Mask = beside > np.maximum(beams, ground + 2.0 * resolution) - resolution
     return mask
 
 
 def _guards(lowest: Numbers, confirmed: Integers, size: Size) -> Numbers:
     """Return the smallest of `lowest` (cells,) among confirmed neighbors of cells, or -inf."""
-    own = np.full(len(lowest), np.inf)
-    own[confirmed] = lowest[confirmed]
-    around = minimum_filter(own.reshape(size, order="F"), 3, mode="nearest").ravel(order="F")
-    guards: Numbers = np.where(around < np.inf, around, -np.inf)
+    own = np.full(len(lowest), np.nan)
+    own[confirmed] = -lowest[confirmed]
+    guards: Numbers = -highest_around(own, size).astype(np.float64)
+    guards[guards == np.inf] = -np.inf
     return guards
 
 
@@ -235,20 +236,6 @@ def _trace_arrays(
         left = goes_on & (out < last) & (cells >= 0) & (cells < len(ceilings))
         t, last, rise, ways = out[left], last[left], rise[left], ways[:, left]
         cells, borders, steps, delta = cells[left], borders[:, left], steps[:, left], delta[:, left]
-
-
-def highest_around(
-    values: Numbers, cells: Integers, size: Size, radius: int = 1, *, itself: bool = True
-) -> Numbers:
-    """Return the largest value (k,) around each of some cells, up to `radius` cells away."""
-    rows, columns = size
-    row, column = cells % rows, cells // rows
-    found = values[cells] if itself else np.full(len(cells), -np.inf)
-    for i in range(-radius, radius + 1):
-        for k in range(-radius, radius + 1):
-            near = np.clip(row + i, 0, rows - 1) + rows * np.clip(column + k, 0, columns - 1)
-            np.fmax(found, np.where(near == cells, -np.inf, values[near]), out=found)
-    return found
 
 
 def _normals(heights: Numbers, cells: Integers, size: Size, resolution: float) -> Numbers:
