@@ -31,6 +31,7 @@ IMAGES = ROOT / "docs" / "images"
         ("make_drawings.py", "conventions", "docs/conventions.md", 20_000, 60_000),
         ("make_picture_pictures.py", "pictures", "docs/pictures.md", 300_000, 1_000_000),
         ("make_xarray_picture.py", "xarray", "docs/xarray.md", 200_000, 200_000),
+        ("make_elevation_picture.py", "elevation", "docs/elevation_model.md", 50_000, 50_000),
         ("make_tutorial_picture.py", "tutorial", "docs/tutorial.md", 300_000, 300_000),
         ("make_hero_picture.py", "", "README.md", 300_000, 300_000),
     ],

@@ -123,23 +123,6 @@ def test_errors_are_within_the_claimed_deviation():
     assert np.abs(result.errors[even]).max() < 0.03
 
 
-def test_min_variance_of_a_slope_covers_its_relief_in_cells():
-    slope, random = 0.25, np.random.default_rng(4)
-    terrain = GridMap((12.0, 12.0), RESOLUTION / 2, layers=["elevation"])
-    terrain["elevation"] = np.broadcast_to(slope * terrain.axes()[0][:, None], terrain.size)
-    given = {"min_variance": (slope * RESOLUTION) ** 2 / 12.0, "max_variance": 0.0}
-    made = ElevationMapper(GridGeometry((10.0, 10.0), RESOLUTION), **given)
-    for number, transform in enumerate(swaying_drive(30, random)):
-        transform[2, 3] += slope * transform[0, 3]
-        points = measured(terrain, transform, random)
-        made.update(points, transform, timestamp=number * PERIOD)
-    height, variance = (flat(made.grid_map, name) for name in ("elevation", "variance"))
-    seen = np.isfinite(height)
-    errors = height[seen] - truth(terrain, made.grid_map)[0][seen]
-    assert seen.sum() > 6000
-    assert np.sqrt(np.mean(errors**2)) < 1.1 * np.sqrt(np.mean(variance[seen]))
-
-
 def test_normalized_error_of_flat_cells_is_about_one():
     result = walked()
     is_flat = result.relief_around < 1e-6
