@@ -139,10 +139,12 @@ class Oracle:
         skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         row = -skew[2]
         height = min(self.noise, covariance[2, 2])
-        limit = self.max_variance if self.max_variance > 0 else math.inf
-        if 4 * height > limit:
+        if height > self.share():
             height = 0.0
         return float(row @ covariance[3:, 3:] @ row) + height
+
+    def share(self):
+        return 0.25 * self.max_variance if self.max_variance > 0 else math.inf
 
     def common(self, place, transform, covariance):
         x, y = ((k + 0.5) * self.resolution for k in place)
@@ -227,7 +229,8 @@ class Oracle:
         rise = max(float(abs(height - np.float32(cell.height))) for height in heights)
         rise = min(rise, self.resolution)
         is_tail = cell.support < 0.1 * max(each.support for each in beside)
-        return max(rise**2 / (12 * cell.support), 4 * chosen.points[0][1] * is_tail)
+        least = max(rise**2 / (12 * cell.support), 4 * chosen.points[0][1] * is_tail)
+        return min(least, self.share())
 
     def age(self, now, transform, covariance):
         if self.last is not None:
@@ -293,7 +296,8 @@ class Oracle:
         ratio = math.fsum((q[3] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
         if ratio <= 1 + self.threshold * math.sqrt(2 / others):
             return cluster.variance
-        return cluster.variance + (ratio - 1) * len(cluster.points) * cluster.variance
+        rest = (ratio - 1) * len(cluster.points) * cluster.variance
+        return cluster.variance + min(rest, self.share())
 
     def fuse(self, place, clusters, sensor, is_stale, now, before):
         """Fuse the clusters of a cell; return the one that counts, and what became of the cell."""

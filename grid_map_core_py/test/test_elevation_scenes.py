@@ -42,9 +42,9 @@ def person(random, count, center=(1.55, 0.0), height=1.7):
 class Scene:
     """A map, and the time of its next scan."""
 
-    def __init__(self, **parameters):
+    def __init__(self, resolution=0.1, **parameters):
         parameters = {"sensor": LaserModel()} | parameters
-        self.mapper = ElevationMapper(GridGeometry((8.0, 8.0), 0.1), **parameters)
+        self.mapper = ElevationMapper(GridGeometry((8.0, 8.0), resolution), **parameters)
         self.count = 0
 
     def see(self, *parts):
@@ -102,6 +102,18 @@ def test_wall_stays_for_sixty_scans():
         scene.see(ground(random, 10_000), wall(random, 10_000))
     heights = scene.heights(WALL)
     assert ((heights > 1.0) & (heights < 1.25)).all()
+
+
+def test_wall_in_coarse_cells_is_known_from_one_point_on():
+    random, scene = np.random.default_rng(11), Scene(0.5)
+    scene.see(ground(random, 10_000), [(1.55, 1.1, 1.15)])
+    assert scene.heights([(1.55, 1.1)]) == pytest.approx(0.0, abs=0.1)
+    scene.see(ground(random, 10_000), wall(random, 10_000))
+    assert scene.shown(WALL) == 1.0
+    assert np.isfinite(scene.heights(ground(random, 10_000)[:, :2])).all()
+    scene.mapper.clear()
+    scene.see([(1.55, 1.1, 1.15), (1.55, 0.6, 0.2)])
+    assert scene.shown([(1.55, 1.1)]) == 1.0
 
 
 def test_walking_person_is_in_the_map_and_leaves_no_trail():

@@ -93,6 +93,8 @@ def test_ranges_of_a_source_keep_points_and_their_values() -> None:
     made.fuse(near, scan(*points, [0.0, math.nan, 1.0], n=[0, 1, 2, 3, 4]), placed())
     found = made.grid_map["n"]
     assert sorted(found[np.isfinite(found)].tolist()) == [1.0, 2.0]
+    assert made.report.points_dropped == sum(made.report.reasons.values()) == 3
+    assert made.report.reasons["beyond the limits of the source"] == 3
 
 
 def test_scans_out_of_order_by_a_little_keep_the_clock() -> None:

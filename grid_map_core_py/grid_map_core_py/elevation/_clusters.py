@@ -17,6 +17,7 @@ import numpy as np
 from ..arrays._checks import Integers, Mask
 from ..loops import loop
 from ._order import Sorted
+from ._parameters import Parameters
 from ._sensors import Numbers
 
 RELIEF = 0.4
@@ -96,15 +97,16 @@ class Clusters:
         return np.repeat(self.firsts[numbers] - begins, counts) + np.arange(counts.sum()), begins
 
 
-def clusters_of(points: Sorted, common: Numbers, threshold: float, relief: float) -> Clusters:
+def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Parameters) -> Clusters:
     """Return the clusters of sorted points.
 
     Args:
         points: the points on the map.
         common: (m,) variance that all points of a cell share [m^2], such as that of the pose.
-        threshold: of the gate.
-        relief: difference of heights [m] at which points agree in any case.
+        resolution: side of a cell [m].
+        given: parameters.
     """
+    threshold, relief = given.mahalanobis_distance_threshold, RELIEF * resolution
     z, r = points.heights, points.variances
     counts, sums = np.zeros(len(z), np.int64), np.zeros((3, len(z)))
     if run := grow_clusters.compiled():
@@ -119,9 +121,9 @@ def clusters_of(points: Sorted, common: Numbers, threshold: float, relief: float
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
     spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
-    variances = (1.0 + np.where(spreads, (ratio - 1.0) * counts, 0.0)) / weights
+    rest = np.minimum(np.where(spreads, (ratio - 1.0) * counts / weights, 0.0), given.largest_share)
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    means, variances = z[firsts] + offsets, variances + common[groups]
+    means, variances = z[firsts] + offsets, 1.0 / weights + rest + common[groups]
     return Clusters(points, threshold, relief, groups, firsts, counts, means, variances)
 
 

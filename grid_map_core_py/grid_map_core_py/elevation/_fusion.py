@@ -120,8 +120,9 @@ def fuse(
 
     state.heights[cells], state.support[cells] = heights, support
     is_seen = outcomes != Outcome.CONTRADICTED
-    least = np.where(is_seen, _least_variances(clusters, chosen, state, geometry), 0.0)
-    variances = np.maximum(variances, np.maximum(least, given.min_variance))
+    least = np.minimum(_least_variances(clusters, chosen, state, geometry), given.largest_share)
+    variances = np.maximum(variances, np.where(is_seen, least, 0.0))
+    variances = np.maximum(variances, given.min_variance)
     is_conflict = outcomes >= Outcome.RAISED
     state.variances[cells] = variances + given.multi_height_noise * is_conflict
     used = np.zeros(len(clusters.points.order), np.bool_)

@@ -23,7 +23,7 @@ from ..map._geometry import GridGeometry
 from ..map._grid_map import GridMap
 from ..plugins import build, check
 from . import _drift as drift, _horizontal as horizontal
-from ._clusters import RELIEF, clusters_of, grow_clusters
+from ._clusters import clusters_of, grow_clusters
 from ._fusion import Outcome, fuse
 from ._motion import Covariance, as_covariance, of_motion
 from ._neighbors import at_centers
@@ -319,9 +319,7 @@ class ElevationMapper:
         if covariance is None:
             return None
         noise = min(self._noise, float(covariance.matrix[0, 0]))
-        return covariance.with_height(
-            noise if 4.0 * noise <= self._parameters.largest_variance else 0.0
-        )
+        return covariance.with_height(noise if noise <= self._parameters.largest_share else 0.0)
 
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
         """Let cells grow older; return the start of the clock and the time of the scan [ns]."""
@@ -378,7 +376,7 @@ class ElevationMapper:
             heights = at_centers(spots, cells, state.heights, state.variances, geometry, threshold)
             points = sorted_by_cell(cells, heights, scan.variances[on_map], len(state.heights))
             common = scan.common_variances(points.cells, geometry)
-            clusters = clusters_of(points, common, threshold, RELIEF * geometry.resolution)
+            clusters = clusters_of(points, common, geometry.resolution, given)
         if given.enable_drift_compensation:
             with clock.stage("drift"):
                 offset = drift.offset(clusters, state, geometry.size, given)

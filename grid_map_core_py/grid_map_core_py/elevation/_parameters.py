@@ -100,3 +100,8 @@ class Parameters:
     def largest_variance(self) -> float:
         """The limit of variances [m^2], infinite for none."""
         return self.max_variance if self.max_variance > 0 else math.inf
+
+    @property
+    def largest_share(self) -> float:
+        """Largest variance [m^2] by relief or pose, which alone shall make no cell unknown."""
+        return 0.25 * self.largest_variance

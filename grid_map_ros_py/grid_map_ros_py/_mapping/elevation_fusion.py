@@ -7,7 +7,7 @@ import re
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,7 @@ class ElevationFusion:
         begin = time.perf_counter()
         if scan.stamp == 0:
             raise MessageError("header.stamp", "the time of the scan", "0")
-        scan = _within(scan, source, placement)
+        given, scan = len(scan), _within(scan, source, placement)
         covariance = placement.covariance
         if covariance is not None:
             covariance = self.covariance_scale * covariance
@@ -166,6 +166,10 @@ class ElevationFusion:
             if self.clears_before_scan:
                 self.mapper.masked_replace(before)
             raise
+        if lost := given - len(scan):
+            reasons = {**self.report.reasons, "beyond the limits of the source": lost}
+            dropped = self.report.points_dropped + lost
+            self.report = replace(self.report, points_dropped=dropped, reasons=reasons)
         self.warnings += [str(entry.message) for entry in caught]
         self._note({**self.report.milliseconds, "update": 1e3 * (time.perf_counter() - begin)})
 
