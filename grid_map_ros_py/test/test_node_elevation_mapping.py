@@ -296,6 +296,19 @@ def test_services_change_ask_save_and_load_the_map(robot: Robot, tmp_path: Path)
         assert [name for name in ("save_map", "load_map") if f"{name}: " not in node.text] == []
 
 
+def test_constant_noise_makes_a_map_and_lost_points_have_reasons(
+    robot: Robot, tmp_path: Path
+) -> None:
+    source = {**LIDAR, "sensor_processor": {"type": "constant"}, "max_range": 1.3}
+    robot.peer.listen("/diagnostics", DiagnosticArray, 10)
+    with running_node(MODULE, *options(tmp_path, {"lidar": source})):
+        grid_map = robot.until_mapped(1.0)
+        assert known(grid_map) > 200
+        found = details(robot.peer)
+    lost = float(found["beyond the limits of the source in the last scan"])
+    assert float(found["points dropped in the last scan"]) == lost == 400 - known(grid_map)
+
+
 # --- what gets lost -------------------------------------------------------------------------------
 
 
