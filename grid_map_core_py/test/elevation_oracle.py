@@ -138,9 +138,7 @@ class Oracle:
         x, y, z = way
         skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         row = -skew[2]
-        height = min(self.noise, covariance[2, 2])
-        if height > self.share():
-            height = 0.0
+        height = min(self.noise, covariance[2, 2], self.share())
         return float(row @ covariance[3:, 3:] @ row) + height
 
     def share(self):
@@ -296,8 +294,7 @@ class Oracle:
         ratio = math.fsum((q[3] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
         if ratio <= 1 + self.threshold * math.sqrt(2 / others):
             return cluster.variance
-        rest = (ratio - 1) * len(cluster.points) * cluster.variance
-        return cluster.variance + min(rest, self.share())
+        return cluster.variance + min((ratio - 1) * cluster.variance, self.share())
 
     def fuse(self, place, clusters, sensor, is_stale, now, before):
         """Fuse the clusters of a cell; return the one that counts, and what became of the cell."""

@@ -115,8 +115,29 @@ def test_both_ways_give_the_same_maps(monkeypatch):
         for step in range(6):
             points = cloud(20_000, seed=step) * np.float32(1.0 - 0.1 * step)
             mapper.update(points, UP, timestamp=step * SECOND)
-        maps.append(mapper.grid_map)
-    assert_maps_equal(*maps)
+        behind, _ = mapped_behind_glass()
+        maps += [mapper.grid_map, behind]
+    for one, other in zip(maps[:2], maps[2:], strict=True):
+        assert_maps_equal(one, other)
+
+
+def mapped_behind_glass():
+    """Map two bands of ground; reflections then pass below the first one, which is seen again."""
+    mapper = mapper_of(GridGeometry((8.0, 8.0), 0.1))
+    x, y = (
+        part.ravel() for part in np.meshgrid(np.linspace(1.8, 2.15, 8), np.linspace(-1, 1, 200))
+    )
+    near = np.column_stack((x, y, np.full(len(x), -1.0)))
+    far = near + (1.1, 0.0, 0.0)
+    mapper.update(np.vstack((near, far)), UP, timestamp=0)
+    beams = near * (3.6 / 1.8) * (1.0, 1.0, 1.2)
+    report = mapper.update(np.vstack((near, beams)), UP, timestamp=2 * SECOND)
+    return mapper.grid_map, report.cells_cleared
+
+
+@both_ways
+def test_reflections_below_confirmed_ground_clear_nothing():
+    assert mapped_behind_glass()[1] == 0
 
 
 @both_ways
@@ -317,6 +338,24 @@ def test_late_scan_counts_as_simultaneous():
     mapper.update(at(0.5, 0.3, 0.0), UP, timestamp=107 * SECOND)
     mapper.update(at(0.7, 0.3, 0.0), UP, timestamp=98 * SECOND)
     assert (height(mapper, 0.7, 0.3, "time"), mapper.grid_map.timestamp) == (7.0, 107 * SECOND)
+
+
+def test_bag_that_loops_within_seconds_still_clears():
+    mapper = mapper_of(GridGeometry((6.0, 6.0), 0.1))
+    mapper.update(np.vstack((ring(1.0, 0.2), ring(2.5, 1.0))), UP, timestamp=5 * SECOND)
+    stamps = [step % 50 * SECOND // 10 for step in range(150)]
+    with pytest.warns(RuntimeWarning, match="the clock of the map starts anew"):
+        reports = [mapper.update(ring(2.5, 1.0), UP, timestamp=stamp) for stamp in stamps]
+    assert sum(report.cells_cleared for report in reports) > 50
+
+
+def test_sensor_that_lags_does_not_start_the_clock_anew():
+    mapper = mapper_of()
+    for step in range(60):
+        stamp = step * SECOND // 10
+        mapper.update(at(0.3, 0.3, 0.0), UP, timestamp=100 * SECOND + stamp)
+        mapper.update(at(0.5, 0.3, 0.0), UP, timestamp=98 * SECOND + stamp)
+    assert height(mapper, 0.5, 0.3, "time") == pytest.approx(5.9)
 
 
 def test_scan_of_time_zero_is_dropped_with_the_reason():

@@ -116,6 +116,21 @@ def test_wall_in_coarse_cells_is_known_from_one_point_on():
     assert scene.shown([(1.55, 1.1)]) == 1.0
 
 
+@pytest.mark.parametrize(("resolution", "share", "top"), [(0.5, 0.8, 0.18), (0.25, 0.5, 0.09)])
+def test_low_box_in_known_cell_counts_as_on_unknown_ground(resolution, share, top):
+    heights = []
+    for scans_before in (0, 15):
+        random, scene = np.random.default_rng(12), Scene(resolution)
+        for number in range(scans_before + 5):
+            points = ground(random, 20_000)
+            x = points[:, 0] / resolution % 1.0
+            points[(x < share) & (number >= scans_before), 2] += top
+            scene.see(points)
+        heights.append(np.median(scene.mapper.grid_map["elevation"][8:10, 8:10]))
+        assert 0.3 * top < heights[-1] < top
+    assert heights[1] == pytest.approx(heights[0], abs=0.1 * top)
+
+
 def test_walking_person_is_in_the_map_and_leaves_no_trail():
     random, scene, since, shown = np.random.default_rng(4), Scene(), {}, []
     for _ in range(15):
@@ -218,7 +233,7 @@ def test_points_lost_to_a_limit_are_counted_with_the_reason():
     points = np.vstack((ground(random, 2000), [(np.nan, 0, 0), (3.9, 3.9, 0.0), (9.0, 0.0, 0.0)]))
     report = scene.see(points)
     assert sum(report.reasons.values()) == report.points_dropped
-    assert report.reasons["no finite point"] == 1
+    assert report.reasons["not finite, or at the origin of the sensor"] == 1
     assert report.reasons["beyond min_range or max_range"] > 300
     assert report.reasons["cell more uncertain than max_variance"] > 1000
     assert report.points_used + report.points_gated + report.points_dropped == len(points)

@@ -328,35 +328,45 @@ TABLE = 0.6, 0.75
 """Length of the table and height of its top [m]."""
 
 
-def mapped_table(before, **parameters):
-    """Return a map of a table on ground mapped `before` scans earlier, and its cells."""
+def mapped_table(before, on_table=20, **parameters):
+    """Return a map of a table, and its cells.
+
+    Either the ground is mapped `before` scans earlier, or the table `-before` scans.
+    """
     made, random, (length, top) = mapper(2.0, EVEN, **parameters), np.random.default_rng(0), TABLE
-    for number in range(before + 5):
+    for number in range(abs(before) + 5):
         points = spread_points(random, 2.0, 20, 3.0)
-        if number >= before:
-            points = np.vstack((points, spread_points(random, length, 20, 3.0 - top)))
-        update(made, points, pose_of((0.0, 0.0, 3.0)), number)
+        table = spread_points(random, length, on_table, 3.0 - top)
+        is_later = number >= abs(before)
+        seen = [points] * (is_later or before > 0) + [table] * (is_later or before < 0)
+        update(made, np.vstack(seen), pose_of((0.0, 0.0, 3.0)), number)
     grid_map = made.grid_map
     below = (np.abs(grid_map.get_positions()) < 0.5 * length).all(axis=1)
     assert below.sum() == 36
     return grid_map, below
 
 
-BEFORE = pytest.mark.parametrize("before", [0, 3])
-
-
-@BEFORE
-def test_overhang_clearance_keeps_ground_below_table(before):
-    grid_map, below = mapped_table(before, overhang_clearance=0.6)
+@pytest.mark.parametrize(("before", "on_table"), [(0, 20), (3, 20), (-3, 20), (3, 90), (3, 3)])
+def test_overhang_clearance_keeps_ground_below_table(before, on_table):
+    grid_map, below = mapped_table(before, on_table, overhang_clearance=0.6)
     ground, overhang = (grid_map.unwrapped(name).ravel("F") for name in ("elevation", "overhang"))
     assert np.abs(ground).max() < 0.02
-    assert np.abs(overhang[below] - TABLE[1]).max() <= 0.02
+    assert np.nanmax(np.abs(overhang[below] - TABLE[1])) <= 0.03
+    assert np.isfinite(overhang[below]).mean() > 0.9
     assert np.isnan(overhang[~below]).all()
 
 
-@BEFORE
+@pytest.mark.parametrize("before", [0, 3])
 def test_table_is_the_surface_without_clearance(before):
     grid_map, below = mapped_table(before)
     heights = grid_map.unwrapped("elevation").ravel("F")
     assert np.abs(heights[below] - TABLE[1]).max() <= 0.02
     assert np.abs(heights[~below]).max() < 0.02
+
+
+def test_overhangs_are_forgotten_without_clearance():
+    made = mapper(1.0, EVEN, overhang_clearance=0.6)
+    update(made, [(0.0, 0.0, z) for z in (-2.0, -2.0, -1.0, -1.0)], pose_of((0.0, 0.0, 2.0)), 0)
+    assert np.nanmax(made.grid_map["overhang"]) == pytest.approx(1.0)
+    made.configure(overhang_clearance=0.0)
+    assert "overhang" not in made.grid_map

@@ -37,8 +37,8 @@ class Clusters:
         groups: (q,) place of the cell of each cluster in `points.cells`.
         firsts, counts: (q,) place of the highest point in `points`, and number of points.
         means: (q,) heights, weighted by inverse variances [m].
-        variances: (q,) of the means [m^2]. If the points spread by more than their variances
-            explain, the rest is added, and so is the variance that all points of a cell share.
+        variances: (q,) of the means [m^2]. They are larger if the points spread by more than their
+            variances explain, and include the variance that all points of a cell share.
     """
 
     points: Sorted
@@ -54,12 +54,6 @@ class Clusters:
     def heads(self) -> Integers:
         """(m,) the highest cluster of each cell."""
         return np.searchsorted(self.groups, np.arange(len(self.points.cells)))
-
-    @property
-    def bottoms(self) -> Numbers:
-        """(q,) height of the lowest point [m]."""
-        lowest: Numbers = self.points.heights[self.firsts + self.counts - 1]
-        return lowest
 
     def lowered(self, offset: float) -> Clusters:
         """Return the clusters, lower by an offset [m]."""
@@ -121,9 +115,10 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
     spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
-    rest = np.minimum(np.where(spreads, (ratio - 1.0) * counts / weights, 0.0), given.largest_share)
+    # Relief alone makes no cell unknown.
+    excess = np.minimum(np.where(spreads, ratio - 1.0, 0.0) / weights, given.largest_share)
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    means, variances = z[firsts] + offsets, 1.0 / weights + rest + common[groups]
+    means, variances = z[firsts] + offsets, 1.0 / weights + excess + common[groups]
     return Clusters(points, threshold, relief, groups, firsts, counts, means, variances)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays._checks import Mask, Size
 from ._clusters import Clusters
+from ._neighbors import highest_around
 from ._parameters import Parameters
 from ._sensors import Numbers
 from ._state import State
@@ -54,9 +55,12 @@ def offset(clusters: Clusters, state: State, size: Size, given: Parameters) -> f
 
 
 def _is_level(heights: Numbers, size: Size) -> Mask:
-    """Return which cells (cells,) are level with all eight neighbors."""
-    padded = np.pad(heights.reshape(size, order="F"), 1, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
-    rises = np.abs(windows - heights.reshape(size, order="F")[..., None, None])
-    level: Mask = (rises <= LEVEL).all(axis=(2, 3)).ravel(order="F")
+    """Return which cells (cells,) are level with eight neighbors, all of which are known."""
+    unknown = np.isnan(heights)
+    highest = highest_around(np.where(unknown, np.inf, heights), size)
+    lowest = -highest_around(np.where(unknown, np.inf, -heights), size)
+    with np.errstate(invalid="ignore"):
+        level: Mask = np.maximum(highest - heights, heights - lowest) <= LEVEL
+    grid = level.reshape(size[::-1])
+    grid[[0, -1]] = grid[:, [0, -1]] = False
     return level

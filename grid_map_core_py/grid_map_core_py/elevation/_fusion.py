@@ -35,7 +35,7 @@ from ._clusters import NONE, Clusters
 from ._neighbors import highest_around
 from ._parameters import Parameters
 from ._sensors import Numbers
-from ._state import HIDDEN, OVERHANG, State
+from ._state import OVERHANG, State
 
 SIGHTINGS = 3
 """Number of scans in which a candidate is seen before it becomes the surface."""
@@ -69,11 +69,6 @@ class Fused:
     outcomes: NDArray[np.int64]
     used: Mask
 
-    @property
-    def is_new(self) -> Mask:
-        """(m,) whether the height of a cell with points started anew."""
-        return np.isin(self.outcomes, (Outcome.STARTED, Outcome.RAISED, Outcome.LOWERED))
-
 
 def fuse(
     clusters: Clusters,
@@ -93,12 +88,15 @@ def fuse(
     """
     cells = clusters.points.cells
     solid = clusters.counts >= given.conflict_points
-    densest = np.maximum.reduceat(clusters.counts, clusters.heads)
-    supported = solid & (clusters.counts >= given.min_support * densest[clusters.groups])
+    is_low = np.ones(len(solid), np.bool_)
     if given.overhang_clearance > 0.0:
-        is_low = _under_overhangs(clusters, solid, supported, state, given)
-        solid, supported = solid & is_low, supported & is_low
-    outcomes, chosen = _decided(clusters, solid, supported, state, geometry, entries, given)
+        is_low = _under_overhangs(clusters, solid, state, given)
+    counts = np.where(is_low, clusters.counts, 0)
+    densest = np.maximum.reduceat(counts, clusters.heads)[clusters.groups]
+    surface = clusters.first(solid & is_low & (counts >= given.min_support * densest))
+    chosen = np.where(surface == NONE, clusters.first(is_low), surface)
+    solid &= is_low
+    outcomes, chosen = _decided(clusters, solid, surface, chosen, state, geometry, entries, given)
 
     old, before = state.heights[cells], state.variances[cells]
     means, new = clusters.means[chosen], clusters.variances[chosen]
@@ -109,7 +107,7 @@ def fuse(
     heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
     variances = np.where(fits, doubt * merged, np.where(stays, before, new))
     support = np.where(stays, 0, clusters.counts[chosen])
-    support = support + np.where(stays | fits, state.support[cells], 0.0)
+    support = support + np.where(stays | fits, state.memory.support[cells], 0.0)
 
     found = _seen_again(clusters, solid, chosen, heights, variances, state)
     grown = np.flatnonzero(found != NONE)
@@ -118,7 +116,7 @@ def fuse(
     variances[grown] = clusters.variances[chosen[grown]]
     support[grown] = SIGHTINGS * clusters.counts[chosen[grown]]
 
-    state.heights[cells], state.support[cells] = heights, support
+    state.heights[cells], state.memory.support[cells] = heights, support
     is_seen = outcomes != Outcome.CONTRADICTED
     least = np.minimum(_least_variances(clusters, chosen, state, geometry), given.largest_share)
     variances = np.maximum(variances, np.where(is_seen, least, 0.0))
@@ -133,7 +131,8 @@ def fuse(
 def _decided(
     clusters: Clusters,
     solid: Mask,
-    supported: Mask,
+    surface: Integers,
+    chosen: Integers,
     state: State,
     geometry: GridGeometry,
     entries: Callable[[Integers], Numbers],
@@ -142,8 +141,6 @@ def _decided(
     """Return what becomes of the cells (m,), candidates left aside, and by which clusters."""
     cells, groups = clusters.points.cells, clusters.groups
     old = state.heights[cells]
-    surface = clusters.first(supported)
-    chosen = np.where(surface == NONE, clusters.heads, surface)
     agrees = clusters.agree(old, state.variances[cells])
     smaller = solid & (np.arange(len(groups)) < surface[groups])
     confirming = clusters.first(agrees & (smaller | (surface == NONE)[groups]))
@@ -154,7 +151,8 @@ def _decided(
     outcomes = np.full(len(cells), int(Outcome.CONTRADICTED))
     outcomes[(surface != NONE) & (rise > 0.0)] = Outcome.RAISED
     lower = np.flatnonzero((rise < 0.0) & ~is_confirmed)
-    gives = _gives_way(clusters, chosen[lower], supported, state, geometry, entries, given)
+    is_supported = (surface != NONE)[lower]
+    gives = _gives_way(clusters, chosen[lower], is_supported, state, geometry, entries, given)
     outcomes[lower[gives]] = Outcome.LOWERED
     outcomes[is_confirmed] = Outcome.CONFIRMED
     outcomes[np.isnan(old)] = Outcome.STARTED
@@ -164,18 +162,19 @@ def _decided(
 def _least_variances(
     clusters: Clusters, chosen: Integers, state: State, geometry: GridGeometry
 ) -> Numbers:
-    """Return the variances (m,) below which no number of points brings a height [m^2].
+    """Return the smallest variances (m,) that heights can reach [m^2].
 
-    Points come down anywhere in a cell. If it rises by u to a neighbor, at most by the side of a
-    cell, the mean of n points varies by u^2 / 12 n around the height of the center. A cell with few
-    points beside one with many has only the tails of their noise, which do not average out.
+    Points come down anywhere in a cell. If u is the largest difference of heights to a neighbor, at
+    most the side of a cell, the mean of n points varies by u^2 / 12 n around the height of the
+    center. In a cell with few points beside one with many, there is only outlying noise of the
+    neighbor's points, which does not average out.
     """
     cells, size = clusters.points.cells, geometry.size
-    support, heights = state.support[cells], state.heights[cells].astype(np.float32)
+    support, heights = state.memory.support[cells], state.heights[cells].astype(np.float32)
     rise = highest_around(state.heights, size)[cells] - heights
     fall = heights + highest_around(-state.heights, size)[cells]
     slope = np.minimum(np.maximum(rise, fall), geometry.resolution).astype(np.float64)
-    is_tail = support < TAIL * highest_around(state.support, size)[cells]
+    is_tail = support < TAIL * highest_around(state.memory.support, size)[cells]
     tails = 4.0 * clusters.points.variances[clusters.firsts[chosen]]
     least: Numbers = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
     return least
@@ -184,19 +183,19 @@ def _least_variances(
 def _gives_way(
     clusters: Clusters,
     chosen: Integers,
-    supported: Mask,
+    is_supported: Mask,
     state: State,
     geometry: GridGeometry,
     entries: Callable[[Integers], Numbers],
     given: Parameters,
 ) -> Mask:
-    """Return whether the heights of cells give way to clusters (k,) below them."""
+    """Return whether heights give way to clusters (k,) below them, which may have support (k,)."""
     cells = clusters.points.cells[clusters.groups[chosen]]
     # A neighbor that stands tells of an obstacle of which the cell has only a part.
     beside = highest_around(state.heights, geometry.size, itself=False)[cells]
     alone = beside <= clusters.means[chosen] + geometry.resolution
-    gives = alone & (state.support[cells] <= given.conflict_points)
-    unsure = np.flatnonzero(state.is_stale(given)[cells] & ~gives & supported[chosen])
+    gives = alone & (state.memory.support[cells] <= given.conflict_points)
+    unsure = np.flatnonzero(state.is_stale(given)[cells] & ~gives & is_supported)
     if len(unsure):
         places, begins = clusters.members(chosen[unsure])
         limits = np.repeat(state.heights[cells[unsure]], clusters.counts[chosen[unsure]])
@@ -225,7 +224,8 @@ def _seen_again(
     cells, groups, means = clusters.points.cells, clusters.groups, clusters.means
     candidates = solid & (np.arange(len(groups)) < chosen[groups]) & (means > heights[groups])
     candidates &= ~clusters.agree(heights, variances)
-    height, sightings, age = (state.hidden[name] for name in HIDDEN[2:5])
+    height, sightings = state.memory.candidate, state.memory.sightings
+    age = state.memory.candidate_age
     waits = (age[cells] <= CANDIDATE_TIME)[groups]
     gate = np.maximum(clusters.threshold * np.sqrt(2.0 * clusters.variances), clusters.relief)
     again = clusters.first(candidates & waits & (np.abs(means - height[cells][groups]) <= gate))
@@ -241,30 +241,33 @@ def _seen_again(
     return np.where(done, again, NONE)
 
 
-def _under_overhangs(
-    clusters: Clusters, solid: Mask, supported: Mask, state: State, given: Parameters
-) -> Mask:
-    """Return the clusters (q,) that are not above a gap over supported ground; note the gaps.
+def _under_overhangs(clusters: Clusters, solid: Mask, state: State, given: Parameters) -> Mask:
+    """Return the clusters (q,) that are not above a gap over ground; note the gaps in the map.
+
+    A height that turns out to be that of an overhang is forgotten.
 
     Args:
         clusters: the clusters of the scan.
-        solid, supported: (q,) which of them have enough points to bound a gap, or to be ground.
+        solid: (q,) which of them have enough points to bound a gap.
         state: the map, whose layer `overhang` gets the lower sides.
         given: parameters.
     """
-    groups, numbers = clusters.groups, np.flatnonzero(solid)
+    cells, groups, numbers = clusters.points.cells, clusters.groups, np.flatnonzero(solid)
     tops = clusters.points.heights[clusters.firsts]
-    ground = clusters.last(supported)[groups]
+    bottoms = clusters.points.heights[clusters.firsts + clusters.counts - 1]
     above, under = numbers[:-1], numbers[1:]
-    gaps = (clusters.bottoms[above] - tops[under] > given.overhang_clearance) & (
-        under <= ground[above]
+    gaps = (bottoms[above] - tops[under] > given.overhang_clearance) & (
+        groups[above] == groups[under]
     )
     is_roof = np.zeros(len(groups), np.bool_)
     is_roof[above[gaps]] = True
-    roof, cells = clusters.last(is_roof), clusters.points.cells
+    roof = clusters.last(is_roof)
+    is_low = np.arange(len(groups)) > roof[groups]
     nothing = np.full(len(state.heights), np.nan, np.float32)
-    layer, age = state.others.setdefault(OVERHANG, nothing), state.hidden[HIDDEN[5]]
+    layer, age = state.others.setdefault(OVERHANG, nothing), state.memory.overhang_age
     seen = roof != NONE
     layer[cells[~seen & (age[cells] >= 1e3 * given.scanning_duration)]] = np.nan
-    layer[cells[seen]], age[cells[seen]] = clusters.bottoms[roof[seen]], 0.0
-    return np.arange(len(groups)) > roof[groups]
+    layer[cells[seen]], age[cells[seen]] = bottoms[roof[seen]], 0.0
+    known = clusters.agree(state.heights[cells], state.variances[cells])
+    state.heights[cells[clusters.first(known & ~is_low) != NONE]] = np.nan
+    return is_low

@@ -45,6 +45,9 @@ from ._visibility import cleared_cells, cover, entry_heights, trace
 
 _LOOPS = deal, grow_clusters, cover, trace
 
+LATE = 10**9
+"""Time [ns] for which all scans may be earlier than the last one before the clock starts anew."""
+
 
 @dataclass(frozen=True)
 class UpdateReport:
@@ -55,7 +58,7 @@ class UpdateReport:
         points_dropped: points that do not count.
         points_gated: points on the map that do not agree with their cell.
         reasons: numbers of the dropped points by the reason.
-        conflicts: cells whose height all points of the scan contradict, replaced ones included.
+        conflicts: cells that the surface of the scan contradicts, replaced ones included.
         cells_cleared: cells that the visibility cleanup has cleared.
         drift: how much higher than the map the scan was [m]; 0 without drift compensation, or if
             the cells did not agree on it.
@@ -132,6 +135,7 @@ class ElevationMapper:
         self._noise = math.inf
         self._start: int | None = None
         self._last = 0
+        self._late: int | None = None
         # The first scan shall not wait for compiled loops.
         for made in _LOOPS:
             made.compiled()
@@ -171,9 +175,10 @@ class ElevationMapper:
                 those at the origin, are dropped.
             transform: (4, 4) from the sensor to the map frame.
             timestamp: time of the scan [ns]. A scan that is earlier than the last one counts as
-                simultaneous. After a jump of more than `max_time_jump`, the clock starts anew with
-                a `RuntimeWarning`, and all cells count as confirmed at that time. Time 0 on a clock
-                that is far beyond is none: with a `RuntimeWarning` all points are dropped.
+                simultaneous. After a jump of more than `max_time_jump`, or if all scans of a second
+                are earlier, the clock starts anew with a `RuntimeWarning`, and all cells count as
+                confirmed at that time. A timestamp of 0 counts as missing if the last scan is later
+                than `max_time_jump`: all points are dropped with a `RuntimeWarning`.
             pose_covariance: (6, 6) of x, y, z [m], roll, pitch, yaw [rad] of the sensor; rotations
                 are about the axes of the map. None is an exact pose.
             values: (N,) further values of the points by the names of their layers.
@@ -199,22 +204,25 @@ class ElevationMapper:
                 return self._without_time(len(cloud), clock)
             moved = in_map_order(self._map.without_layers(BOUNDS), position)
             hidden = in_map_order(self._hidden, moved.position)
-            noise = self._noise_of(covariance)
+            height, noise = self._noise, covariance
+            if covariance is not None:
+                # What an odometry gains on its way is no noise: the map moves with it.
+                height = min(height, float(covariance.matrix[0, 0]))
+                noise = covariance.with_height(min(height, self._parameters.largest_share))
             scan = located(cloud, matrix, noise, model, moved.geometry, self._parameters)
         state = State.of(moved, hidden)
-        if self._pose is not None and covariance is not None:
-            self._add_motion(state, self._pose, covariance, matrix, moved.geometry)
+        if covariance is not None:
+            self._add_motion(state, covariance, matrix, moved.geometry)
         start, stamp = self._advance(state, stamp, last, jump)
         report = self._fuse(scan, columns, state, moved.geometry, 1e-9 * (stamp - start), clock)
         with clock.stage("layers"):
             done = moved.with_layers(shaped(state.layers(self._parameters), moved.size))
             done.timestamp = stamp
-            hidden = hidden.with_layers(shaped(state.hidden, hidden.size))
+            hidden = hidden.with_layers(shaped(state.hidden(), hidden.size))
         self._map, self._hidden = done, hidden
         self._pose = None if covariance is None else (covariance, matrix)
         self._start, self._last = start, stamp
-        if covariance is not None:
-            self._noise = min(self._noise, float(covariance.matrix[0, 0]))
+        self._noise = height
         return report
 
     def configure(self, **parameters: Any) -> None:
@@ -228,6 +236,8 @@ class ElevationMapper:
         kept = new.horizontal_variances == has_layer
         check(kept, "horizontal_variances", f"{has_layer}, as at the start", not has_layer)
         self._parameters = new
+        if not new.overhang_clearance and OVERHANG in self._map:
+            self._map = self._map.without_layers([OVERHANG])
         self._values.alpha = self._parameters.exponential_alpha
 
     def move(self, position: ArrayLike) -> None:
@@ -244,6 +254,7 @@ class ElevationMapper:
         self._map = self._map.copy()
         self._map.clear_all()
         self._hidden = GridMap.from_geometry(self._map.geometry, HIDDEN)
+        self._noise = math.inf
 
     def masked_replace(self, grid_map: GridMap, mask_layer: str = "mask") -> None:
         """Replace layers by those of another map, where the other one covers this map.
@@ -284,7 +295,7 @@ class ElevationMapper:
         state.variances[inside & ~(state.variances >= least)] = least
         if "elevation" in common:
             state.confirm(inside, 0.0 if self._start is None else 1e-9 * (self._last - self._start))
-            state.support[inside] = self._parameters.conflict_points + 1
+            state.memory.support[inside] = self._parameters.conflict_points + 1
         self._hidden = hidden
         self._map = target.with_layers(shaped(state.layers(self._parameters), target.size))
 
@@ -309,22 +320,14 @@ class ElevationMapper:
 
     # Stages
 
-    def _noise_of(self, covariance: Covariance | None) -> Covariance | None:
-        """Return the part of the covariance of a pose that is noise of each scan.
-
-        The position of an odometry becomes ever less certain along its way, but the map moves with
-        it. So only the smallest variance of z so far is noise, and that of an odometry that has
-        come far before the map began, more than a quarter of `max_variance`, is not.
-        """
-        if covariance is None:
-            return None
-        noise = min(self._noise, float(covariance.matrix[0, 0]))
-        return covariance.with_height(noise if noise <= self._parameters.largest_share else 0.0)
-
     def _advance(self, state: State, stamp: int, last: int, jump: float) -> tuple[int, int]:
         """Let cells grow older; return the start of the clock and the time of the scan [ns]."""
         start = stamp if self._start is None else self._start
-        if abs(jump) > self._parameters.max_time_jump:
+        first = stamp if self._late is None else self._late
+        self._late = first if stamp < last else None
+        has_looped = stamp < last and stamp - first > LATE
+        if abs(jump) > self._parameters.max_time_jump or has_looped:
+            self._late = None
             text = (
                 f"timestamp: expected a time within max_time_jump, "
                 f"{self._parameters.max_time_jump:g} s, of {last} ns, got {stamp}; the clock of "
@@ -341,13 +344,14 @@ class ElevationMapper:
     def _add_motion(
         self,
         state: State,
-        before: tuple[Covariance, NDArray[np.float64]],
         covariance: Covariance,
         matrix: NDArray[np.float64],
         geometry: GridGeometry,
     ) -> None:
         """Let cells lose certainty by the motion of the sensor since the last scan."""
-        old, pose = before
+        if self._pose is None:
+            return
+        old, pose = self._pose
         x, y, _ = matrix[:3, 3]
         added = of_motion(old, covariance, x - pose[0, 3], y - pose[1, 3])
         rows, columns = geometry.axes_in_map_order()
@@ -380,7 +384,7 @@ class ElevationMapper:
         if given.enable_drift_compensation:
             with clock.stage("drift"):
                 offset = drift.offset(clusters, state, geometry.size, given)
-                state.heights += given.drift_compensation_alpha * offset
+                state.lift(given.drift_compensation_alpha * offset)
                 rest = (1.0 - given.drift_compensation_alpha) * offset
                 scan, clusters = scan.lowered(rest), clusters.lowered(rest)
         with clock.stage("fusion"):
@@ -402,14 +406,15 @@ class ElevationMapper:
         if columns:
             with clock.stage("values"):
                 fresh = np.zeros(len(state.heights), np.bool_)
-                fresh[points.cells[fused.is_new]] = True
+                keeps = np.isin(fused.outcomes, (Outcome.CONFIRMED, Outcome.CONTRADICTED))
+                fresh[points.cells[~keeps]] = True
                 chosen, places = Chosen(points, fused.used, fresh), scan.places[on_map]
                 found = {name: column[places] for name, column in columns.items()}
-                self._values.fuse(chosen, found, state.others, state.hidden)
+                self._values.fuse(chosen, found, state.others, state.weights)
         state.heights[cleared] = np.nan
         is_lost = (state.variances > given.largest_variance)[points.cells[points.groups]]
         reasons = scan.dropped | {
-            "beside the map": len(scan.cells) - len(on_map),
+            "outside the map": len(scan.cells) - len(on_map),
             "cell more uncertain than max_variance": int((fused.used & is_lost).sum()),
         }
         return UpdateReport(

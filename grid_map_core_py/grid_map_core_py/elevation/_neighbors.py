@@ -25,7 +25,8 @@ def highest_around(
     kernel = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
     kernel[radius, radius] = itself
     # OpenCV takes a tenth of the time for float32.
-    known = np.fmax(values.astype(np.float32), np.float32(-np.inf)).reshape(size[::-1])
+    with np.errstate(over="ignore"):
+        known = np.fmax(values.astype(np.float32), np.float32(-np.inf)).reshape(size[::-1])
     around: Any = cv2.dilate(known, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=-np.inf)
     found: NDArray[np.float32] = around.ravel()
     return found

@@ -86,7 +86,9 @@ class Parameters:
                 check(value >= 0, name, "no negative number", value)
             if name in _SHARES:
                 check(value <= 1, name, "at most 1", value)
-        check(0 < self.min_variance < math.inf, "min_variance", "more than 0", self.min_variance)
+        for name in ("min_variance", "mahalanobis_distance_threshold", "max_time_jump"):
+            check(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
+        check(self.min_variance < math.inf, "min_variance", "a finite number", self.min_variance)
         is_open = self.max_variance <= 0 or self.max_variance >= self.min_variance
         check(is_open, "max_variance", "at least min_variance, or 0", self.max_variance)
         ranges = self.min_range <= self.max_range

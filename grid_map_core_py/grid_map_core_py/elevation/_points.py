@@ -27,7 +27,7 @@ OUTSIDE = -1
 """In place of the cell of a point beside the map."""
 
 REASONS = (
-    "no finite point",
+    "not finite, or at the origin of the sensor",
     "beyond min_range or max_range",
     "beyond ignore_points_below or ignore_points_above",
     "not measured by the sensor",

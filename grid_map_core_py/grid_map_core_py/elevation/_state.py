@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,33 @@ OWN = ("elevation", "variance", "time", *BOUNDS)
 HORIZONTAL = "horizontal_variance"
 OVERHANG = "overhang"
 
-HIDDEN = ("# support", "# age", "# candidate", "# sightings", "# candidate age", "# overhang age")
-"""Layers beside the weights of values, which move with the map and are not published."""
-
 _OLDEST = 2.0**24
 """Largest whole number of milliseconds that float32 counts to."""
+
+
+@dataclass
+class Memory:
+    """What is known of cells beside the layers of the map, (cells,) each; NaN is nothing.
+
+    Attributes:
+        support: number of points that ever supported the height.
+        age: time since the last confirmation [ms].
+        candidate: height [m] of a cluster above the surface that may become the surface.
+        sightings: number of scans in which it was seen.
+        candidate_age: time since the first of them [ms].
+        overhang_age: time since the overhang was seen last [ms].
+    """
+
+    support: NDArray[np.float32]
+    age: NDArray[np.float32]
+    candidate: NDArray[np.float32]
+    sightings: NDArray[np.float32]
+    candidate_age: NDArray[np.float32]
+    overhang_age: NDArray[np.float32]
+
+
+HIDDEN = tuple(f"# {field.name}" for field in fields(Memory))
+"""Names of the layers that hold a `Memory`, beside those of the map."""
 
 
 @dataclass
@@ -38,19 +60,17 @@ class State:
 
     Attributes:
         heights, variances, times: (cells,) of the cells; a height is NaN where it is unknown.
-        support: number of points that ever supported the height.
-        ages: time since the last confirmation [ms].
         others: all layers of the map by name.
-        hidden: `HIDDEN`, and weights of layers of values.
+        memory: what is known beside them.
+        weights: weights of layers of values.
     """
 
     heights: Numbers
     variances: Numbers
     times: NDArray[np.float32]
-    support: NDArray[np.float32]
-    ages: NDArray[np.float32]
     others: dict[str, NDArray[np.float32]]
-    hidden: dict[str, NDArray[np.float32]]
+    memory: Memory
+    weights: dict[str, NDArray[np.float32]]
 
     @classmethod
     def of(cls, grid_map: GridMap, hidden: GridMap) -> State:
@@ -59,23 +79,32 @@ class State:
             {name: flat(data) for name, data in part.items()} for part in (grid_map, hidden)
         )
         heights, variances = (layers[name].astype(np.float64) for name in OWN[:2])
-        support, ages = (own[name] for name in HIDDEN[:2])
-        return cls(heights, variances, layers["time"], support, ages, layers, own)
+        memory = Memory(*(own.pop(name) for name in HIDDEN))
+        return cls(heights, variances, layers["time"], layers, memory, own)
 
     def grow_older(self, milliseconds: int) -> None:
         """Let time pass [ms]."""
-        for name in HIDDEN:
-            if name.endswith("age"):
-                np.minimum(self.hidden[name] + milliseconds, _OLDEST, out=self.hidden[name])
+        for age in (self.memory.age, self.memory.candidate_age, self.memory.overhang_age):
+            np.minimum(age + milliseconds, _OLDEST, out=age)
+
+    def lift(self, height: float) -> None:
+        """Move the map up [m]."""
+        for layer in (self.heights, self.memory.candidate, self.others.get(OVERHANG)):
+            if layer is not None:
+                layer += height
+
+    def hidden(self) -> dict[str, NDArray[np.float32]]:
+        """Return the layers beside those of the map, flat."""
+        return dict(zip(HIDDEN, vars(self.memory).values(), strict=True)) | self.weights
 
     def is_stale(self, given: Parameters) -> Mask:
         """Return which cells (cells,) were not confirmed for `scanning_duration`."""
-        stale: Mask = self.ages >= 1e3 * given.scanning_duration
+        stale: Mask = self.memory.age >= 1e3 * given.scanning_duration
         return stale
 
     def confirm(self, cells: Integers | Mask, now: float) -> None:
         """Note that cells were seen at a time [s]."""
-        self.times[cells], self.ages[cells] = now, 0.0
+        self.times[cells], self.memory.age[cells] = now, 0.0
 
     def layers(self, parameters: Parameters) -> dict[str, NDArray[np.float32]]:
         """Return all layers of the map, flat; cells that are too uncertain are unknown."""
@@ -88,7 +117,7 @@ class State:
             reach = np.float32(BOUND) * np.sqrt(variances)
             own = heights, variances, self.times, heights + reach, heights - reach
         layers = self.others | dict(zip(OWN, own, strict=True))
-        for data in layers.values():
+        for data in (*layers.values(), self.memory.support):
             data[unknown] = np.nan
         return layers
 

@@ -107,18 +107,10 @@ def cleared_cells(
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
         prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
-        run(
-            *ways,
-            ways.shape[1],
-            frame,
-            geometry.size,
-            table,
-            *surface,
-        )
+        run(*ways, ways.shape[1], frame, geometry.size, table, *surface)
     else:
-        beams, span = _beams(
-            ways, scan, geometry, given.max_ray_length, float(lowest.max()) + MARGIN
-        )
+        ceiling = max(float(lowest.max()), float(guards.max())) + MARGIN
+        beams, span = _beams(ways, scan, geometry, given.max_ray_length, ceiling)
         _trace_arrays(beams, span, frame, geometry.size, *surface)
     proven = np.flatnonzero(proofs < np.inf)
     if not len(proven):
@@ -135,7 +127,7 @@ def _stands(
 
     Args:
         heights: (cells,) of the map.
-        lowest: (cells,) the same less three standard deviations; NaN where beams crossed below it.
+        lowest: (cells,) the feet of the cells; NaN where beams crossed below them.
         cells: (k,) cells that beams crossed.
         beams: (k,) height of the lowest of these beams in each of them [m].
         geometry: geometry of the map.
@@ -326,25 +318,18 @@ def within(start: Any, way: Any, size: Any, first: Any, last: Any) -> Any:
     return max(first, min(one, other)), min(last, max(one, other) * (1.0 - 1e-9))
 
 
-def narrowed(
-    frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, first: Any, last: Any
-) -> Any:
-    """Return the span of a beam from the first to the last ring where it can clear cells."""
+def last_ring(frame: Any, table: Any, width: Any, x: Any, y: Any, rise: Any, last: Any) -> Any:
+    """Return the share of a beam at the end of the last ring where it can clear cells, or 0."""
     distance = np.sqrt(x * x + y * y)
     sector = math.floor(min(direction(x, y), SECTORS - 1)) * RINGS
-    from_ring = math.floor(min(first * distance / width, RINGS - 1))
-    to_ring = math.floor(min(last * distance / width, RINGS - 1))
+    ring = math.floor(min(last * distance / width, RINGS - 1))
     step = width / distance
     per_ring = rise * step
     # The lowest height of a beam in a ring is at its far end if the beam descends.
     height = frame[2] + (per_ring if rise < 0.0 else 0.0) - MARGIN
-    while from_ring <= to_ring and height + per_ring * from_ring >= table[sector + from_ring]:
-        from_ring += 1
-    while from_ring <= to_ring and height + per_ring * to_ring >= table[sector + to_ring]:
-        to_ring -= 1
-    if from_ring > to_ring:
-        return 1.0, 0.0
-    return max(first, from_ring * step * (1.0 - 1e-9)), min(last, (to_ring + 1) * step)
+    while ring >= 0 and height + per_ring * ring >= table[sector + ring]:
+        ring -= 1
+    return min(last, (ring + 1) * step)
 
 
 @loop(
@@ -399,7 +384,7 @@ def trace(
         # A vertical beam stays in the cell of its point.
         if not (t < last and x * x + y * y > 0.0):
             continue
-        t, last = narrowed(frame, table, width, x, y, rise, t, last)
+        last = last_ring(frame, table, width, x, y, rise, last)
         if t < last:
             follow(
                 x,
