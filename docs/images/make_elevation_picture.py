@@ -55,8 +55,8 @@ def table(random: Random) -> Points:
 
 PANELS: dict[str, tuple[Callable[[Random], Points], int, float]] = {
     "ground": (ground, 1, 0.0),
-    "wall: its top,\nin one scan": (
-        lambda random: np.vstack((ground(random), upright(random, 150, 0.005))),
+    "wall: supported\nin one scan": (
+        lambda random: np.vstack((ground(random, 25), upright(random, 150, 0.005))),
         1,
         0.0,
     ),

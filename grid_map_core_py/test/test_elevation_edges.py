@@ -442,7 +442,7 @@ def test_failing_stage_leaves_the_map_unchanged(monkeypatch):
         with pytest.raises(ZeroDivisionError):
             mapper.update(cloud(), UP, timestamp=SECOND, position=(1, 1), sensor=Broken())
         assert_maps_equal(mapper.grid_map, before)
-        monkeypatch.setattr(_mapper, "fuse", lambda *_: 1 / 0)
+        monkeypatch.setattr(_mapper, "Fusion", lambda *_: 1 / 0)
 
 
 @pytest.mark.parametrize(

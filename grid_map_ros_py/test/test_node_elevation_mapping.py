@@ -305,7 +305,7 @@ def test_constant_noise_makes_a_map_and_lost_points_have_reasons(
         grid_map = robot.until_mapped(1.0)
         assert known(grid_map) > 200
         found = details(robot.peer)
-    lost = float(found["beyond the limits of the source in the last scan"])
+    lost = float(found["points dropped in the last scan: beyond the limits of the source"])
     assert float(found["points dropped in the last scan"]) == lost == 400 - known(grid_map)
 
 

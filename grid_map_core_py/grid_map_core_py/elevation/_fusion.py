@@ -23,7 +23,7 @@ cluster in the cell. A cluster agrees with a height if they differ by at most
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -57,217 +57,179 @@ class Outcome(IntEnum):
     CONTRADICTED = 4
 
 
-@dataclass(frozen=True)
-class Fused:
-    """Result of the fusion.
+@dataclass
+class Fusion:
+    """Fuses the clusters of a scan into the cells of a map, in place.
 
     Attributes:
-        outcomes: (m,) an `Outcome` for each cell with points.
-        used: (n,) whether a point is part of the height of its cell now.
-    """
-
-    outcomes: NDArray[np.int64]
-    used: Mask
-
-
-def fuse(
-    clusters: Clusters,
-    state: State,
-    geometry: GridGeometry,
-    entries: Callable[[Integers], Numbers],
-    given: Parameters,
-) -> Fused:
-    """Fuse the clusters of a scan into the cells of a map, in place.
-
-    Args:
         clusters: the clusters of the scan.
         state: the map.
         geometry: geometry of the map.
         entries: returns the heights [m] at which the beams of some points entered their cells.
         given: parameters.
+        outcomes: (m,) the `Outcome` for each cell with points.
+        chosen: (m,) the cluster that decided on it.
     """
-    cells = clusters.points.cells
-    solid = clusters.counts >= given.conflict_points
-    is_low = np.ones(len(solid), np.bool_)
-    if given.overhang_clearance > 0.0:
-        is_low = _under_overhangs(clusters, solid, state, given)
-    counts = np.where(is_low, clusters.counts, 0)
-    densest = np.maximum.reduceat(counts, clusters.heads)[clusters.groups]
-    surface = clusters.first(solid & is_low & (counts >= given.min_support * densest))
-    chosen = np.where(surface == NONE, clusters.first(is_low), surface)
-    solid &= is_low
-    outcomes, chosen = _decided(clusters, solid, surface, chosen, state, geometry, entries, given)
 
-    old, before = state.heights[cells], state.variances[cells]
-    means, new = clusters.means[chosen], clusters.variances[chosen]
-    rise, merged = means - old, before * new / (before + new)
-    # If a scan and a map disagree within the relief, both are less certain than they claim.
-    doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
-    stays, fits = outcomes == Outcome.CONTRADICTED, outcomes == Outcome.CONFIRMED
-    heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
-    variances = np.where(fits, doubt * merged, np.where(stays, before, new))
-    support = np.where(stays, 0, clusters.counts[chosen])
-    support = support + np.where(stays | fits, state.memory.support[cells], 0.0)
+    clusters: Clusters
+    state: State
+    geometry: GridGeometry
+    entries: Callable[[Integers], Numbers]
+    given: Parameters
+    outcomes: NDArray[np.int64] = field(init=False)
+    chosen: Integers = field(init=False)
 
-    found = _seen_again(clusters, solid, chosen, heights, variances, state)
-    grown = np.flatnonzero(found != NONE)
-    outcomes[grown], chosen[grown] = Outcome.RAISED, found[grown]
-    heights[grown] = clusters.means[chosen[grown]]
-    variances[grown] = clusters.variances[chosen[grown]]
-    support[grown] = SIGHTINGS * clusters.counts[chosen[grown]]
+    def __post_init__(self) -> None:
+        clusters, given = self.clusters, self.given
+        self._cells, self._numbers = clusters.points.cells, np.arange(len(clusters.groups))
+        is_large = clusters.counts >= given.conflict_points
+        if given.overhang_clearance > 0.0:
+            is_low = self._numbers > self._overhangs(is_large)[clusters.groups]
+        else:
+            is_low = np.ones(len(is_large), np.bool_)
+        counts = np.where(is_low, clusters.counts, 0)
+        densest = np.maximum.reduceat(counts, clusters.heads)[clusters.groups]
+        surface = clusters.first(is_large & is_low & (counts >= given.min_support * densest))
+        self.chosen = np.where(surface == NONE, clusters.first(is_low), surface)
+        self._decide(surface, is_large & is_low)
+        self._merge(is_large & is_low)
 
-    state.heights[cells], state.memory.support[cells] = heights, support
-    is_seen = outcomes != Outcome.CONTRADICTED
-    least = np.minimum(_least_variances(clusters, chosen, state, geometry), given.largest_share)
-    variances = np.maximum(variances, np.where(is_seen, least, 0.0))
-    variances = np.maximum(variances, given.min_variance)
-    is_conflict = outcomes >= Outcome.RAISED
-    state.variances[cells] = variances + given.multi_height_noise * is_conflict
-    used = np.zeros(len(clusters.points.order), np.bool_)
-    used[clusters.members(chosen[is_seen])[0]] = True
-    return Fused(outcomes, used)
+    @property
+    def is_seen(self) -> Mask:
+        """(m,) whether points are part of the height of a cell now."""
+        seen: Mask = self.outcomes != Outcome.CONTRADICTED
+        return seen
 
+    @property
+    def used(self) -> Mask:
+        """(n,) whether a point is part of the height of its cell now."""
+        used = np.zeros(len(self.clusters.points.order), np.bool_)
+        used[self.clusters.members(self.chosen[self.is_seen])[0]] = True
+        return used
 
-def _decided(
-    clusters: Clusters,
-    solid: Mask,
-    surface: Integers,
-    chosen: Integers,
-    state: State,
-    geometry: GridGeometry,
-    entries: Callable[[Integers], Numbers],
-    given: Parameters,
-) -> tuple[NDArray[np.int64], Integers]:
-    """Return what becomes of the cells (m,), candidates left aside, and by which clusters."""
-    cells, groups = clusters.points.cells, clusters.groups
-    old = state.heights[cells]
-    agrees = clusters.agree(old, state.variances[cells])
-    smaller = solid & (np.arange(len(groups)) < surface[groups])
-    confirming = clusters.first(agrees & (smaller | (surface == NONE)[groups]))
-    confirming = np.where(agrees[chosen], chosen, confirming)
-    is_confirmed = confirming != NONE
-    chosen = np.where(is_confirmed, confirming, chosen)
-    rise = clusters.means[chosen] - old
-    outcomes = np.full(len(cells), int(Outcome.CONTRADICTED))
-    outcomes[(surface != NONE) & (rise > 0.0)] = Outcome.RAISED
-    lower = np.flatnonzero((rise < 0.0) & ~is_confirmed)
-    is_supported = (surface != NONE)[lower]
-    gives = _gives_way(clusters, chosen[lower], is_supported, state, geometry, entries, given)
-    outcomes[lower[gives]] = Outcome.LOWERED
-    outcomes[is_confirmed] = Outcome.CONFIRMED
-    outcomes[np.isnan(old)] = Outcome.STARTED
-    return outcomes, chosen
+    def _decide(self, surface: Integers, is_large: Mask) -> None:
+        """Set outcomes and chosen clusters; candidates come later."""
+        clusters, groups, old = self.clusters, self.clusters.groups, self.state.heights[self._cells]
+        agrees = clusters.agree(old, self.state.variances[self._cells])
+        smaller = is_large & (self._numbers < surface[groups])
+        confirming = clusters.first(agrees & (smaller | (surface == NONE)[groups]))
+        confirming = np.where(agrees[self.chosen], self.chosen, confirming)
+        is_confirmed = confirming != NONE
+        self.chosen = np.where(is_confirmed, confirming, self.chosen)
+        rise = clusters.means[self.chosen] - old
+        self.outcomes = np.full(len(old), int(Outcome.CONTRADICTED))
+        self.outcomes[(surface != NONE) & (rise > 0.0)] = Outcome.RAISED
+        lower = np.flatnonzero((rise < 0.0) & ~is_confirmed)
+        self.outcomes[lower[self._gives_way(lower, surface != NONE)]] = Outcome.LOWERED
+        self.outcomes[is_confirmed] = Outcome.CONFIRMED
+        self.outcomes[np.isnan(old)] = Outcome.STARTED
 
+    def _gives_way(self, lower: Integers, has_surface: Mask) -> Mask:
+        """Return whether the heights of some cells (k,) give way to the clusters below them."""
+        cells, chosen, given = self._cells[lower], self.chosen[lower], self.given
+        # A neighbor that stands tells of an obstacle of which the cell has only a part.
+        beside = highest_around(self.state.heights, self.geometry.size, itself=False)[cells]
+        alone = beside <= self.clusters.means[chosen] + self.geometry.resolution
+        gives = alone & (self.state.memory.support[cells] <= given.conflict_points)
+        unsure = np.flatnonzero(self.state.is_stale(given)[cells] & ~gives & has_surface[lower])
+        if len(unsure):
+            places, begins = self.clusters.members(chosen[unsure])
+            counts = self.clusters.counts[chosen[unsure]]
+            is_through = self.entries(places) >= np.repeat(
+                self.state.heights[cells[unsure]], counts
+            )
+            through = np.add.reduceat(is_through, begins, dtype=np.int64)
+            gives[unsure] = through >= given.conflict_points
+        return gives
 
-def _least_variances(
-    clusters: Clusters, chosen: Integers, state: State, geometry: GridGeometry
-) -> Numbers:
-    """Return the smallest variances (m,) that heights can reach [m^2].
+    def _merge(self, is_large: Mask) -> None:
+        """Write heights, variances and support of the cells."""
+        clusters, state, cells = self.clusters, self.state, self._cells
+        old, before = state.heights[cells], state.variances[cells]
+        means, new = clusters.means[self.chosen], clusters.variances[self.chosen]
+        rise, merged = means - old, before * new / (before + new)
+        # If a scan and a map disagree within the relief, both are less certain than they claim.
+        doubt = np.maximum((rise / clusters.threshold) ** 2 / (before + new), 1.0)
+        fits, stays = self.outcomes == Outcome.CONFIRMED, ~self.is_seen
+        heights = np.where(fits, old + rise * merged / new, np.where(stays, old, means))
+        variances = np.where(fits, doubt * merged, np.where(stays, before, new))
+        support = np.where(stays, 0, clusters.counts[self.chosen])
+        support = support + np.where(stays | fits, state.memory.support[cells], 0.0)
 
-    Points come down anywhere in a cell. If u is the largest difference of heights to a neighbor, at
-    most the side of a cell, the mean of n points varies by u^2 / 12 n around the height of the
-    center. In a cell with few points beside one with many, there is only outlying noise of the
-    neighbor's points, which does not average out.
-    """
-    cells, size = clusters.points.cells, geometry.size
-    support, heights = state.memory.support[cells], state.heights[cells].astype(np.float32)
-    rise = highest_around(state.heights, size)[cells] - heights
-    fall = heights + highest_around(-state.heights, size)[cells]
-    slope = np.minimum(np.maximum(rise, fall), geometry.resolution).astype(np.float64)
-    is_tail = support < TAIL * highest_around(state.memory.support, size)[cells]
-    tails = 4.0 * clusters.points.variances[clusters.firsts[chosen]]
-    least: Numbers = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
-    return least
+        found = self._seen_again(is_large, heights, variances)
+        grown = np.flatnonzero(found != NONE)
+        self.outcomes[grown], self.chosen[grown] = Outcome.RAISED, found[grown]
+        heights[grown] = clusters.means[found[grown]]
+        variances[grown] = clusters.variances[found[grown]]
+        support[grown] = SIGHTINGS * clusters.counts[found[grown]]
 
+        state.heights[cells], state.memory.support[cells] = heights, support
+        least = np.where(self.is_seen, self._least_variances(), 0.0)
+        variances = np.maximum(variances, np.maximum(least, self.given.min_variance))
+        is_conflict = self.outcomes >= Outcome.RAISED
+        state.variances[cells] = variances + self.given.multi_height_noise * is_conflict
 
-def _gives_way(
-    clusters: Clusters,
-    chosen: Integers,
-    is_supported: Mask,
-    state: State,
-    geometry: GridGeometry,
-    entries: Callable[[Integers], Numbers],
-    given: Parameters,
-) -> Mask:
-    """Return whether heights give way to clusters (k,) below them, which may have support (k,)."""
-    cells = clusters.points.cells[clusters.groups[chosen]]
-    # A neighbor that stands tells of an obstacle of which the cell has only a part.
-    beside = highest_around(state.heights, geometry.size, itself=False)[cells]
-    alone = beside <= clusters.means[chosen] + geometry.resolution
-    gives = alone & (state.memory.support[cells] <= given.conflict_points)
-    unsure = np.flatnonzero(state.is_stale(given)[cells] & ~gives & is_supported)
-    if len(unsure):
-        places, begins = clusters.members(chosen[unsure])
-        limits = np.repeat(state.heights[cells[unsure]], clusters.counts[chosen[unsure]])
-        through = np.add.reduceat(entries(places) >= limits, begins, dtype=np.int64)
-        gives[unsure] = through >= given.conflict_points
-    return gives
+    def _least_variances(self) -> Numbers:
+        """Return the smallest variances (m,) that heights can reach [m^2].
 
+        Points come down anywhere in a cell. If u is the largest difference of heights to a
+        neighbor, at most the side of a cell, the mean of n points varies by u^2 / 12 n around the
+        height of the center. In a cell with few points beside one with many, there is only outlying
+        noise of the neighbor's points, which does not average out.
+        """
+        state, cells, size = self.state, self._cells, self.geometry.size
+        support, heights = state.memory.support[cells], state.heights[cells].astype(np.float32)
+        rise = highest_around(state.heights, size)[cells] - heights
+        fall = heights + highest_around(-state.heights, size)[cells]
+        slope = np.minimum(np.maximum(rise, fall), self.geometry.resolution).astype(np.float64)
+        is_tail = support < TAIL * highest_around(state.memory.support, size)[cells]
+        tails = 4.0 * self.clusters.points.variances[self.clusters.firsts[self.chosen]]
+        least = np.maximum(slope * slope / (12.0 * support), is_tail * tails)
+        limited: Numbers = np.minimum(least, self.given.largest_share)
+        return limited
 
-def _seen_again(
-    clusters: Clusters,
-    solid: Mask,
-    chosen: Integers,
-    heights: Numbers,
-    variances: Numbers,
-    state: State,
-) -> Integers:
-    """Return the candidates (m,) that were seen in enough scans, or `NONE`; note the others.
+    def _seen_again(self, is_large: Mask, heights: Numbers, variances: Numbers) -> Integers:
+        """Return the candidates (m,) that were seen in enough scans, or `NONE`; note the others."""
+        clusters, cells, memory = self.clusters, self._cells, self.state.memory
+        groups, means = clusters.groups, clusters.means
+        candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
+        candidates &= ~clusters.agree(heights, variances)
+        waits = (memory.candidate_age[cells] <= CANDIDATE_TIME)[groups]
+        gate = np.maximum(clusters.threshold * np.sqrt(2.0 * clusters.variances), clusters.relief)
+        away = np.abs(means - memory.candidate[cells][groups])
+        again = clusters.first(candidates & waits & (away <= gate))
+        # One that was seen only once makes room.
+        waits &= ((again != NONE) | (memory.sightings[cells] > 1.0))[groups]
+        new = clusters.first(candidates & ~waits)
+        sightings = np.where(new != NONE, 1.0, memory.sightings[cells] + (again != NONE))
+        seen = np.where(again != NONE, again, new)
+        memory.sightings[cells] = sightings
+        memory.candidate[cells] = np.where(seen != NONE, means[seen], memory.candidate[cells])
+        done = (again != NONE) & (sightings >= SIGHTINGS)
+        memory.candidate_age[cells[new != NONE]] = 0.0
+        memory.candidate_age[cells[done]] = np.nan
+        return np.where(done, again, NONE)
 
-    Args:
-        clusters: the clusters of the scan.
-        solid: (q,) which of them have enough points.
-        chosen: (m,) the clusters below the candidates.
-        heights, variances: (m,) of the cells.
-        state: the map.
-    """
-    cells, groups, means = clusters.points.cells, clusters.groups, clusters.means
-    candidates = solid & (np.arange(len(groups)) < chosen[groups]) & (means > heights[groups])
-    candidates &= ~clusters.agree(heights, variances)
-    height, sightings = state.memory.candidate, state.memory.sightings
-    age = state.memory.candidate_age
-    waits = (age[cells] <= CANDIDATE_TIME)[groups]
-    gate = np.maximum(clusters.threshold * np.sqrt(2.0 * clusters.variances), clusters.relief)
-    again = clusters.first(candidates & waits & (np.abs(means - height[cells][groups]) <= gate))
-    # One that was seen only once makes room.
-    waits &= ((again != NONE) | (sightings[cells] > 1.0))[groups]
-    new = clusters.first(candidates & ~waits)
-    sightings[cells] = np.where(new != NONE, 1.0, sightings[cells] + (again != NONE))
-    age[cells[new != NONE]] = 0.0
-    seen = np.where(again != NONE, again, new)
-    height[cells] = np.where(seen != NONE, means[seen], height[cells])
-    done = (again != NONE) & (sightings[cells] >= SIGHTINGS)
-    age[cells[done]] = np.nan
-    return np.where(done, again, NONE)
+    def _overhangs(self, is_large: Mask) -> Integers:
+        """Return the lowest cluster (m,) above a gap in each cell, or `NONE`; note the gaps.
 
-
-def _under_overhangs(clusters: Clusters, solid: Mask, state: State, given: Parameters) -> Mask:
-    """Return the clusters (q,) that are not above a gap over ground; note the gaps in the map.
-
-    A height that turns out to be that of an overhang is forgotten.
-
-    Args:
-        clusters: the clusters of the scan.
-        solid: (q,) which of them have enough points to bound a gap.
-        state: the map, whose layer `overhang` gets the lower sides.
-        given: parameters.
-    """
-    cells, groups, numbers = clusters.points.cells, clusters.groups, np.flatnonzero(solid)
-    tops = clusters.points.heights[clusters.firsts]
-    bottoms = clusters.points.heights[clusters.firsts + clusters.counts - 1]
-    above, under = numbers[:-1], numbers[1:]
-    gaps = (bottoms[above] - tops[under] > given.overhang_clearance) & (
-        groups[above] == groups[under]
-    )
-    is_roof = np.zeros(len(groups), np.bool_)
-    is_roof[above[gaps]] = True
-    roof = clusters.last(is_roof)
-    is_low = np.arange(len(groups)) > roof[groups]
-    nothing = np.full(len(state.heights), np.nan, np.float32)
-    layer, age = state.others.setdefault(OVERHANG, nothing), state.memory.overhang_age
-    seen = roof != NONE
-    layer[cells[~seen & (age[cells] >= 1e3 * given.scanning_duration)]] = np.nan
-    layer[cells[seen]], age[cells[seen]] = bottoms[roof[seen]], 0.0
-    known = clusters.agree(state.heights[cells], state.variances[cells])
-    state.heights[cells[clusters.first(known & ~is_low) != NONE]] = np.nan
-    return is_low
+        A height that turns out to be that of an overhang is forgotten.
+        """
+        clusters, state, cells = self.clusters, self.state, self._cells
+        groups, heights = clusters.groups, clusters.points.heights
+        bottoms = heights[clusters.firsts + clusters.counts - 1]
+        large = np.flatnonzero(is_large)
+        above, under = large[:-1], large[1:]
+        gaps = bottoms[above] - heights[clusters.firsts[under]]
+        is_roof = np.zeros(len(groups), np.bool_)
+        is_roof[above] = (gaps > self.given.overhang_clearance) & (groups[above] == groups[under])
+        roof = clusters.last(is_roof)
+        nothing = np.full(len(state.heights), np.nan, np.float32)
+        layer, age = state.others.setdefault(OVERHANG, nothing), state.memory.overhang_age
+        seen = roof != NONE
+        layer[cells[~seen & (age[cells] >= 1e3 * self.given.scanning_duration)]] = np.nan
+        layer[cells[seen]], age[cells[seen]] = bottoms[roof[seen]], 0.0
+        known = clusters.agree(state.heights[cells], state.variances[cells])
+        is_high = self._numbers <= roof[groups]
+        state.heights[cells[clusters.first(known & is_high) != NONE]] = np.nan
+        return roof

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from ..map._grid_map import GridMap
 from ..plugins import build, check
 from . import _drift as drift, _horizontal as horizontal
 from ._clusters import clusters_of, grow_clusters
-from ._fusion import Outcome, fuse
+from ._fusion import Fusion, Outcome
 from ._motion import Covariance, as_covariance, of_motion
 from ._neighbors import at_centers
 from ._order import deal, sorted_by_cell
@@ -389,17 +390,12 @@ class ElevationMapper:
                 scan, clusters = scan.lowered(rest), clusters.lowered(rest)
         with clock.stage("fusion"):
             points = clusters.points
-            fused = fuse(
-                clusters,
-                state,
-                geometry,
-                lambda places: entry_heights(scan, geometry, on_map[points.order[places]]),
-                given,
-            )
-            confirmed = points.cells[fused.outcomes != Outcome.CONTRADICTED]
+            entries = partial(entry_heights, scan, geometry, on_map[points.order])
+            fused = Fusion(clusters, state, geometry, entries, given)
+            confirmed, used = points.cells[fused.is_seen], fused.used
             state.confirm(confirmed, now)
             if len(scan.horizontal):
-                state.keep_horizontal(scan.horizontal[on_map], points, fused.used)
+                state.keep_horizontal(scan.horizontal[on_map], points, used)
         if given.enable_visibility_cleanup and len(scan.places):
             with clock.stage("visibility"):
                 cleared = cleared_cells(scan, points, state, confirmed, geometry, given)
@@ -408,19 +404,19 @@ class ElevationMapper:
                 fresh = np.zeros(len(state.heights), np.bool_)
                 keeps = np.isin(fused.outcomes, (Outcome.CONFIRMED, Outcome.CONTRADICTED))
                 fresh[points.cells[~keeps]] = True
-                chosen, places = Chosen(points, fused.used, fresh), scan.places[on_map]
+                chosen, places = Chosen(points, used, fresh), scan.places[on_map]
                 found = {name: column[places] for name, column in columns.items()}
                 self._values.fuse(chosen, found, state.others, state.weights)
         state.heights[cleared] = np.nan
         is_lost = (state.variances > given.largest_variance)[points.cells[points.groups]]
         reasons = scan.dropped | {
             "outside the map": len(scan.cells) - len(on_map),
-            "cell more uncertain than max_variance": int((fused.used & is_lost).sum()),
+            "cell more uncertain than max_variance": int((used & is_lost).sum()),
         }
         return UpdateReport(
-            points_used=int((fused.used & ~is_lost).sum()),
+            points_used=int((used & ~is_lost).sum()),
             points_dropped=sum(reasons.values()),
-            points_gated=len(on_map) - int(fused.used.sum()),
+            points_gated=len(on_map) - int(used.sum()),
             reasons={reason: count for reason, count in reasons.items() if count},
             conflicts=int((fused.outcomes >= Outcome.RAISED).sum()),
             cells_cleared=len(cleared),

@@ -30,7 +30,7 @@ class Parameters:
             height of a cell.
         min_support: share of the points of the densest cluster of a cell that a higher cluster
             needs to be its surface at once; with fewer points it must be seen in three scans.
-        overhang_clearance: a surface this much above ground that the same scan sees is an overhang
+        overhang_clearance: a cluster this much above another one of the same scan is an overhang
             [m]: the ground stays, and the layer `overhang` has the height of its lower side; 0
             takes the highest surface.
         max_time_jump: difference between the times of two scans [s] above which the clock of the

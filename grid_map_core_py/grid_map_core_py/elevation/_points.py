@@ -26,14 +26,6 @@ from ._sensors import Numbers, SensorModel
 OUTSIDE = -1
 """In place of the cell of a point beside the map."""
 
-REASONS = (
-    "not finite, or at the origin of the sensor",
-    "beyond min_range or max_range",
-    "beyond ignore_points_below or ignore_points_above",
-    "not measured by the sensor",
-)
-"""Reasons why points do not count, in the order in which they are checked."""
-
 LEAST_VARIANCE = 1e-12
 """Variance [m^2] of points that claim a smaller one, so that weights stay finite."""
 
@@ -159,7 +151,7 @@ def located(
         geometry: geometry of the map.
         given: parameters.
     """
-    count, kept, dropped = len(cloud), 0, dict.fromkeys(REASONS, 0)
+    count, kept, dropped = len(cloud), 0, dict[str, int]()
     points, variances, highest = np.empty((3, count)), np.empty(count), np.empty(count)
     cells, places = np.empty((2, count), np.int64)
     for part in slices(count, PIECE):
@@ -222,19 +214,19 @@ def _located_part(
         if noise is not None:
             total = variances + noise.of_points(turned[0], turned[1])
         highest = points[2] + 3.0 * np.sqrt(total)
-        counts = np.ones(len(cloud), np.bool_)
-        for reason, fits in zip(
-            REASONS,
-            (
-                (distances > 0.0) & (distances < np.inf) & np.isfinite(points[2]),
-                (distances >= given.min_range) & (distances <= given.max_range),
-                (turned[2] >= given.ignore_points_below) & (turned[2] <= given.ignore_points_above),
-                np.isfinite(highest),
-            ),
-            strict=True,
-        ):
-            dropped[reason] += int((counts & ~fits).sum())
-            counts &= fits
+        fits = {
+            "not finite, or at the origin of the sensor": (distances > 0.0)
+            & np.isfinite(distances + points[2]),
+            "nearer than min_range": distances >= given.min_range,
+            "farther than max_range": distances <= given.max_range,
+            "below ignore_points_below": turned[2] >= given.ignore_points_below,
+            "above ignore_points_above": turned[2] <= given.ignore_points_above,
+            "not measured by the sensor": np.isfinite(highest),
+        }
+    counts = np.ones(len(cloud), np.bool_)
+    for reason, is_fit in fits.items():
+        dropped[reason] = dropped.get(reason, 0) + int((counts & ~is_fit).sum())
+        counts &= is_fit
     places = np.flatnonzero(counts)
     if len(places) < len(cloud):
         points, variances, highest = points.take(places, axis=1), variances[places], highest[places]

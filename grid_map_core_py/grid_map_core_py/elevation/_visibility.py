@@ -41,14 +41,16 @@ from ._sensors import Numbers
 from ._state import State
 
 
-def entry_heights(scan: Scan, geometry: GridGeometry, chosen: Integers) -> Numbers:
+def entry_heights(scan: Scan, geometry: GridGeometry, order: Integers, chosen: Integers) -> Numbers:
     """Return the heights [m] at which beams entered the cells of their points.
 
     Args:
         scan: the scan.
         geometry: geometry of the map.
-        chosen: (k,) which points; all are on the map.
+        order: (n,) places in the scan of points on the map.
+        chosen: (k,) which of these points.
     """
+    chosen = order[chosen]
     rows = geometry.size[0]
     cells = scan.cells[chosen]
     lines = cells % rows, cells // rows

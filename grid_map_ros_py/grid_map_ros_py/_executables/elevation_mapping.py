@@ -285,10 +285,11 @@ class ElevationMappingNode(ConfiguredNode):
             scans = sensor.queue.statistics
             found[sensor.source.name] = f"{scans.fused} fused, {scans.dropped} dropped"
         if fusion.report is not None:
-            counts = {**vars(fusion.report), **fusion.report.reasons}
-            for name, value in counts.items():
+            for name, value in vars(fusion.report).items():
                 if not isinstance(value, Mapping):
                     found[f"{name.replace('_', ' ')} in the last scan"] = f"{value:g}"
+            for reason, count in fusion.report.reasons.items():
+                found[f"points dropped in the last scan: {reason}"] = str(count)
         for stage, (last, mean) in fusion.milliseconds.items():
             found[f"ms {stage}"], found[f"mean ms {stage}"] = f"{last:.3f}", f"{mean:.3f}"
         return found
