@@ -29,6 +29,7 @@ class Cluster:
     points: list
     mean: float
     variance: float
+    spread: float = 0.0
 
 
 @dataclass
@@ -283,18 +284,19 @@ class Oracle:
             result[-1].mean = math.fsum(q[3] / r for q, r in members) / weight
             result[-1].variance = 1 / weight
         for cluster in result:
-            cluster.variance = self.with_spread(cluster) + common
+            excess = self.excess(cluster)
+            cluster.spread = excess * len(cluster.points)
+            cluster.variance += min(excess, self.share()) + common
         return result
 
-    def with_spread(self, cluster):
-        """Variance of the mean; if its points spread more than their noise, this is added."""
+    def excess(self, cluster):
+        """Variance of the mean by which its points spread more than their noise."""
         others = len(cluster.points) - 1
         if not others:
-            return cluster.variance
+            return 0.0
         ratio = math.fsum((q[3] - cluster.mean) ** 2 / r for q, r in cluster.points) / others
-        if ratio <= 1 + self.threshold * math.sqrt(2 / others):
-            return cluster.variance
-        return cluster.variance + min((ratio - 1) * cluster.variance, self.share())
+        is_chance = ratio <= 1 + self.threshold * math.sqrt(2 / others)
+        return 0.0 if is_chance else (ratio - 1) * cluster.variance
 
     def fuse(self, place, clusters, sensor, is_stale, now, before):
         """Fuse the clusters of a cell; return the one that counts, and what became of the cell."""
@@ -341,7 +343,8 @@ class Oracle:
         return chosen, True, False
 
     def agrees_with(self, cell, cluster):
-        return self.agrees(cell.height, cell.variance, cluster.mean, cluster.variance)
+        total = cluster.variance + cluster.spread
+        return self.agrees(cell.height, cell.variance, cluster.mean, total)
 
     def replaces(self, chosen, surface, cell, place, sensor, is_stale, before):
         if chosen.mean > cell.height:
@@ -365,7 +368,7 @@ class Oracle:
         if cell.candidate is not None and round(now - cell.candidate[2], 3) <= 0.5:
             height, count, first = cell.candidate
             for each in above:
-                if self.agrees(height, each.variance, each.mean, each.variance):
+                if self.agrees(height, 0.0, each.mean, 1.5 * (each.variance + each.spread)):
                     cell.candidate = (each.mean, count + 1, first) if count < 2 else None
                     return each if count == 2 else None
             if count > 1:

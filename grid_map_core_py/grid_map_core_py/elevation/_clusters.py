@@ -39,6 +39,7 @@ class Clusters:
         means: (q,) heights, weighted by inverse variances [m].
         variances: (q,) of the means [m^2]. They are larger if the points spread by more than their
             variances explain, and include the variance that all points of a cell share.
+        spreads: (q,) the rest of the sample variance of these points [m^2], which widens the gate.
     """
 
     points: Sorted
@@ -49,6 +50,7 @@ class Clusters:
     counts: Integers
     means: Numbers
     variances: Numbers
+    spreads: Numbers
 
     @property
     def heads(self) -> Integers:
@@ -63,12 +65,12 @@ class Clusters:
     def agree(self, heights: Numbers, variances: Numbers) -> Mask:
         """Return which clusters (q,) agree with a height of their cell, the gate.
 
-        They differ by at most `threshold * sqrt(sum of both variances)`, or by the relief.
+        They differ by at most `threshold * sqrt(sum of variances and spread)`, or by the relief.
 
         Args:
             heights, variances: (m,) of the cells with points; a height is NaN if unknown.
         """
-        gate = self.threshold * np.sqrt(variances[self.groups] + self.variances)
+        gate = self.threshold * np.sqrt(variances[self.groups] + self.variances + self.spreads)
         away = np.abs(self.means - heights[self.groups])
         fits: Mask = away <= np.maximum(gate, self.relief)
         return fits
@@ -115,11 +117,14 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
     spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
-    # Relief alone makes no cell unknown.
-    excess = np.minimum(np.where(spreads, ratio - 1.0, 0.0) / weights, given.largest_share)
+    excess = np.where(spreads, ratio - 1.0, 0.0) / weights
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
-    means, variances = z[firsts] + offsets, 1.0 / weights + excess + common[groups]
-    return Clusters(points, threshold, relief, groups, firsts, counts, means, variances)
+    # Relief alone makes no cell unknown.
+    variances = (1.0 / weights + np.minimum(excess, given.largest_share)) + common[groups]
+    means = z[firsts] + offsets
+    return Clusters(
+        points, threshold, relief, groups, firsts, counts, means, variances, excess * counts
+    )
 
 
 def _grow_arrays(

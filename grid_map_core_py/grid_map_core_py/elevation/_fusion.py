@@ -195,7 +195,9 @@ class Fusion:
         candidates = is_large & (self._numbers < self.chosen[groups]) & (means > heights[groups])
         candidates &= ~clusters.agree(heights, variances)
         waits = (memory.candidate_age[cells] <= CANDIDATE_TIME)[groups]
-        gate = np.maximum(clusters.threshold * np.sqrt(2.0 * clusters.variances), clusters.relief)
+        # Wide enough for the points of a pole, and narrow enough for outliers.
+        spreads = 1.5 * (clusters.variances + clusters.spreads)
+        gate = np.maximum(clusters.threshold * np.sqrt(spreads), clusters.relief)
         away = np.abs(means - memory.candidate[cells][groups])
         again = clusters.first(candidates & waits & (away <= gate))
         # One that was seen only once makes room.

@@ -380,7 +380,9 @@ class ElevationMapper:
             threshold, spots = given.mahalanobis_distance_threshold, scan.points[:, on_map]
             heights = at_centers(spots, cells, state.heights, state.variances, geometry, threshold)
             points = sorted_by_cell(cells, heights, scan.variances[on_map], len(state.heights))
-            common = scan.common_variances(points.cells, geometry)
+            x, y = geometry.axes_in_map_order()
+            row, column = points.cells % geometry.size[0], points.cells // geometry.size[0]
+            common = scan.variances_by_pose(x[row], y[column])
             clusters = clusters_of(points, common, geometry.resolution, given)
         if given.enable_drift_compensation:
             with clock.stage("drift"):
@@ -408,7 +410,8 @@ class ElevationMapper:
                 found = {name: column[places] for name, column in columns.items()}
                 self._values.fuse(chosen, found, state.others, state.weights)
         state.heights[cleared] = np.nan
-        is_lost = (state.variances > given.largest_variance)[points.cells[points.groups]]
+        is_certain = (state.variances <= given.largest_variance) & (state.variances < math.inf)
+        is_lost = ~is_certain[points.cells[points.groups]]
         reasons = scan.dropped | {
             "outside the map": len(scan.cells) - len(on_map),
             "cell more uncertain than max_variance": int((used & is_lost).sum()),

@@ -38,7 +38,6 @@ class Scan:
         sensor: (3,) position of the sensor [m], map frame.
         points: (3, n) x, y, z [m], map frame.
         variances: (n,) of z [m^2] by the sensor alone.
-        highest: (n,) z plus three standard deviations, those of the pose included [m].
         cells: (n,) number of the cell of each point, column after column in map order, or
             `OUTSIDE`.
         places: (n,) places in the cloud.
@@ -50,7 +49,6 @@ class Scan:
     sensor: Positions
     points: NDArray[np.float64]
     variances: Numbers
-    highest: Numbers
     cells: Integers
     places: Integers
     horizontal: Numbers
@@ -60,16 +58,14 @@ class Scan:
     def lowered(self, offset: float) -> Scan:
         """Return the scan, lower by an offset [m]."""
         down = np.array([0.0, 0.0, offset])
-        sensor, points = self.sensor - down, self.points - down[:, None]
-        return replace(self, sensor=sensor, points=points, highest=self.highest - offset)
+        return replace(self, sensor=self.sensor - down, points=self.points - down[:, None])
 
-    def common_variances(self, cells: Integers, geometry: GridGeometry) -> Numbers:
-        """Return the variances of z (k,) by the pose at the centers of cells [m^2]."""
+    def variances_by_pose(self, x: Numbers, y: Numbers) -> Numbers:
+        """Return the variances of z (k,) that the pose gives to places, map frame [m^2]."""
         if self.noise is None:
-            return np.zeros(len(cells))
-        x, y = geometry.axes_in_map_order()
-        row, column = cells % geometry.size[0], cells // geometry.size[0]
-        found: Numbers = self.noise.of_points(x[row] - self.sensor[0], y[column] - self.sensor[1])
+            return np.zeros(len(x))
+        with np.errstate(over="ignore", invalid="ignore"):
+            found: Numbers = self.noise.of_points(x - self.sensor[0], y - self.sensor[1])
         return found
 
 
@@ -152,12 +148,12 @@ def located(
         given: parameters.
     """
     count, kept, dropped = len(cloud), 0, dict[str, int]()
-    points, variances, highest = np.empty((3, count)), np.empty(count), np.empty(count)
+    points, variances = np.empty((3, count)), np.empty(count)
     cells, places = np.empty((2, count), np.int64)
     for part in slices(count, PIECE):
-        found = _located_part(cloud[part], transform, noise, sensor, geometry, given, dropped)
+        found = _located_part(cloud[part], transform, sensor, geometry, given, dropped)
         here = slice(kept, kept + len(found[0]))
-        places[here], points[:, here], variances[here], highest[here], cells[here] = found
+        places[here], points[:, here], variances[here], cells[here] = found
         places[here] += part.start
         kept = here.stop
     places = places[:kept]
@@ -165,7 +161,6 @@ def located(
         transform[:3, 3],
         points[:, :kept],
         variances[:kept],
-        highest[:kept],
         cells[:kept],
         places,
         _horizontal(cloud[places], transform, noise, sensor)
@@ -195,13 +190,12 @@ def _horizontal(
 def _located_part(
     cloud: NDArray[Any],
     transform: NDArray[np.float64],
-    noise: Covariance | None,
     sensor: SensorModel,
     geometry: GridGeometry,
     given: Parameters,
     dropped: dict[str, int],
-) -> tuple[Integers, NDArray[np.float64], Numbers, Numbers, Integers]:
-    """Return places, positions (3, n), variances, upper ends and cells of points that count."""
+) -> tuple[Integers, NDArray[np.float64], Numbers, Integers]:
+    """Return places, positions (3, n), variances and cells of the points that count."""
     turned = rotated(cloud, transform[:3, :3])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         distances = distances_of(turned)
@@ -210,10 +204,6 @@ def _located_part(
         variances = np.maximum(
             sensor.vertical_variances(own, distances, transform[2, :3]), LEAST_VARIANCE
         )
-        total = variances
-        if noise is not None:
-            total = variances + noise.of_points(turned[0], turned[1])
-        highest = points[2] + 3.0 * np.sqrt(total)
         fits = {
             "not finite, or at the origin of the sensor": (distances > 0.0)
             & np.isfinite(distances + points[2]),
@@ -221,7 +211,7 @@ def _located_part(
             "farther than max_range": distances <= given.max_range,
             "below ignore_points_below": turned[2] >= given.ignore_points_below,
             "above ignore_points_above": turned[2] <= given.ignore_points_above,
-            "not measured by the sensor": np.isfinite(highest),
+            "not measured by the sensor": np.isfinite(variances),
         }
     counts = np.ones(len(cloud), np.bool_)
     for reason, is_fit in fits.items():
@@ -229,7 +219,7 @@ def _located_part(
         counts &= is_fit
     places = np.flatnonzero(counts)
     if len(places) < len(cloud):
-        points, variances, highest = points.take(places, axis=1), variances[places], highest[places]
+        points, variances = points.take(places, axis=1), variances[places]
     cells, inside = flat_cells(points[:2].T, geometry)
     cells[~inside] = OUTSIDE
-    return places, points, variances, highest, cells
+    return places, points, variances, cells

@@ -105,7 +105,8 @@ def cleared_cells(
     floors = highest_around(floors, geometry.size)[candidates].astype(np.float64)
     guards = _guards(feet, confirmed, geometry.size)
     surface = ceilings, places, floors, normals.T.ravel(), guards, proofs, crossed
-    ways = np.stack((*scan.points[:2], scan.highest)) - scan.sensor[:, None]
+    ways = scan.points - scan.sensor[:, None]
+    ways[2] += 3.0 * np.sqrt(scan.variances + scan.variances_by_pose(*scan.points[:2]))
     if (run := trace.compiled()) and (prepare := cover.compiled()):
         table = np.full(SECTORS * RINGS, -np.inf)
         prepare(candidates, lowest, len(candidates), frame, geometry.size, table)
