@@ -3,19 +3,17 @@
 """Node `elevation_mapping_report`: compares the map of elevation mapping with the true terrain.
 
 After a while it writes pictures of the true terrain, the estimate, its error, the standard
-deviation that the map claims, and the traversability; prints a table, which also says when the
-map showed the person, and ends. The exit code is 0 only if all topics delivered.
+deviation that the map claims, and the traversability; prints a table, also of when the map showed
+the person, and ends. The exit code is 0 only if all topics delivered.
 """
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from grid_map_core_py import GridMap
+from grid_map_core_py import GridMap, Interpolation
 from grid_map_core_py.errors import GridMapError
 from grid_map_core_py.files import storage_errors
 from grid_map_ros_py import ReceivedMap
@@ -26,17 +24,12 @@ from grid_map_visualization_py.pictures import save_picture
 from .demo import Demo
 from .parts import to_text
 
-Array = npt.NDArray[np.float64]
-
 TRUTH = "/true_terrain"
 RAW = "/elevation_mapping/elevation_map_raw"
 FILTERED = "/elevation_mapping/elevation_map"
 
 WRONG = 0.1
 """Error [m] of cells that are wrong, such as where an obstacle was a moment ago."""
-
-HIGH = 0.5
-"""Height above the ground [m] from which a cell shows the person."""
 
 
 class IncompleteReportError(NodeFailedError):
@@ -76,9 +69,8 @@ class ElevationMappingReportNode(Demo):
         duration = self.read_positive("duration", 10.0, "time of driving before the report [s]")
         timeout = self.read_positive("timeout", 60.0, "maximum time to wait for the first map [s]")
         self._counts = {TRUTH: 0, RAW: 0, FILTERED: 0}
-        # Those of the last 20 s.
-        self._truths: deque[GridMap] = deque(maxlen=200)
-        self._estimates: deque[GridMap] = deque(maxlen=100)
+        self._truths: deque[GridMap] = deque(maxlen=200)  # 20 s
+        self._estimates: deque[GridMap] = deque(maxlen=100)  # 20 s
         self._latest: dict[str, GridMap] = {}
         self._duration, self._begin = duration, 0
         self._subscriptions_of_maps = [
@@ -130,7 +122,10 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Accuracy]:
     Raises:
         GridMapError: no known cell is on the true terrain.
     """
-    heights = heights_at(truth, estimate.get_positions(), "linear")
+    positions = estimate.get_positions()
+    inside = truth.is_inside(positions)
+    heights = np.full(len(positions), np.nan)
+    heights[inside] = truth.at_position("elevation", positions[inside], Interpolation.LINEAR)
     compared = GridMap.from_geometry(estimate.geometry, frame_id=estimate.frame_id)
     compared.start_index = estimate.start_index
     compared["truth"] = heights.reshape(estimate.size, order="F")
@@ -154,52 +149,35 @@ def compare(estimate: GridMap, truth: GridMap) -> tuple[GridMap, Accuracy]:
     return compared, accuracy
 
 
-def heights_at(grid_map: GridMap, positions: Array, interpolation: str) -> Array:
-    """Return the heights (N,) at positions (N, 2); NaN beside the map."""
-    heights = np.full(len(positions), np.nan)
-    inside = grid_map.is_inside(positions)
-    heights[inside] = grid_map.at_position("elevation", positions[inside], interpolation)
-    return heights
-
-
-def person_rows(
-    truths: Sequence[GridMap], estimates: Sequence[GridMap], begin: int
-) -> dict[str, str]:
-    """Return rows that say when the maps showed the person, in seconds since `begin` [ns].
-
-    Args:
-        truths: true terrains in order of time, with the layer `person` of `RobotCourse.terrain_at`.
-        estimates: maps with `elevation`, all of one resolution.
-    """
-    steps = []
-    for truth in reversed(truths):
+def person_rows(truths: deque[GridMap], estimates: deque[GridMap], begin: int) -> dict[str, str]:
+    """Return when maps showed the person of the true terrains, in seconds since `begin` [ns]."""
+    way = GridMap((40.0, 40.0), estimates[0].resolution, layers={"ground": np.nan, "left": np.nan})
+    walk: list[float] = []
+    shown: list[float] = []
+    delays = [0.0]
+    for truth in truths:
         cells = np.nonzero(np.isfinite(truth["person"]))
-        ground = (truth["elevation"] - truth["person"])[cells]
-        times = np.full(len(ground), 1e-9 * (truth.timestamp - begin))
-        steps.append(np.column_stack((truth.get_positions(cells), ground, times)))
-    samples = np.concatenate(steps)
-    # When the person was last seen in each cell of the map.
-    indices = np.floor((samples[:, :2] - estimates[0].position) / estimates[0].resolution)
-    x, y, ground, left = samples[np.unique(indices, axis=0, return_index=True)[1]].T
-    now = np.array([1e-9 * (estimate.timestamp - begin) for estimate in estimates])
-    way = np.column_stack((x, y))
-    high = np.array([heights_at(each, way, "nearest") for each in estimates]) - ground > HIGH
-    delays = np.where(high, now[:, None] - left, 0.0)
-    in_view = np.isin(now, samples[:, 3])
-    showing = in_view & (high & (delays <= 0)).any(axis=1)
-    gap = np.diff(now, prepend=now[0]).max()
+        places, _ = way.get_indices(truth.get_positions(cells))
+        way["ground"][places] = (truth["elevation"] - truth["person"])[cells]
+        way["left"][places] = 1e-9 * (truth.timestamp - begin)
+        walk.extend(way["left"][places])
+    for estimate in estimates:
+        places, _ = way.get_indices(estimate.get_positions())
+        is_high = estimate["elevation"].ravel("F") - way["ground"][places] > 0.5
+        now = 1e-9 * (estimate.timestamp - begin)
+        shown.extend(np.full(is_high.sum(), now))
+        delays.extend(now - way["left"][places][is_high])
+    gap = 1e-9 * np.diff([estimate.timestamp for estimate in estimates]).max(initial=0)
     return {
-        "in the camera's view": time_span(samples[:, 3]),
-        "in the map": time_span(now[high.any(axis=1)]),
-        "maps that show it in view": f"{showing.sum()} of {in_view.sum()}, up to {gap:.1f} s apart",
-        "cells left behind": f"up to {(delays > 0).sum(axis=1).max()}, "
-        f"high for up to {delays.max(initial=0.0):.1f} s",
+        "on the terrain": time_span(walk),
+        "in the map": f"{time_span(shown)}, maps up to {gap:.1f} s apart",
+        "cells left behind": f"high for up to {max(delays):.1f} s",
     }
 
 
-def time_span(times: Array) -> str:
-    """Return the first and the last of times (N,) [s] as text."""
-    return f"{times.min():.1f} to {times.max():.1f} s" if len(times) else "never"
+def time_span(times: list[float]) -> str:
+    """Return the first and the last of times [s] as text."""
+    return f"{min(times):.1f} to {max(times):.1f} s" if times else "never"
 
 
 def write_pictures(compared: GridMap, filtered: GridMap, folder: Path) -> list[Path]:
@@ -253,7 +231,7 @@ def report(
                 "offset of the map": f"{1000 * accuracy.offset:.1f} mm",
             },
             "All cells": {"errors above 10 cm": f"{100 * accuracy.wrong:.1f} %"},
-            f"Person (cells higher than {HIGH} m above the ground)": person,
+            "Person (cells higher than 0.5 m above the ground)": person,
             "Messages per topic": {**counts},
             "Pictures": dict.fromkeys(files, ""),
         }

@@ -63,15 +63,15 @@ class ElevationMappingRobotNode(Demo):
             name: self.create_publisher(PointCloud2, f"{name}_points", 5) for name in SENSORS
         }
         self._truth = self.map_publisher("true_terrain")
-        self._start = 0
+        self._start = self.get_clock().now().nanoseconds
         steady_timer(self, 1.0 / rate, self._step)
         self.get_logger().info(f"drives at {speed:g} m/s on {self._course.ground}")
 
     def _step(self) -> None:
         now = self.get_clock().now().nanoseconds
-        if not self._start and self._clouds["lidar"].get_subscription_count():
-            self._start = now
-        seconds = 1e-9 * (now - self._start) if self._start else 0.0
+        # The node that maps may have to compile first.
+        self._start = self._start if self._clouds["lidar"].get_subscription_count() else now
+        seconds = 1e-9 * (now - self._start)
         pose = self._course.pose_at(seconds)
         self._publish_odometry(pose, now, seconds)
         terrain = self._course.terrain_at(seconds)

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grid_map_core_py import GridMap, Interpolation
-from grid_map_core_py.elevation import StructuredLightModel
-from grid_map_core_py.simulation import DepthCamera, with_box, with_ramp, with_stairs
+from grid_map_core_py.simulation import with_box, with_ramp, with_stairs
 
 from .terrain import load_terrain
 
@@ -45,12 +44,6 @@ CAMERA[:3, 2] = math.cos(TILT), 0.0, -math.sin(TILT)
 CAMERA[:3, 3] = 0.3, 0.0, 0.3
 """From the camera, which looks ahead and down, to the frame of the robot."""
 
-PERSON_WAY = np.array([[0.3, 3.4], [5.5, 6.2]])
-"""From where to where a person walks, who crosses the way of the robot [m]."""
-
-PERSON_START, PERSON_SPEED = 2.5, 1.2
-"""When the person starts in every lap of the robot [s], and speed of the person [m/s]."""
-
 
 def load_course(path: Path) -> GridMap:
     """Return the terrain of the demos, larger and without holes, with objects beside the way.
@@ -79,33 +72,13 @@ class RobotCourse:
     speed: float
 
     def terrain_at(self, seconds: float) -> GridMap:
-        """Return the terrain with the person.
-
-        The layer `person` has the height of the person above the ground [m] while the camera's view
-        contains the person, else NaN.
-        """
-        place, terrain = self.person_at(seconds), self.ground
-        if place is not None:
-            terrain = with_box(self.ground, place, (0.4, 0.3), 1.7)
-        added = terrain["elevation"] - self.ground["elevation"]
-        is_seen = place is not None and self._sees(place, seconds)
-        return terrain.with_layers({"person": np.where((added > 0) & is_seen, added, np.nan)})
-
-    def person_at(self, seconds: float) -> Matrix | None:
-        """Return the position (2,) of the person, who walks once in a lap; None at other times."""
-        lap = 2.0 * math.pi * math.sqrt(RADII[0] * RADII[1]) / self.speed
-        start, end = PERSON_WAY
-        share = (seconds % lap - PERSON_START) * PERSON_SPEED / float(np.linalg.norm(end - start))
-        return start + share * (end - start) if 0.0 <= share <= 1.0 else None
-
-    def _sees(self, place: Matrix, seconds: float) -> bool:
-        """Return whether the camera's view contains the point 0.5 m above a place (2,)."""
-        height = self.ground.at_position("elevation", place) + 0.5
-        camera = np.linalg.inv(self.pose_at(seconds) @ CAMERA)
-        x, y, depth = (camera @ [*place, height, 1.0])[:3]
-        right, down, _ = DepthCamera().directions.max(axis=0)
-        is_near = 0.0 < depth < StructuredLightModel().cutoff_max_depth
-        return bool(is_near and abs(x) < right * depth and abs(y) < down * depth)
+        """Return the terrain with `person`, the height of a person above the ground [m] or NaN."""
+        # Once in a lap of 54.4 s at 0.6 m/s.
+        walk, terrain = seconds % 54.4 - 4.5, self.ground
+        if 0.0 <= walk <= 2.5:
+            terrain = with_box(terrain, (4.2 - 1.2 * walk, 4.6 - 0.2 * walk), (0.4, 0.3), 1.7)
+        height = terrain["elevation"] - self.ground["elevation"]
+        return terrain.with_layers({"person": np.where(height > 0.0, height, np.nan)})
 
     def pose_at(self, seconds: float) -> Matrix:
         """Return the transform from the robot to the world; its z axis is normal to the ground."""

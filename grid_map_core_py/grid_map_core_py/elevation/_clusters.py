@@ -52,11 +52,6 @@ class Clusters:
     variances: Numbers
     spreads: Numbers
 
-    @property
-    def heads(self) -> Integers:
-        """(m,) the highest cluster of each cell."""
-        return np.searchsorted(self.groups, np.arange(len(self.points.cells)))
-
     def lowered(self, offset: float) -> Clusters:
         """Return the clusters, lower by an offset [m]."""
         points = replace(self.points, heights=self.points.heights - offset)

@@ -88,7 +88,8 @@ class Fusion:
         else:
             is_low = np.ones(len(is_large), np.bool_)
         counts = np.where(is_low, clusters.counts, 0)
-        densest = np.maximum.reduceat(counts, clusters.heads)[clusters.groups]
+        heads = np.searchsorted(clusters.groups, np.arange(len(self._cells)))
+        densest = np.maximum.reduceat(counts, heads)[clusters.groups]
         surface = clusters.first(is_large & is_low & (counts >= given.min_support * densest))
         self.chosen = np.where(surface == NONE, clusters.first(is_low), surface)
         self._decide(surface, is_large & is_low)
