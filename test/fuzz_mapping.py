@@ -25,6 +25,7 @@ from grid_map_ros_py.messages import serialize, view
 
 def targets(grid_map: GridMap) -> Iterator[tuple[str, tuple[Any, ...], Callable[[Any], Any]]]:
     """Yield names, intact inputs and readers; the map has 7 x 5 cells and colors."""
+    grid_map.timestamp = 10**9  # Clouds without a time are dropped.
     cloud = to_point_cloud(grid_map, "elevation")
     yield "Odometry", (_odometry(),), _read_pose
     yield (

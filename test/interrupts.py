@@ -311,7 +311,7 @@ def stacks(process: Process) -> str:
 
 def noisy_map() -> GridMap:
     """Return a map of 403 x 344 cells."""
-    grid_map = GridMap((40.3, 34.4), 0.1, frame_id="map")
+    grid_map = GridMap((40.3, 34.4), 0.1, frame_id="map", timestamp=10**9)
     grid_map["elevation"] = np.random.default_rng(1).random(grid_map.size)
     return grid_map
 

@@ -11,7 +11,11 @@ import pytest
 
 import grid_map_filters_py.builtin  # noqa: F401  imports all modules with cell functions
 from grid_map_core_py.conversions import _point_loops as point_loops
-from grid_map_core_py.elevation import _fusion as fusion, _order as order, _visibility as visibility
+from grid_map_core_py.elevation import (
+    _clusters as clusters,
+    _order as order,
+    _visibility as visibility,
+)
 from grid_map_core_py.loops import Loop, loop
 from grid_map_core_py.simulation import _ray_loops as ray_loops
 from grid_map_filters_py._shared import inpaint_loop, median_loops, plane_loops
@@ -45,14 +49,10 @@ FLAGS = RANDOM.integers(0, 2, MANY, np.uint8), np.zeros(MANY, np.uint8)
 ROOTS, WORK = RANDOM.uniform(-1, 1, MANY).astype(np.float32), plane_loops.work_memory()
 
 
-# Points of a scan, sorted by cell and downwards; the last one of each cell always counts.
+# Points of a scan, sorted by cell and downwards.
 ENDS = np.append(FIRSTS[1:], COUNT)
 SCANNED = RANDOM.integers(-9, 9, COUNT) / 4
 SCANNED = SCANNED[np.lexsort((-SCANNED, PLACES))]
-ENTRIES = RANDOM.uniform(0, 20, COUNT)
-ENTRIES[ENDS - 1] = 9.0
-ESTIMATES = np.where(np.arange(CELLS) % 4 == 1, np.nan, RANDOM.integers(-4, 4, CELLS) / 2)
-ESTIMATES[6] = 4.0  # above all points of its cell
 
 # Beams over 8 x 6 cells of 0.5 m, from a sensor 1 m above row 3.2 and column 1.7.
 VIEW = (3.2, 1.7, 1.0, 0.5, 0.1, 5.0), (8, 6)
@@ -140,21 +140,15 @@ ARGUMENTS = {
         integers(COUNT),
         *np.zeros((2, COUNT)),
     ),
-    fusion.fuse_cells: (
-        OCCUPIED,
+    clusters.grow_clusters: (
         FIRSTS,
         ENDS,
         len(OCCUPIED),
         SCANNED,
         RANDOM.uniform(0.01, 0.1, COUNT),
-        ENTRIES,
-        ESTIMATES,
-        np.full(CELLS, 0.01),
-        (np.arange(CELLS) % 4 == 2).astype(np.uint8),
-        (2.5, 1e-6, 1e-7),
-        2,
-        np.zeros(CELLS, np.uint8),
-        np.zeros(COUNT, np.uint8),
+        (2.5, 0.3),
+        integers(COUNT),
+        *np.zeros((3, COUNT)),
     ),
     visibility.cover: (
         np.arange(48),
@@ -172,6 +166,7 @@ ARGUMENTS = {
         RANDOM.permutation(48),
         RANDOM.uniform(-2, 0, 48),
         RANDOM.uniform(-1, 1, 144),
+        RANDOM.uniform(-3, 0, 48),
         np.full(48, np.inf),
         np.zeros(48, np.uint8),
     ),

@@ -26,7 +26,7 @@ MODULE = "grid_map_ros_py._executables.grid_map_window"
 pytestmark = pytest.mark.needs("xarray", "zarr", "dask")
 
 
-def odometry(x: float, y: float, stamp: int = 0, frame_id: str = "map") -> Odometry:
+def odometry(x: float, y: float, stamp: int = 8, frame_id: str = "map") -> Odometry:
     message = Odometry()
     message.header.frame_id = frame_id
     message.header.stamp = to_stamp(stamp)

@@ -48,7 +48,7 @@ CANDIDATE_TIME = 500
 
 
 class Outcome(IntEnum):
-    """What became of a cell with points."""
+    """Result of the fusion in a cell with points."""
 
     STARTED = 0
     CONFIRMED = 1

@@ -31,7 +31,7 @@ _OLDEST = 2.0**24
 
 @dataclass
 class Memory:
-    """What is known of cells beside the layers of the map, (cells,) each; NaN is nothing.
+    """Memory of cells beside the layers of the map, (cells,) each; NaN is nothing.
 
     Attributes:
         support: number of points that ever supported the height.
@@ -61,7 +61,7 @@ class State:
     Attributes:
         heights, variances, times: (cells,) of the cells; a height is NaN where it is unknown.
         others: all layers of the map by name.
-        memory: what is known beside them.
+        memory: memory of the cells beside them.
         weights: weights of layers of values.
     """
 
