@@ -111,8 +111,8 @@ def clusters_of(points: Sorted, common: Numbers, resolution: float, given: Param
     # The sample variance in units of the mean variance of the points: 1 by their noise alone.
     others = np.maximum(counts - 1, 1)
     ratio = np.maximum(squares - lifts * offsets, 0.0) / others
-    spreads = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
-    excess = np.where(spreads, ratio - 1.0, 0.0) / weights
+    is_wide = ratio > 1.0 + threshold * np.sqrt(2.0 / others)
+    excess = np.where(is_wide, ratio - 1.0, 0.0) / weights
     groups = np.searchsorted(points.begins, firsts, side="right") - 1
     # Relief alone makes no cell unknown.
     variances = (1.0 / weights + np.minimum(excess, given.largest_share)) + common[groups]

@@ -373,8 +373,8 @@ def trace(
     its height, the resolution, the sine of the smallest angle and the length of beams; the table of
     `cover`; the height of each cell below which beams clear it, and the place of the cell among
     those that can be cleared, whose floors and normals follow; the guard of each cell, below which
-    beams end. Writes the height of the lowest beam
-    that proves each of these to be free, and marks those that beams crossed.
+    beams end. Writes the height of the lowest beam that proves each of these to be free, and marks
+    those that beams crossed.
     """
     rows, columns = size
     width = ring_width(frame, size)
